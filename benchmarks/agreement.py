@@ -1,13 +1,13 @@
-"""Compares the estimates of trials on emulated rigs with those on the simulated rig.
+"""Compare the estimates of trials on emulated rigs with those on the simulated rig.
 
     python benchmarks/agreement.py             # three rigs, three conditions, 10 s each
     python benchmarks/agreement.py --rigs serial-board --seconds 4
 
 The devices of each rig are emulated in another process and connected by pseudo-terminals. The
 simulated operator, the cube and the seed are the same as on the simulated rig, which runs within
-one process. A percentage is the difference of the mean estimate over the trial from that on the
-simulated rig. A delay between force and position changes the damping by k times the delay: half a
-millisecond changes it by 1 N s/m on the soft cube.
+one process. A percentage is the relative difference between the mean estimate on the emulated rig
+and the mean estimate on the simulated rig. A delay between force and position changes the damping
+by k times the delay. On the soft cube, half a millisecond changes the damping by 1 N s/m.
 """
 
 from __future__ import annotations

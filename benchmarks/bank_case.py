@@ -1,4 +1,4 @@
-"""Signals, banks of estimators and tables that several benchmarks of the estimators use."""
+"""Define signals, banks of estimators and tables for the benchmarks of the estimators."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from rich.table import Table
 from estimation import METHODS, Axis, Bank, Gate, Grid, Preset, compiled, paper_preset
 
 compiled.choice.is_compiled = lambda samples: True  # type: ignore[method-assign]
-"""`run` is compiled for any number of samples."""
+"""Compile `run` for any number of samples."""
 
 RATE = 1000.0
 """Samples per second [Hz]."""
 NOISE = 0.02
-"""Standard deviation of the force [N]."""
+"""Standard deviation of the noise of the force [N]."""
 B, K = 20.0, 2100.0
 """Damping [N s/m] and stiffness [N/m] of the Kelvin-Voigt plant."""
 EXPONENT = 1.3
-"""Exponent n of the Hunt-Crossley plant, whose b and k at `DEPTH` are `B` and `K`."""
+"""Exponent n of the Hunt-Crossley plant. At `DEPTH`, its b and k are `B` and `K`."""
 DEPTH = 5e-3
 """Mean displacement [m]."""
 
 
 def fine_preset() -> Preset:
-    """Return the paper's preset for the soft cube, with a grid step below the effect of noise."""
+    """Return the paper's preset for the soft cube, with a grid finer than the noise of k and b."""
     grid = Grid(b=Axis(-500.0, 500.0, 100_001), k=Axis(0.0, 40_000.0, 1_000_001))
     return replace(paper_preset("soft"), grid=grid)
 

@@ -1,4 +1,4 @@
-"""Implementations of the estimators in other libraries, run on the same samples."""
+"""Run estimators of other libraries (the peers) on the same samples."""
 
 from __future__ import annotations
 

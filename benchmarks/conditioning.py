@@ -1,9 +1,9 @@
-"""Parameter errors with each signal conditioning: `python benchmarks/conditioning.py`.
+"""Measure the parameter errors with each conditioning: `python benchmarks/conditioning.py`.
 
-The motions are those of the nine trials of the paper. The cubes are linear, so that the true b and
-k are known exactly. The signals have the quantisation of the encoder and the noise of the force
-sensor, but no lag. RLS has the paper's settings. Each number is the root mean square over the nine
-trials.
+The motions are those of the nine trials of the paper. The force of the cubes is b v + k x, so that
+the true b and k are known exactly. The signals have the quantisation of the encoder and the noise
+of the force sensor, but no lag. RLS has the paper's settings. Each number is the root mean square
+over the nine trials.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ SETTLED = slice(1500, 9400)
 
 
 def signals(condition: str, cube: str) -> tuple[Cube, np.ndarray, np.ndarray, np.ndarray]:
-    """Return a linear cube, and position, true velocity and force for the motion of a trial."""
+    """Return a cube with k3 = 0, and position, true velocity and force in the motion of a trial."""
     trial = run_trial(TrialSettings(condition=condition, cube=cube, clock="virtual"))
     linear = replace(CUBES[cube], k3=0.0)
     plant = Plant(linear, PlantParameters(contact_force_lag=1e-6))

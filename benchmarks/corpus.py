@@ -1,10 +1,12 @@
-"""The result on records of known truth: `python benchmarks/corpus.py [--records 20] [--first 0]`.
+"""Check the results on records of known truth: `python benchmarks/corpus.py [--records 20]`.
 
-For each kind of record: how often the 95 % interval of k, and of b, contains the truth, how wide it
-is, and how many answers are wrong by more than 10 % without a reason ("silent wrong"). Kinds that
-support no stiffness must give none, and a reason. Done when: 90 to 98 % of 500 records.
+For each kind of record, four values are printed: how often the 95 % interval of k contains the true
+k, how often the interval of b contains the true b, how wide the interval of k is, and how many
+results are "silent wrong". A result is silent wrong if k is wrong by more than 10 % and no reason
+is given. For records from which no stiffness can be computed, a reason must be given, and no
+stiffness. The aim is that 90 to 98 % of the intervals of 500 records contain the true value.
 
-Seeds below 61000 were used in development; `--first` selects others.
+Seeds below 61000 were used in development. The option `--first` selects other seeds.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Emulation of an example rig in another process."""
+"""Emulate an example rig in another process."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ RIGS = Path(__file__).parents[1] / "rigs"
 
 @contextmanager
 def emulated(name: str, condition: str = "autonomous") -> Iterator[Path]:
-    """Emulate an example rig in another process; yield the rig file for runs with it."""
+    """Emulate an example rig in another process; yield the rig file for runs on this rig."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "run.toml"
         process = subprocess.Popen(

@@ -1,8 +1,9 @@
-"""Time per sample of each estimator, of the bank and of peers: `python benchmarks/estimators.py`.
+"""Measure the time per sample of estimators and peers: `python benchmarks/estimators.py`.
 
-Each number is the shortest time of many short repetitions, because the machine is shared. All
-estimators together should take less than 1 us per sample compiled, and less than 60 us
-interpreted. Requires the extras `fast`, `test` and `dev`.
+The peers are estimators of other libraries. Each number is the shortest time of many short
+repetitions, because the machine is shared. All estimators together should take less than 1 us per
+sample in compiled code, and less than 60 us in interpreted code. The benchmark requires the extras
+`fast`, `test` and `dev`.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ RATE = 1000.0
 ROUNDS = 3
 """Repetitions of the whole series, because the load of the machine varies."""
 Costs = Mapping[str, tuple[float, float, float]]
-"""Time per sample compiled, interpreted, and by `update` [s], by the name of the estimator."""
+"""Time per sample in compiled code, in interpreted code, and of `update` [s], by estimator name."""
 
 
 def palpation(samples: int) -> tuple[np.ndarray, ...]:
@@ -52,14 +53,14 @@ def per_sample(run: Callable[[], object], samples: int, repeats: int = 9) -> flo
 def swept(
     sweep: Callable[..., object], estimator: Estimator, samples: int, repeats: int = 9
 ) -> float:
-    """Return the time per sample of a sweep, which starts from the same state each time."""
+    """Return the time per sample of a sweep [s]. Each repetition starts from the same state."""
     given = estimator.step_samples(checked_samples(*palpation(samples), 1.0 / RATE))
     law, state = estimator.law, estimator.state
     return per_sample(lambda: sweep(law, deepcopy(state), given), samples, repeats)
 
 
 def updated(update: Callable[..., object], samples: int = 600) -> float:
-    """Return the time of one call of `update`."""
+    """Return the time of one call of `update` [s]."""
     rows = np.column_stack((*palpation(samples), np.full(samples, 1.0 / RATE))).tolist()
 
     def run() -> None:
@@ -78,7 +79,7 @@ def costs(estimator: Estimator) -> tuple[float, float, float]:
 
 
 def bank_costs(bank: Bank, samples: int = 50_000) -> tuple[float, float]:
-    """Return the time per sample of `Bank.run` and of `Bank.update`."""
+    """Return the time per sample of `Bank.run` and of `Bank.update` [s]."""
     x, v, f = palpation(samples)
     run = per_sample(lambda: bank.run(x, v, f, 1.0 / RATE), samples)
     return run, updated(bank.update)

@@ -1,4 +1,4 @@
-"""A trial into which a fault is injected: its clock can skip periods, its recorder can end."""
+"""Define a trial into which a fault is injected, with a clock that can skip periods."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 FLUSHED = 80
-"""Ticks after which the file is flushed."""
+"""Number of ticks after which the file is flushed."""
 
 
 class CampaignClock(VirtualClock):
-    """Virtual time of which periods can be skipped."""
+    """Virtual clock that can skip periods."""
 
     def __init__(self, rate: float) -> None:
         super().__init__(rate)
@@ -37,7 +37,7 @@ class CampaignClock(VirtualClock):
 
 
 class FileSink(Sink):
-    """Writes the file of the recorder in this process, with the same interval of flushes."""
+    """Writes the recording in this process, flushed as often as in the recorder process."""
 
     def __init__(self, path: Path, layout: Layout, columns: Any) -> None:
         self.path = path
@@ -58,7 +58,7 @@ class FileSink(Sink):
             self._file.event(event_record(event))
 
     def kill(self) -> None:
-        """Have the effect of SIGKILL: nothing is written any more, not even buffered data."""
+        """Imitate SIGKILL: write nothing more, not even buffered data."""
         self.alive = False
         rest = self.path.with_suffix(".killed.mcap")
         rest.write_bytes(self.path.read_bytes())
@@ -66,7 +66,7 @@ class FileSink(Sink):
         self.path = rest
 
     def fill(self) -> None:
-        """Have the effect of a full disk."""
+        """Imitate a full disk."""
 
         def refuse(data: bytes) -> int:
             self._file._disk.error = OSError(28, "No space left on device")

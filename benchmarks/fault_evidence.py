@@ -1,4 +1,4 @@
-"""From when on a fault of the campaign can be detected: functions of the type `Evidence`."""
+"""Define when a fault of the campaign can be detected: functions of the type `Evidence`."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ def moved(case: Case, travel: float, change: float) -> bool:
 def handle_moved(case: Case, travel: float, change: float) -> bool:
     """Return whether the master has moved far enough to detect a frozen encoder.
 
-    With force feedback or a channel, its velocity differs from that of the slave.
+    With force feedback or a channel, the velocity of the master differs from that of the slave.
     """
     return case.master_travel > FROZEN * case.settings.setup.depth
 
 
 def accelerated(case: Case, travel: float, change: float) -> bool:
-    """Return whether the commanded velocity has changed enough to detect a frozen one."""
+    """Return whether the commanded velocity has changed enough to detect a frozen velocity."""
     return change > FROZEN_SPEED * case.limits.max_velocity
 
 
 def after_stall(case: Case, travel: float, change: float) -> bool:
-    """Return True: the loop detects a stall at the first tick after it.
+    """Return True: the loop detects a stall at the first tick after the stall.
 
     During the stall, the watchdogs of the drives act.
     """

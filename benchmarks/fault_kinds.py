@@ -1,4 +1,4 @@
-"""Kinds of fault of the campaign: how each is injected, its allowed names, and its time limit."""
+"""Define the kinds of fault of the campaign: injection, permitted reports, and time limit."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ WATCHDOG = 0.1
 
 Inject = Callable[[Case], Any]
 Evidence = Callable[[Case, float, float], bool]
-"""Whether a fault can be detected, from the case and the commanded travel [m] and change of
-velocity [m/s] since the injection."""
+"""Function that returns whether a fault can be detected. Its arguments are the case, and the
+commanded travel [m] and change of velocity [m/s] since the injection."""
 
 
 @dataclass
@@ -43,13 +43,13 @@ class Kind:
 
     inject: Inject
     faults: frozenset[Fault | None]
-    """Faults that may be reported; None if the run must continue."""
+    """Faults that may be reported; contains None if the run may continue without a fault."""
     bound: float
     """Longest time from when the fault can be detected to a commanded speed of zero [s]."""
     source: str = ""
-    """Source that must be reported; empty for any."""
+    """Source that must be reported with the fault; empty for any source."""
     evidence: Evidence = at_once
-    """Whether the fault can be detected yet."""
+    """Function that returns whether the fault can be detected yet."""
     ends: bool = False
     """Whether the run must end with a stop that is not a fault."""
     linked: bool = False
@@ -78,7 +78,7 @@ def runaway(case: Case) -> RigFault:
 
 
 class Shove:
-    """An operator who pushes to three times the depth, at half of the greatest speed."""
+    """An operator who pushes to three times the depth, at half of the maximum speed."""
 
     def __init__(self, case: Case) -> None:
         self.before, self.start = case.sim._operator, case.clock.now() - case.sim._start
@@ -102,7 +102,7 @@ def shove(case: Case) -> None:
 
 
 class Inclusion(Cube):
-    """A cube with a part that is ten times as stiff, from the present depth on."""
+    """A cube with an inclusion. Below a certain depth, it adds a stiffness of ten times k1."""
 
     def force(self, x: float, v: float) -> float:
         hard = max(x - self.inside, 0.0) * self.stiffness_inside  # type: ignore[attr-defined]
@@ -190,7 +190,8 @@ def sensor_kinds() -> dict[str, Kind]:
 def late_jumps() -> None:
     """Allow a limit fault for a jump in real time.
 
-    If the next tick is late, the jump may be a possible change, and then exceeds a limit instead.
+    If the next tick is late, the jump is possible as a motion in this time. It is then not detected
+    as a jump, but as a value that exceeds a limit.
     """
     for channel, fault in (
         ("contact_force", Fault.FORCE_LIMIT),

@@ -1,4 +1,4 @@
-"""Faults of the link between master and slave: a silent channel, a law that gives energy."""
+"""Inject faults into the link of master and slave: a silent channel, a law that gives energy."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def silence(case: Case) -> None:
 
 
 class ActiveMaster(Master):
-    """A law with a defect: it displays a negative damping, so that it gives energy to the hand."""
+    """A faulty law. It displays a negative damping, and therefore gives energy to the hand."""
 
     def display(self, report: Report, dt: float) -> float:
         return -100.0 * self.admittance.velocity

@@ -1,4 +1,4 @@
-"""One case of the campaign: injects a fault and checks the reaction against its kind."""
+"""Run one case of the campaign: inject a fault, and check the reaction against its kind."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from teleop.recording.recording import load
 from teleop.safety import Mode
 
 SETTLE = 60
-"""Number of ticks after standstill, in which the contact force reaches its peak."""
+"""Number of ticks that are run after standstill, because the contact force may still increase."""
 LONGEST = 1500
-"""Number of ticks after which a fault that cannot be detected is given no more time."""
+"""Number of ticks after which a case ends, even if the fault could not be detected."""
 OVERSHOOT = 0.05
-"""Allowed overshoot of the hard force limit, as a fraction of it."""
+"""Allowed overshoot over the hard force limit, as a fraction of the limit."""
 
 
 def run_case(case: Case, name: str, folder: Path, slack: float = 0.0) -> dict[str, Any]:

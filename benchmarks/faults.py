@@ -1,15 +1,16 @@
-"""The fault campaign: every kind of fault at random times under every condition.
+"""Run the fault campaign: inject every kind of fault at random times under every condition.
 
     python benchmarks/faults.py                     # 500 times per kind and condition
     python benchmarks/faults.py --instants 50
     python benchmarks/faults.py --real 2            # also in real time, twice each
     python benchmarks/faults.py --law model-mediated     # only with force feedback over a channel
 
-In virtual time, a trial runs once for each condition and cube. At each of the random times it
-forks, and the fault is injected in the child process. The commands to the drives and the true
-contact force are read from the simulated plant, not from the controller's measurements. For each
-kind, the longest time to standstill with its limit and the greatest overshoot of the hard force
-limit are printed. The exit code is 1 if any case differs from docs/safety.md.
+In virtual time, a trial runs once for each condition and cube. At each of the random times, the
+process forks, and the fault is injected in the child process. The commands to the drives and the
+true contact force are read from the simulated plant, not from the controller's measurements. For
+each kind of fault, three values are printed: the longest time to standstill, the limit of this
+time, and the largest overshoot over the hard force limit. The exit code is 1 if any case differs
+from docs/safety.md.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ LATE = 0.02
 def virtual(
     condition: str, cube: str, names: list[str], instants: int, seed: int, law: str = "none"
 ) -> list[dict]:
-    """Run all kinds at random times of one trial, each in its own child process."""
+    """Inject all kinds of fault at random times of one trial, each in its own child process."""
     names = [name for name in names if law != "none" or not KINDS[name].linked]
     settings = TrialSettings(
         condition=condition,

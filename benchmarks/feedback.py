@@ -1,15 +1,16 @@
 """Force feedback in virtual time: acceptance grid, bodies outside the model, and stability map.
 
-    python benchmarks/feedback.py --part acceptance --seeds 3 --rigid --out acceptance.csv
+    python benchmarks/feedback.py --part acceptance --seeds 20 --rigid --out acceptance.csv
     python benchmarks/feedback.py --part acceptance --seeds 1 --out lost-motion.csv
-    python benchmarks/feedback.py --part bodies --seeds 1 --rigid --out bodies.csv
+    python benchmarks/feedback.py --part bodies --seeds 2 --rigid --out bodies.csv
     python benchmarks/feedback.py --part map --seeds 3 --rigid --out map.csv
     python benchmarks/feedback.py --part passivity --seeds 20 --cubes soft --out passivity.csv
 
 The acceptance grid is model-mediated feedback on three cubes, with round trips of 0 to 500 ms and
 three arms, a jitter of 20 ms and a loss of 5 %. The map finds, for position-force and each cube,
 virtual damping and arm, the largest stable round trip beside the predicted one. One row per trial
-is written to a CSV file, and a summary is printed.
+is written to a CSV file, and a summary is printed. `least` is the error of the force of the best
+model, fitted afterwards.
 """
 
 from __future__ import annotations
@@ -19,12 +20,14 @@ import csv
 import itertools
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
-from feedback_case import JITTER, LOSS, run_one, settings_of
+from feedback_case import HARD, JITTER, LOSS, run_one, settings_of
 
+from sim_backend import CUBES as CUBES_BY_NAME
 from teleop.trial.feedback_checks import delayed_loop, lag
 
 CUBES = ("soft", "medium", "hard")
@@ -34,12 +37,14 @@ MAP_ROUND_TRIPS = tuple(
 )
 ARMS = (150.0, 400.0, 1500.0)
 DAMPINGS = (15.0, 50.0, 200.0)
+INSTANTS = 10
+"""Number of trials on a body that changes while it is indented, each at another time of a poke."""
 Row = dict[str, Any]
 
 
 def acceptance(seeds: int, rigid: bool) -> Iterator[Row]:
-    """Yield the trials of the acceptance grid."""
-    for cube, trip, arm, seed in itertools.product(CUBES, ROUND_TRIPS, ARMS, range(seeds)):
+    """Yield the trials of the acceptance grid, the whole grid for each seed in turn."""
+    for seed, cube, trip, arm in itertools.product(range(seeds), CUBES, ROUND_TRIPS, ARMS):
         yield channelled("model-mediated", cube, trip, arm=arm, seed=seed, rigid=rigid)
 
 
@@ -55,7 +60,7 @@ def channelled(law: str, cube: str, trip: float, **more: Any) -> Row:
 
 
 def bodies(seeds: int, rigid: bool) -> Iterator[Row]:
-    """Yield the trials on bodies that the model does not contain."""
+    """Yield the trials on bodies that the local model does not describe."""
     cases = (
         ("relaxing", CUBES),
         ("loose", CUBES),
@@ -63,14 +68,16 @@ def bodies(seeds: int, rigid: bool) -> Iterator[Row]:
         ("stiffer while indented", ("soft", "medium")),
     )
     for body, cubes in cases:
-        for cube, trip, seed in itertools.product(cubes, (0.0, 0.2), range(seeds)):
+        number = INSTANTS if body == "stiffer while indented" else seeds
+        for cube, trip, seed in itertools.product(cubes, (0.0, 0.2), range(number)):
             yield channelled("model-mediated", cube, trip, body=body, seed=seed, rigid=rigid)
 
 
 def stability_map(seeds: int, rigid: bool) -> Iterator[Row]:
-    """Yield the cases of the map of position-force, with the round trip at which each begins.
+    """Yield the cases of the map of position-force, with the first round trip of each case.
 
-    It is the largest one that condition (2) permits.
+    The first round trip is the largest of `MAP_ROUND_TRIPS` for which condition (2) of
+    `teleop.control.feedback.stability` holds.
     """
     for cube, damping, arm, seed in itertools.product(CUBES, DAMPINGS, ARMS, range(seeds)):
         case = {"law": "position-force", "cube": cube, "damping": damping, "arm": arm}
@@ -124,8 +131,8 @@ KEYS = {
 def summarise(rows: list[Row], keys: Iterable[str]) -> None:
     """Print one line for each group of trials: the worst value of each quantity."""
     print(
-        f"{'case':<44}{'stable':>8}{'k error':>9}{'force':>8}{'energy':>10}{'soft':>7}{'hard':>7}"
-        f"{'model':>8}  stops"
+        f"{'case':<44}{'stable':>8}{'k error':>9}{'force':>8}{'least':>8}{'energy':>10}"
+        f"{'soft':>7}{'hard':>7}{'model':>8}  stops"
     )
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
@@ -141,9 +148,28 @@ def summarise(rows: list[Row], keys: Iterable[str]) -> None:
         print(
             f"{case:<44}{sum(row['stable'] for row in found):>4}/{len(found):<3}"
             f"{worst('rendered_k_error'):>8.1%}{worst('felt_force_error'):>8.1%}"
+            f"{worst('least_force_error'):>8.1%}"
             f"{min(row['energy_min_j'] for row in found) * 1e3:>7.1f} mJ"
             f"{worst('force_of_soft_limit'):>7.2f}{worst('force_of_hard_limit'):>7.2f}"
             f"{worst('converged_s'):>6.1f} s  {', '.join(stops)}"
+        )
+
+
+def summarise_stops(rows: list[Row]) -> None:
+    """Print how far the slave moved into the body after each stop by the force limit."""
+    stops = [row for row in rows if row["fault"]]
+    print("\nstops: advance of the slave into the body, its stopping distance, static force there")
+    print(
+        f"{'case':<44}{'seed':>5}{'speed':>12}{'advance':>10}{'distance':>10}"
+        f"{'force':>9}{'greatest':>10}"
+    )
+    for row in stops:
+        case = ", ".join(str(row[key]) for key in KEYS["bodies"])
+        print(
+            f"{case:<44}{row['seed']:>5}{row['stop_speed'] * 1e3:>7.1f} mm/s"
+            f"{row['advance'] * 1e6:>7.0f} um{row['stopping_distance'] * 1e6:>7.0f} um"
+            f"{CUBES_BY_NAME['hard'].force(row['stop_position'], 0.0):>7.0f} N"
+            f"{row['force_of_hard_limit'] * HARD:>8.0f} N"
         )
 
 
@@ -169,6 +195,16 @@ def summarise_map(rows: list[Row]) -> None:
         )
 
 
+def write(rows: list[Row], file: TextIO, header: bool) -> None:
+    """Append rows to a CSV file."""
+    writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+    if header:
+        writer.writeheader()
+    for row in rows:
+        writer.writerow({k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()})
+    file.flush()
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--part", choices=sorted(PARTS), required=True)
@@ -183,21 +219,21 @@ def main() -> None:
         for case in PARTS[options.part](options.seeds, options.rigid)
         if case["cube"] in options.cubes
     ]
-    with ProcessPoolExecutor(options.processes) as pool:
-        run = run_to_boundary if options.part == "map" else run_single
-        rows = [row for found in pool.map(run, cases, chunksize=1) for row in found]
-    if options.out:
-        with options.out.open("w", newline="") as file:
-            writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-            writer.writeheader()
-            for row in rows:
-                writer.writerow(
-                    {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()}
-                )
+    run = run_to_boundary if options.part == "map" else run_single
+    with ExitStack() as stack:
+        pool = stack.enter_context(ProcessPoolExecutor(options.processes))
+        file = stack.enter_context(options.out.open("w", newline="")) if options.out else None
+        rows = []
+        for found in pool.map(run, cases, chunksize=1):
+            if file:
+                write(found, file, header=not rows)
+            rows += found
     print(f"{options.part}, {len(rows)} trials, rigid transmission: {options.rigid}")
     summarise(rows, KEYS[options.part])
     if options.part == "map":
         summarise_map(rows)
+    if options.part == "bodies":
+        summarise_stops(rows)
 
 
 if __name__ == "__main__":

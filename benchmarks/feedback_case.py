@@ -1,4 +1,4 @@
-"""One trial with force feedback in virtual time: its settings, bodies and result as a row."""
+"""Run one trial with force feedback in virtual time, and return its result as a row of a table."""
 
 from __future__ import annotations
 
@@ -7,49 +7,54 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.optimize import nnls
 
 from sim_backend import CUBES, Changing, Cube, OperatorModel, Relaxing, Setup, Transmission
 from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.feedback.settings import FeedbackSettings
+from teleop.evaluation.rendering import LEAST_FORCE, SETTLING, hand, sustained_share
 from teleop.recording.recording import Recording
+from teleop.safety.events import ACTIVE
 from teleop.safety.tightened_limits import TightenedLimits
 from teleop.trial.feedback_checks import delayed_loop, lag
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
 AIM = 10.0
-"""Force at which the operator ends a poke [N]."""
+"""Force at which the operator reverses the motion [N]."""
 SOFT, HARD = 20.0, 40.0
-"""Soft and hard limit of the contact force [N]."""
+"""Soft limit and hard limit of the contact force [N]."""
 DURATION = 10.0
 """Duration of a trial [s]."""
 JITTER, LOSS = 20e-3, 0.05
-BEFORE_STOP = 0.5
-"""The bodies that change while they are indented change so long after the contact begins [s]."""
 
 
-def loose(cube: Cube) -> Cube:
+def glued(cube: Cube, seed: int = 0) -> Cube:
+    return cube
+
+
+def loose(cube: Cube, seed: int = 0) -> Cube:
     return replace(cube, glued=False)
 
 
-def relaxing(cube: Cube) -> Relaxing:
-    """Return a cube of which a quarter of the stiffness relaxes in 0.5 s."""
+def relaxing(cube: Cube, seed: int = 0) -> Relaxing:
+    """Return a cube in which a quarter of k1 relaxes with a time constant of 0.5 s."""
     return Relaxing(replace(cube, k1=0.75 * cube.k1), k=0.25 * cube.k1, tau=0.5)
 
 
-def next_contact(cube: Cube) -> Changing:
-    """Return a cube that is replaced by the hard one before the third contact."""
+def next_contact(cube: Cube, seed: int = 0) -> Changing:
+    """Return a cube that is replaced by the hard cube before the third contact."""
     return Changing(loose(cube), loose(CUBES["hard"]), contact=3)
 
 
-def while_indented(cube: Cube) -> Changing:
-    """Return a cube that becomes the hard one while it is indented."""
-    return Changing(cube, CUBES["hard"], contact=1, delay=4.0)
+def while_indented(cube: Cube, seed: int = 0) -> Changing:
+    """Return a cube that becomes the hard one while it is indented, at a time given by the seed."""
+    return Changing(cube, CUBES["hard"], contact=1, delay=4.0 + 0.1 * seed)
 
 
 BODIES = {
-    "glued": lambda cube: cube,
+    "glued": glued,
     "loose": loose,
     "relaxing": relaxing,
     "stiffer at the next contact": next_contact,
@@ -70,14 +75,14 @@ def settings_of(
     rigid: bool = False,
     duration: float = DURATION,
 ) -> TrialSettings:
-    """Return the settings of a trial; `rigid` is a transmission without lost motion."""
+    """Return the settings of a trial; `rigid` selects a transmission without lost motion."""
     settings = TrialSettings(cube=cube, clock="virtual", duration=duration, seed=seed)
     setup = settings.setup
     withdrawal = -0.2 if body in ("loose", "stiffer at the next contact") else 0.5
     return replace(
         settings,
         custom_setup=Setup(
-            BODIES[body](setup.cube),
+            BODIES[body](setup.cube, seed),
             setup.force_lag,
             setup.depth,
             Transmission() if rigid else setup.transmission,
@@ -92,7 +97,7 @@ def settings_of(
 
 
 def run_one(arguments: dict[str, Any]) -> dict[str, Any]:
-    """Run a trial with these arguments of `settings_of`, and return them with the result."""
+    """Run a trial with these arguments of `settings_of`; return the arguments and the result."""
     settings = settings_of(**arguments)
     trial = run_trial(settings)
     recording = trial.recording
@@ -103,18 +108,71 @@ def run_one(arguments: dict[str, Any]) -> dict[str, Any]:
     row["safe_round_trip"] = loop.safe_delay - lag(settings)
     row["largest_round_trip"] = loop.largest_delay - lag(settings)
     row["stable"] = bool(row["stable"])
+    row["oscillation"] = oscillation(recording, settings)
+    row["least_force_error"] = least_force_error(recording)
     row["fault"] = trial.fault["fault"] if trial.fault else ""
     row["stopped_s"] = trial.fault["time"] if trial.fault else math.nan
+    row |= stopping(recording, settings, row["stopped_s"])
     row["force_of_soft_limit"] = force / limits.soft_force
     row["force_of_hard_limit"] = force / limits.hard_force
     row["converged_s"] = converged(recording)
     return row
 
 
+def oscillation(recording: Recording, settings: TrialSettings) -> float:
+    """Return the share of the power of the velocity by which `stable` is decided."""
+    admittance = settings.admittance
+    active = recording.where(recording["mode"] == ACTIVE)
+    velocity = hand(active, admittance.mass, admittance.damping, admittance.stiffness).velocity
+    part = active["time"] > min(SETTLING, 0.5 * active["time"][-1])
+    return sustained_share(velocity[part], active["drive_force"][part], active["dt"][part])
+
+
+def least_force_error(recording: Recording) -> float:
+    """Return the relative rms error of the best model, fitted to the whole trial afterwards.
+
+    The model is f = k x + k3 x^3 + b v with k, k3, b >= 0, the model that the hand feels. No
+    estimate of such a model has a smaller error of the force.
+    """
+    x, v = recording["slave_position"], recording["slave_velocity"]
+    f = recording["contact_force"]
+    part = (recording["mode"] == ACTIVE) & (recording["time"] > SETTLING)
+    part &= np.abs(f) > LEAST_FORCE
+    if part.sum() < 100:
+        return math.nan
+    columns = np.column_stack((x, x**3, v))[part]
+    _, residual = nnls(columns / np.linalg.norm(columns, axis=0), f[part])
+    return float(residual / np.linalg.norm(f[part]))
+
+
+def stopping(recording: Recording, settings: TrialSettings, time: float) -> dict[str, float]:
+    """Return speed and position at a stop, advance after it, and the stopping distance.
+
+    The stopping distance at the speed v is v dt + v / w + v^2 / 2a, with the period dt, the
+    bandwidth w of the servo of the slave, and the greatest deceleration a. All are NaN without a
+    stop.
+    """
+    if math.isnan(time):
+        names = ("stop_speed", "stop_position", "advance", "stopping_distance")
+        return dict.fromkeys(names, math.nan)
+    x = recording["slave_position"]
+    n = int(np.searchsorted(recording["time"], time - 1e-9))
+    v = float(np.max(np.abs(recording["slave_velocity"][n - 2 : n + 1])))
+    servo = 1.0 / (2.0 * math.pi * settings.plant_parameters.slave_bandwidth)
+    return {
+        "stop_speed": v,
+        "stop_position": float(x[n]),
+        "advance": float(np.max(x[n:]) - x[n]),
+        "stopping_distance": v * (1.0 / settings.rate + servo)
+        + v * v / (2.0 * settings.limits.max_acceleration),
+    }
+
+
 def converged(recording: Recording) -> float:
     """Return the time after which the model at the master stays within 10 % of its last value [s].
 
-    The model is compared by its force at the deepest position. NaN without a model.
+    The compared value is the secant stiffness of the model at the deepest position. The result is
+    NaN without a model.
     """
     k, k3 = recording["model_stiffness"], recording["model_stiffening"]
     if not np.isfinite(k[-100:]).all():

@@ -1,11 +1,11 @@
-"""Malformed input to every parser of the drivers, which must not raise an exception or hang.
+"""Send malformed input to every parser of the drivers, which must neither raise nor hang.
 
     python benchmarks/fuzz.py                  # 10^6 inputs to each, about ten minutes
     python benchmarks/fuzz.py --inputs 1000
 
-An input is a valid frame of which some bytes are changed, removed, duplicated or inserted. The
-results of the parsers are not checked here, but in the tests. The time of the slowest input is
-printed, which shows a parser that hangs.
+An input is a valid frame in which some bytes are changed, removed, duplicated or inserted. The
+results of the parsers are not checked here, but in the tests. The printed time of the slowest input
+shows whether a parser hangs.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def malformed(good: bytes, chance: random.Random) -> bytes:
 
 
 def slcan_line(data: bytes) -> None:
-    """Decode a line; ValueError, which the bus counts, is the only allowed exception."""
+    """Decode a line. Only ValueError is an allowed exception, because the bus counts it."""
     with contextlib.suppress(ValueError):
         decode(data.rstrip(b"\r"), 0.0)
 
@@ -74,7 +74,7 @@ def parsers() -> Iterator[tuple[str, bytes, Callable[[bytes], object]]]:
 
 
 def devices() -> Iterator[tuple[str, bytes, Callable[[bytes], object]]]:
-    """Yield every CAN device of the example rigs, which receives frames with any data."""
+    """Yield every CAN device of the example rigs: its name, valid data, and receive function."""
     for path in sorted((ROOT / "rigs").glob("*.toml")):
         for name, device in read_rig_file(path).make_devices().items():
             if not hasattr(device, "identifiers"):

@@ -1,10 +1,11 @@
-"""Coverage of the 95 % interval: `python benchmarks/intervals.py [--seeds 2000] [--seconds 10]`.
+"""Measure the coverage of the 95 % intervals: `python benchmarks/intervals.py [--seeds 2000]`.
 
 Every estimator runs on 10 s of a plant with persistent excitation, with different noise for each
-seed; its last estimate is evaluated. For an estimator with an interval, each true parameter should
-be within 1.96 standard deviations for 93 to 97 % of the seeds. For an estimator without an
-interval, k should be within 2 % for 95 % of the seeds. The plant is Kelvin-Voigt, f = b v + k x;
-for the Hunt-Crossley estimators it is f = K x^n + B x^n v.
+seed. The last estimate is evaluated. For an estimator with an interval, each true parameter should
+be within 1.96 standard deviations of the estimate for 93 to 97 % of the seeds. For an estimator
+without an interval, k should be within 2 % of the true k for 95 % of the seeds. The plant is a
+Kelvin-Voigt body, f = b v + k x. For the Hunt-Crossley estimators, it is a Hunt-Crossley body,
+f = K x^n + B x^n v.
 """
 
 from __future__ import annotations
@@ -45,10 +46,10 @@ def truth(name: str) -> dict[str, float]:
 
 
 def last_values(seeds: range, seconds: float) -> dict[str, np.ndarray]:
-    """Return value and standard deviation of each parameter, and the relative error of k.
+    """Return the value and standard deviation of each parameter, and the relative error of k.
 
     For each estimator, the array has the shape (seeds, parameters + 1, 2). The k of the
-    Hunt-Crossley estimators is that at the last displacement.
+    Hunt-Crossley estimators is the value at the last displacement.
     """
     t = np.arange(round(seconds * RATE)) / RATE
     x, v = excitation(t)

@@ -1,13 +1,13 @@
-"""Kill tests: SIGKILL of the controller and of the recorder at random times of a run.
+"""Kill the controller or the recorder at random times of a run, and check what is lost.
 
     python benchmarks/kills.py              # 100 of each
     python benchmarks/kills.py --times 10
 
-The rig runs in another process, like a real drive, so that its watchdog has to stop the slave when
-the controller is killed. The numbers of lost ticks and the time until the slave stopped are
-printed. The exit code is 1 if a pushed tick is lost when the controller is killed, if more than
-100 ms are lost when the recorder is killed, if the recovered ticks are not contiguous, or if the
-slave did not stop in time.
+The rig runs in another process, like a real drive. When the controller is killed with SIGKILL, the
+watchdog of the rig has to stop the slave. The numbers of lost ticks and the time until the slave
+stopped are printed. The exit code is 1 if a pushed tick is lost when the controller is killed, if
+more than 100 ms are lost when the recorder is killed, if the recovered ticks are not contiguous, or
+if the slave did not stop in time.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ LOST = 0.1
 COUNTS = struct.Struct("<qqq")
 """Content of the shared memory: pushed ticks, process id of the recorder, state of the run.
 
-The state is 0 during the run, 1 after it, and 2 if the recording was not complete.
+The state is 0 during the run, 1 after a complete run, and 2 if the recording was not complete.
 """
 
 
 def serve_rig(address: str) -> None:
-    """Serve the emulated rig, whose watchdog also acts when the controller has been killed.
+    """Serve the emulated rig. Its watchdog also acts when the controller has been killed.
 
     The time from the last command until the slave's drive stopped is written to standard output.
     """

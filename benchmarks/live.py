@@ -1,13 +1,17 @@
-"""The live page without a browser: latencies, processor time, and its effect on the loop.
+"""Measure the live page without a browser: latencies, processor time, and effect on the loop.
 
     python benchmarks/live.py                    # all measurements, about four minutes
     python benchmarks/live.py --times 3 --seconds 5
     python benchmarks/live.py --minutes 30       # pages that come and go: memory, descriptors
 
-Measured in one run, each next to its aim: the time from STOP of a page to the commanded stop, with
-and without a flooding client; from the death of the live process to the beginning of the ramp; from
-the last sample of the pointer to the release of the handle; the processor time of the live process;
-and, in turns with runs without a page, the lateness of the loop and the duration of a tick.
+Each result is printed next to its aim:
+
+- the time from STOP of a page to the commanded stop, with and without a client that sends too many
+  messages (flood);
+- the time from SIGKILL or SIGSTOP of the live process to the beginning of the ramp;
+- the time from the last sample of the pointer to the release of the handle;
+- the processor time of the live process;
+- the lateness of the loop and the duration of a tick, in turns with runs without a page.
 """
 
 from __future__ import annotations
@@ -45,7 +49,7 @@ def fault_time(path: Path, page: Page) -> float:
 
 
 def repeated(times: int, measure: Callable[[int], Coroutine[Any, Any, float]]) -> list[float]:
-    """Return measured values; one that a busy machine could not measure is measured again."""
+    """Return measured values. A measurement that fails on a busy machine is repeated."""
     found: list[float] = []
     for number in range(3 * times):
         try:
@@ -76,7 +80,7 @@ async def stop(number: int, folder: Path, flooding: bool) -> float:
 
 
 async def death(number: int, folder: Path) -> float:
-    """Return the time from the death of the live process to the beginning of the ramp [ms]."""
+    """Return the time from SIGKILL or SIGSTOP of the live process to the start of the ramp [ms]."""
     path = folder / f"death-{number}.mcap"
     with session("--duration", "600", "--record", str(path)) as running:
         died = 0.0
@@ -132,7 +136,7 @@ async def processor_time(seconds: float) -> None:
 
 
 async def with_pages(seconds: float, count: int) -> dict[str, Any]:
-    """Return the summary of a run with pages; of more than one page, the last one floods."""
+    """Return the summary of a run with pages. If there are several, one sends too many messages."""
     with session("--duration", str(seconds), "--no-record", "--yes") as running:
         async with contextlib.AsyncExitStack() as pages:
             for _ in range(max(count - 1, 1)):

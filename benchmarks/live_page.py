@@ -1,18 +1,18 @@
-"""The live page in a headless browser: frame rate, processor time, latencies.
+"""Measure the live page in a headless browser: frame rate, processor time, and latencies.
 
     python benchmarks/live_page.py              # 30 s of palpation with the mouse, 10 stops
 
 A headless Chromium without a graphics processor opens the page of `teleop run --live`, starts the
-trials, palpates with the mouse, and presses STOP. Measured are
+trials, palpates with the mouse, and presses STOP. The results are
 
-- the frame rate, and the processor time of the page (renderer and graphics process), also of a page
-  that only moves a rectangle of the same size as the window in each frame;
-- sensor to pixel: from the write of a tick by the loop to the first frame after the one in which
-  the page has drawn it;
-- click to stop: from the key event to the first tick in another mode than active. The page receives
-  every fourth tick, so this is up to 4 ms too long.
+- the frame rate, and the processor time of the page (renderer and graphics process), both also for
+  a page that only fills a rectangle of the same size as the window in each frame;
+- sensor to pixel: the time from the write of a tick by the loop to the frame that follows the frame
+  in which the page draws this tick;
+- click to stop: the time from the key event to the first tick in another mode than active. The page
+  receives every fourth tick, so that this time is up to 4 ms too long.
 
-It needs playwright, psutil, and a Chromium of the system.
+The benchmark needs playwright, psutil, and a Chromium of the system.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def start_trial(page: Page) -> None:
 
 
 def palpate(page: Page) -> Any:
-    """Press and hold the mouse; return a function of time that moves it."""
+    """Press and hold the mouse; return a function of the time [s] that moves the mouse."""
     box = page.locator("#tool").bounding_box()
     assert box is not None
     x = box["x"] + box["width"] / 2

@@ -1,4 +1,4 @@
-"""A `teleop run --live` process and its pages, for the measurements of the live page."""
+"""Run `teleop run --live` and connect pages to it, for the measurements of the live page."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TICK = 1.0 / os.sysconf("SC_CLK_TCK")
 
 
 class Page:
-    """A connected page, which receives in a task of its own."""
+    """A connected page. It receives messages in its own task."""
 
     def __init__(self, connection: Any) -> None:
         self.connection = connection
@@ -37,7 +37,7 @@ class Page:
         await self.connection.send(json.dumps({"type": kind, **fields}))
 
     async def until(self, mode: str) -> None:
-        """Wait for a mode; raise ConnectionError if the command has ended before."""
+        """Wait for a mode; raise ConnectionError if the command ends first."""
         while self.state.get("mode") != mode:
             if self.task.done():
                 raise ConnectionError(f"the command ended before the mode {mode}")
@@ -138,7 +138,7 @@ def session(*options: str) -> Iterator[Session]:
 
 
 async def flood(running: Session) -> None:
-    """Send as many messages as the limit permits, and more in turns, until cancelled."""
+    """Send messages until cancelled: alternately just below the rate limit, and far above it."""
     for number in range(10**9):
         with contextlib.suppress(Exception):
             async with running.page() as page:
@@ -151,5 +151,5 @@ async def flood(running: Session) -> None:
 
 
 def now() -> float:
-    """Return the time of the clock that the loop writes into the column `sent` [s]."""
+    """Return the present time of the clock with which the loop writes the column `sent` [s]."""
     return time.monotonic()

@@ -1,4 +1,4 @@
-"""The time that the loop needs in a tick for the live page."""
+"""Measure the time that the loop needs for the live page in a tick."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def report(name: str, values: list[float], unit: str, aim: str) -> None:
 
 
 def parts() -> None:
-    """Print the time that the loop needs for ring and cells in a tick."""
+    """Print the time that a tick needs for the shared memory of the live page, ring and cells."""
     message = bytes(500)
     ring = RingWriter(mmap.mmap(-1, ring_size(SLOTS, len(message))), SLOTS, len(message))
     requests = PageRequests(CellReader(mmap.mmap(-1, SIZE)), by_page=True)
@@ -43,7 +43,7 @@ def parts() -> None:
 
 
 def ticks(times: int) -> None:
-    """Print the duration of a tick of two loops in virtual time that alternate tick by tick."""
+    """Print the duration of a tick without and with ring and cells. Two loops run in turns."""
     durations: tuple[list[float], list[float]] = ([], [])
     for seed in range(times):
         loops = [make_loop(seed, paged) for paged in (False, True)]

@@ -1,8 +1,9 @@
-"""Time and memory for recordings of seconds to hours: `python benchmarks/long_recordings.py`.
+"""Measure time and memory for long recordings: `python benchmarks/long_recordings.py`.
 
-A trial is run in virtual time. Its recording is repeated up to each length, and each command is run
-on it in a process of its own, which reports its processor time and its largest memory. `--against`
-is the folder with the source of another version, which is measured in the same run.
+A trial is run in virtual time. Its recording is repeated up to each length, from seconds to hours.
+Each command evaluates the long recording in its own process. This process reports its processor
+time and its largest memory. The option `--against` states the folder with the source of another
+version, which is measured in the same run.
 """
 
 from __future__ import annotations
@@ -40,11 +41,11 @@ usage = resource.getrusage(resource.RUSAGE_SELF)
 print(code, seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024.0)
 """
 FLUSHED = 500
-"""Number of ticks in a chunk."""
+"""Number of ticks in a chunk of the recording."""
 
 
 def repeat(source: Path, out: Path, seconds: float) -> None:
-    """Write a recording of this length, which repeats the ticks of another one."""
+    """Write a recording of a length [s], which repeats the ticks of the recording `source`."""
     contents = read_intact(source)
     rows = np.frombuffer(contents.messages, np.uint8).reshape(-1, contents.size)
     t = tick_values(rows)[0]

@@ -1,4 +1,4 @@
-"""Lateness of the live loop, compared with cyclictest and loop-rate-limiters.
+"""Measure the lateness of the live loop, compared with cyclictest and loop-rate-limiters.
 
     python benchmarks/loop.py                  # 30 s each: idle, second core busy, the peer
     python benchmarks/loop.py --minutes 30     # soak test with the second core busy

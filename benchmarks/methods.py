@@ -1,12 +1,12 @@
-"""Every method on the paper's nine trials, with two models: `python benchmarks/methods.py`.
+"""Run every method on the paper's nine trials, with two models: `python benchmarks/methods.py`.
 
-Runs `teleop reproduce --estimators all` with the models kelvin-voigt and stiffening and writes the
-averages over the nine trials to `benchmarks/results/methods.csv`, and the damping that the paper's
-own way finds, beside the true one, to `damping.csv`. The documentation shows both.
-Position and force pass through matched filters and the lag of the force channel is compensated.
-Errors are root mean squares from the end of the first second on, against the stiffness of the cube
-at the depth of each sample, or at its surface for the stiffening model. The coverage is the share
-of samples whose 95 % interval contains this stiffness.
+The script runs `teleop reproduce --estimators all` with the models kelvin-voigt and stiffening. It
+writes the averages over the nine trials to `benchmarks/results/methods.csv`, and the damping as
+estimated in the paper, beside the true damping, to `damping.csv`. The documentation shows both.
+Position and force pass through matched filters, and the lag of the force channel is compensated.
+The errors are root mean squares from the end of the first second on. The reference is the stiffness
+of the cube at the depth of each sample or, for the stiffening model, at the surface. The coverage
+is the fraction of the samples whose 95 % interval contains this stiffness.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ COLUMNS = ("k_error", "k_coverage", "b_error", "e_f", "rise_time_s", "held")
 
 
 def reproduction(model: str) -> dict[str, Any]:
-    """What `teleop reproduce --json` prints."""
+    """Return the document that `teleop reproduce --json` prints."""
     printed = io.StringIO()
     with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(printed):
         command = ["reproduce", "--estimators", "all", "--model", model, "--out", f"{folder}/out"]
@@ -37,7 +37,7 @@ def reproduction(model: str) -> dict[str, Any]:
 
 
 def write() -> None:
-    """Run both models and write the files."""
+    """Run the trials with both models, and write the files."""
     documents = {model: reproduction(model) for model in ("kelvin-voigt", "stiffening")}
     with (RESULTS / "methods.csv").open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")

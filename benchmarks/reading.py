@@ -1,7 +1,8 @@
-"""Time and memory to read a large CSV file: `python benchmarks/reading.py [--megabytes 500]`.
+"""Measure time and memory to read a large CSV file: `python benchmarks/reading.py`.
 
-Each reader runs in a process of its own, on the same file: ours, the same columns by pandas and
-by pyarrow where they are installed. Ours checks every cell and names the line of a bad one.
+The readers are teleop, and pandas and pyarrow if they are installed. Each reader reads the same
+columns of the same file in its own process. Only teleop checks every cell, and states the line of
+an invalid cell.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ READERS = {
 
 
 def write_files(path: Path, megabytes: float) -> None:
-    """A palpation at 1 kHz, once more with a column of text, in files of this size."""
+    """Write a palpation at 1 kHz to a file of this size, and with a text column to another file."""
     rng = np.random.default_rng(0)
     rows = 20_000
     with_notes = path.with_name(path.name.replace(".csv", "-notes.csv"))
@@ -49,7 +50,7 @@ def write_files(path: Path, megabytes: float) -> None:
 
 
 def measure(reader: str, path: Path) -> None:
-    """Print time [s], processor time [s], peak memory [MB] and samples of one reader."""
+    """Print time [s], processor time [s], peak memory [MB] and number of samples of one reader."""
     begin, busy = time.perf_counter(), time.process_time()
     names = {"path": str(path), "Path": Path}
     exec(READERS[reader], names)

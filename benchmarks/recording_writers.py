@@ -1,4 +1,4 @@
-"""Write a record as the files of other programs, each with the library of the format."""
+"""Write a record in the file formats of other programs, each with the library of the format."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 Writer = Callable[[Path, np.ndarray, np.ndarray, np.ndarray], Path]
-"""Function (folder, t [s], x [m], f [N]) that writes a file and returns its path."""
+"""Function that writes a file and returns its path. Arguments: folder, t [s], x [m] and f [N]."""
 START = 1_700_000_000_000_000_000
 """Time of the first message of a bag [ns]."""
 
@@ -21,7 +21,7 @@ def text(
     scale: tuple[float, float, float] = (1.0, 1e3, 1.0),
     suffix: str = ".csv",
 ) -> Writer:
-    """Return a writer of text with this header, whose units follow from `scale`."""
+    """Return a writer of text. `scale` converts t, x and f to the units in the header."""
 
     def write(folder: Path, t: np.ndarray, x: np.ndarray, f: np.ndarray) -> Path:
         columns = np.column_stack([c * s for c, s in zip((t, x, f), scale, strict=True)])

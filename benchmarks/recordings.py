@@ -1,15 +1,15 @@
-"""One line per recording of known truth: `python benchmarks/recordings.py`.
+"""Check `teleop estimate` on recordings of known stiffness: `python benchmarks/recordings.py`.
 
 Each recording is written by the library of its format, and evaluated by `teleop estimate` with the
-options in the table. A verdict is
+options in the table. One line is printed for each recording. The verdict is
 
-- right: the 95 % interval of k contains the truth, or k is within 1 % of it;
-- no k: no stiffness is given, and a reason is; expected where the truth has no k;
-- remark: k is outside its interval, and a reason says what is wrong with it;
-- WRONG: neither.
+- right: the 95 % interval of k contains the true k, or k is within 1 % of the true k;
+- no k: no stiffness is reported, but a reason. This is expected for recordings without a true k;
+- remark: the interval of k does not contain the true k, but a remark describes the problem;
+- WRONG: none of these. No reason and no remark is reported.
 
-The last line counts the silent wrong answers. The measured recordings have no known truth: their
-truth is least squares on the detrended cycles (`examples/data/mach1/README.md`), within 3 %.
+The last line counts the verdicts WRONG. The true stiffness of the measured recordings is not known.
+For these, k must be within 3 % of a least-squares fit (`examples/data/mach1/README.md`).
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def sine(
     amplitude: float = 1e-3,
     noise: float = 0.01,
 ) -> Record:
-    """Return a sine about a preload on a linear body with damping."""
+    """Return a sine about a preload on a body whose force is linear in depth and velocity."""
     t = np.arange(round(rate * seconds)) / rate
     w = 2.0 * math.pi * frequency
     x = amplitude * np.sin(w * t)
@@ -229,7 +229,7 @@ CASES = [
 
 
 def answer(case: Case, record: Record) -> dict[str, object]:
-    """Return the result block, or the refusal of the file as a reason."""
+    """Return the result of `teleop estimate`, or the error message as the reason for no result."""
     out, err = io.StringIO(), io.StringIO()
     with (
         tempfile.TemporaryDirectory() as folder,

@@ -1,15 +1,15 @@
-"""Ten minutes of signals that are difficult for estimators: `python benchmarks/robustness.py`.
+"""Test estimators with ten minutes of difficult signals: `python benchmarks/robustness.py`.
 
 Each case begins with 5 s of persistent excitation, in which the estimates converge, followed by
 600 000 samples at 1 kHz. Every estimator runs without a gate and with the preset's gate. No value
 and no standard deviation should be NaN or infinite, and every covariance should be positive
-definite; this is checked after every 1000 samples. The peer is padasip's FilterRLS with the same
-forgetting factor.
+definite. This is checked after every 1000 samples. The estimators are compared with padasip's
+FilterRLS with the same forgetting factor.
 
 In a hold, the probe is at rest at 5 mm. The position has white noise, and the velocity has the
 difference of this noise, filtered by a low-pass of 20 Hz. With noise of 0.1 um, padasip's b varies
-by hundreds of N s/m. With 3 um, the noise itself excites the regressors and b varies less. In the
-first 10 s of a hold, b of a gated estimator should stay within three of its standard deviations.
+by hundreds of N s/m. With 3 um, the noise itself excites the regressors, and b varies less. In the
+first 10 s of a hold, b of a gated estimator should change by less than three standard deviations.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SCALED = {
     "f 1e6": (1.0, 1e6),
     "f 1e-6": (1.0, 1e-6),
 }
-"""Factors by which x and v, and f, are multiplied."""
+"""Factor by which x and v are multiplied, and factor by which f is multiplied."""
 CASES = ("zero", *HOLDS, "constant v", "outliers", *SCALED)
 PEER = "padasip RLS"
 Signals = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -72,7 +72,7 @@ def signals(case: str) -> Signals:
 
 
 def definite(covariance: np.ndarray) -> bool:
-    """Return whether variances are positive and correlations below 1."""
+    """Return whether all variances are positive and all correlations are between -1 and 1."""
     variances = np.diag(covariance)
     if not (np.isfinite(covariance).all() and (variances > 0.0).all()):
         return False
@@ -93,7 +93,7 @@ def fault(estimator: Estimator, results: np.ndarray, has_std: bool) -> str:
 
 
 def ours(bank: Bank, samples: Signals) -> dict[str, tuple[str, np.ndarray]]:
-    """Return for each estimator the first problem, and b and its deviation after each sample."""
+    """Return the first problem of each estimator, and b and its standard deviation per sample."""
     faults = dict.fromkeys(bank, "")
     series: dict[str, list[np.ndarray]] = {name: [] for name in bank}
     for first in range(0, LEAD + LASTING, CHUNK):
@@ -109,7 +109,7 @@ def ours(bank: Bank, samples: Signals) -> dict[str, tuple[str, np.ndarray]]:
 
 
 def peers(samples: Signals) -> tuple[str, np.ndarray]:
-    """Return the same for padasip, which ends when its covariance is not finite."""
+    """Return the same as `ours` for padasip, up to the first covariance that is not finite."""
     x, v, f = samples
     peer = padasip.filters.FilterRLS(n=2, mu=0.98, eps=0.01, w="zeros")
     b = np.full(len(f), np.nan)
@@ -125,7 +125,7 @@ def peers(samples: Signals) -> tuple[str, np.ndarray]:
 
 
 def swing(series: np.ndarray, samples: int) -> tuple[float, float]:
-    """Return the largest change of b since the hold began, in its deviations and in N s/m."""
+    """Return the largest change of b in a hold, in standard deviations of b and in N s/m."""
     b, deviation = series[:, LEAD : LEAD + samples]
     change = np.abs(b - series[0, LEAD - 1])
     return float(np.max(change / deviation)), float(np.max(change))

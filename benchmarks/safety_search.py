@@ -1,4 +1,4 @@
-"""A random search for violations of the safety rules.
+"""Search at random for violations of the safety rules.
 
     python benchmarks/safety_search.py --trials 20000
 
@@ -6,7 +6,7 @@ Hypothesis runs a controller on the simulated rig with one or more faults at ran
 measurements, calls of the rig that fail before or after their effect, exceptions in the condition
 and in an estimator, a rig whose time stands still or jumps, skipped periods of the loop, and
 requests in every mode. After every tick, the rules in `SafetySearch.check` must hold for the
-simulated plant. A trial that violates a rule is reduced to a minimal one and printed.
+simulated plant. A trial that violates a rule is reduced to the shortest such trial, and printed.
 """
 
 from __future__ import annotations
@@ -30,12 +30,13 @@ from hypothesis.stateful import (
 from search_rig import BOUND, LIMITS, PERIOD, Pushing, SearchRig
 
 from drivers import CHANNELS, STANDSTILL, RigError
-from estimation import Excitation, MatchedFilter, paper_preset
+from estimation import MatchedFilter, paper_preset
 from sim_backend.faults import Frozen, Replaced, Reported, RigFault, Runaway, Shifted
 from teleop.control.admittance import Admittance, AdmittanceParameters
 from teleop.control.clock import Tick
 from teleop.control.controller import Controller
 from teleop.control.coupling import Coupling
+from teleop.control.estimation import Estimation
 from teleop.control.link import DirectLink
 from teleop.safety import Fault, Mode, Request, stops_immediately
 from teleop.safety.channels import DetectedFault
@@ -59,9 +60,7 @@ class SafetySearch(RuleBasedStateMachine):
             self.rig,
             self.condition,
             DirectLink(Admittance(AdmittanceParameters()), Coupling()),
-            MatchedFilter(),
-            self.bank,
-            Excitation(),
+            Estimation(MatchedFilter(), self.bank),
             PERIOD,
             LIMITS,
         )
@@ -69,7 +68,7 @@ class SafetySearch(RuleBasedStateMachine):
         self.arm, self.stop, self.halt, self.skipped = arm, "", False, 0
         self.faults: tuple[DetectedFault, ...] = ()
         self.tripped = math.inf
-        """True time at which the fault began [s]."""
+        """True time at which the mode fault began [s]; infinite in any other mode."""
         self.energised = False
         self.command, self.still = STANDSTILL, 0.0
         """The last command, and the time for which the rig's time has stood still [s]."""
@@ -270,7 +269,7 @@ class SafetySearch(RuleBasedStateMachine):
 
 
 def search(trials: int, seed: int | None = None) -> None:
-    """Run a number of trials; raise AssertionError with a minimal trial if a rule is violated."""
+    """Run a number of trials; raise AssertionError with a short trial if a rule is violated."""
     run_state_machine_as_test(
         SafetySearch if seed is None else seeded(seed)(SafetySearch),
         settings=settings(

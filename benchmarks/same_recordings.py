@@ -1,4 +1,4 @@
-"""Whether two versions record the same numbers: `python benchmarks/same_recordings.py PATH`.
+"""Check that two versions record the same numbers: `python benchmarks/same_recordings.py PATH`.
 
 PATH is the folder with the source of another version. Both versions run the same trials in virtual
 time: all conditions and cubes, all estimators, models, feedback laws with and without a channel,
@@ -72,7 +72,7 @@ def digests() -> dict[str, str]:
 
 
 def in_process(tree: Path | None) -> subprocess.Popen[str]:
-    """Start the trials of a version in a process of its own."""
+    """Start the trials of a version in another process."""
     environment = dict(os.environ, **({"PYTHONPATH": str(tree)} if tree else {}))
     return subprocess.Popen(
         [sys.executable, __file__, "--digests", "-"],

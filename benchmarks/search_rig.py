@@ -1,4 +1,4 @@
-"""The rig of the search for violations of the safety rules."""
+"""Define the rig of the search for violations of the safety rules."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LIMITS: Limits = replace(
     following_error=2e-3,
 )
 STANDING = -math.log1p(-LIMITS.max_gap)
-"""Time after which a rig whose time stands still is a fault [s]."""
+"""Time after which a fault is reported if the time of the rig stands still [s]."""
 RAMP = max(
     LIMITS.max_velocity / LIMITS.max_acceleration,
     LIMITS.max_master_velocity / LIMITS.max_master_acceleration,
@@ -34,7 +34,7 @@ BOUND = STANDING + RAMP + WATCHDOG + 3 * PERIOD
 
 
 class SearchRig(Rig):
-    """The simulated rig, whose calls may fail, and whose time may stand still or jump."""
+    """A simulated rig. Its calls may fail, and its time may stand still or jump."""
 
     def __init__(self, now: Any) -> None:
         self.sim = SimulatedRig(CUBES["soft"], now, watchdog=WATCHDOG)
@@ -83,7 +83,7 @@ class SearchRig(Rig):
 
 
 class Pushing(Condition):
-    """A force that the search chooses, or an exception."""
+    """A condition that returns a force that the search chooses, or raises an exception."""
 
     force = 0.0
     error: Exception | None = None

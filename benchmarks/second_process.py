@@ -1,15 +1,15 @@
-"""Effect of a second process on a run in real time.
+"""Measure the effect of a second process on a run in real time.
 
     python benchmarks/second_process.py              # 20 second processes of each kind
     python benchmarks/second_process.py --times 3 --kind run
 
-While a run moves, second processes are started one after the other: none (the baseline, which shows
-the effect of the machine itself), another run, a run that fails because the first run uses the
-port, a check and an emulator of another rig, `estimate`, and `reproduce`. A second process ends by
-itself or is ended after some seconds. It is counted how often the first run continued until then; a
-run that stopped is started again. The longest time between two ticks, and the processor time that
-the host of the virtual machine took (steal), are also printed. The exit code is 1 if a run with a
-second process did not continue.
+While the slave of a first run moves, second processes are started one after another: none (this
+shows the effect of the machine itself), another run, a run that fails because the first run uses
+the port, a check and an emulator of another rig, `estimate`, and `reproduce`. A second process ends
+by itself or is ended after some seconds. The first run should continue until then. The number of
+second processes for which it did continue is printed. A first run that stopped is started again.
+The longest time between two ticks, and the processor time that the host of the virtual machine took
+(steal), are also printed. The exit code is 1 if a run with a second process did not continue.
 """
 
 from __future__ import annotations
@@ -42,20 +42,20 @@ KINDS = (
 WIRED = ("nothing, wired", "refused run")
 """Kinds for which the first run uses an emulated rig.
 
-It stops if samples are older than 20 ms, which cannot happen with the simulated rig.
+Such a run stops if samples are older than 20 ms. This cannot happen with the simulated rig.
 """
 STATED = ("--specimen", "soft", "--depth", "10mm", "--yes")
 """Options that a run on a hardware rig needs."""
 DURATION = 3600.0
-"""Duration of the first run, which is ended earlier [s]."""
+"""Duration of the first run [s]. The benchmark ends the run earlier."""
 LONGEST = {"nothing": 3.0, "nothing, wired": 6.0, "rig emulate": 4.0, "reproduce": 5.0}
-"""Time after which a second process is ended [s]; 30 s for other kinds."""
+"""Time after which a second process is ended [s], by kind; 30 s for other kinds."""
 AFTER = 0.3
 """Time after the second process for which the run must continue [s]."""
 MOST = 100
 """Largest number of starts of a first run."""
 MOVING = 20_000
-"""Size of a recording at which the run moves [bytes]."""
+"""Size of the recording from which on the slave moves [bytes]."""
 STEAL = 8
 """Index of the steal time in the first line of /proc/stat."""
 
@@ -154,7 +154,7 @@ def run_second(first: First, teleop: list[str], arguments: list[Any], longest: f
 
 @contextlib.contextmanager
 def rigs(kind: str) -> Iterator[tuple[Path | None, Path]]:
-    """Yield the rig file of the first run, None for the simulated rig, and that of the second."""
+    """Yield the rig files of the first run (None for the simulated rig) and the second process."""
     with contextlib.ExitStack() as stack:
         rig = stack.enter_context(emulated("serial-board")) if kind in WIRED else None
         other = stack.enter_context(emulated("serial-board")) if kind == "rig check" else Path()

@@ -1,12 +1,12 @@
-"""Time of two frames out and two in with this project's slcan bus and with python-can's.
+"""Measure the time to send and receive two frames with our slcan bus and with python-can's.
 
     python benchmarks/slcan.py                 # 5000 cycles of each, alternating
 
 The emulated adapter runs in another process, is connected by a pseudo-terminal, and responds as
-fast as possible. The time of the loop's part of a cycle is measured: to receive the two frames that
-have arrived, and to send two. Their transfer to the adapter and back is not included. In cycles
-without a pause the processor's caches stay filled; cycles with a pause of 1 ms have the caches of a
-loop at 1 kHz.
+fast as possible. In each cycle, the loop receives the two frames that have arrived, and sends two
+frames. The time of these two steps is measured, without the transfer to the adapter and back. In
+cycles without a pause, the processor's caches keep their data. In cycles with a pause of 1 ms, the
+caches are as in a loop at 1 kHz.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""Change of the cube during a run, from soft to hard and back: `python benchmarks/swap.py`.
+"""Measure how fast estimators follow a change of the cube: `python benchmarks/swap.py`.
 
-The k of every estimator with a gate and with forgetting should be within 5 % again after 0.3 s. The
-motion is a sine of 3 Hz; the changes occur at several of its phases. The Hunt-Crossley estimators
-run on a Hunt-Crossley plant, whose k at the mean depth is that of the cube; their k is compared at
+The cube changes from soft to hard, and back. For every estimator with a gate and with forgetting, k
+should be within 5 % of the true value again after 0.3 s. The motion is a sine of 3 Hz. The changes
+occur at several phases of this sine. The Hunt-Crossley estimators run on a Hunt-Crossley plant. At
+the mean depth, the k of this plant is that of the cube. The estimate is compared with the true k at
 the present depth.
 """
 
@@ -38,7 +39,7 @@ PHASES = 24
 LASTING = 2.0
 """Duration of each of the three phases soft, hard and soft [s]."""
 ALLOWED = 0.3
-"""Time in which k should be within 5 % again [s]."""
+"""Longest time after a change until k should be within 5 % again [s]."""
 NOT_FORGETTING = ("segments",)
 """Estimators that use all samples. The paper's estimators forget, but have no gate."""
 

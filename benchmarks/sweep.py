@@ -1,9 +1,9 @@
-"""Time of sweeps: `python benchmarks/sweep.py [--trials 1000] [--settings 10000]`.
+"""Measure the time of sweeps: `python benchmarks/sweep.py [--trials 1000] [--settings 10000]`.
 
-Trials of 10 s are run by one and by two processes and on a local Dask cluster with two workers.
-Then the paper's three estimators are computed on one recording of 10 s with many settings. The
-trials by one process are fewer. The processor time of all processes is measured too, because the
-time on a shared machine depends on its load.
+Trials of 10 s are run by one process, by two processes, and on a local Dask cluster with two
+workers. One process runs fewer trials than two processes. Then the paper's three estimators are
+computed on one recording of 10 s with many settings. The processor time of all processes is also
+measured, because the time on a shared machine depends on the load.
 """
 
 from __future__ import annotations
@@ -34,14 +34,15 @@ class Cost(NamedTuple):
     """Time of a command."""
 
     time: float
-    """Time from its start to its end [s]."""
+    """Time from the start to the end of the command [s]."""
     processor: float
-    """Processor time of all its processes [s]."""
+    """Processor time of all processes of the command [s]."""
 
     def line(self, title: str, count: int, one: float | None = None) -> str:
-        """Return a line of the table, with the processor time of one of `count` points.
+        """Return a line of the table for a command that computed `count` points.
 
-        `one` is the time of a point in one process [s], for the parallel efficiency.
+        `one` is the time of a point in one process [s], from which the parallel efficiency of two
+        processes is computed.
         """
         each = self.processor / count
         efficiency = f"{one * count / self.time / 2.0:12.2f}" if one else ""

@@ -1,12 +1,13 @@
-"""Kill tests of sweeps: SIGKILL of a worker or of the main process at random instants.
+"""Kill workers or the main process of sweeps at random times, and check the tables.
 
     python benchmarks/sweep_kills.py             # 20 of each kind
     python benchmarks/sweep_kills.py --times 5 --kind dask
 
-A sweep of short trials runs without interruption first. Then workers of its process pool are killed
-while it runs, then workers of a local Dask cluster, and then its main process, after which the same
-command resumes the sweep. The exit code is 1 if a table differs by a byte from that of the first
-sweep, or if a point that was done was run again.
+First, a sweep of short trials runs without interruption. Then three kinds of process are killed
+with SIGKILL while such a sweep runs: workers of the process pool, workers of a local Dask cluster,
+and the main process. After the main process was killed, the same command resumes the sweep. The
+exit code is 1 if a table differs by a byte from that of the first sweep, or if a point that was
+done was run again.
 """
 
 from __future__ import annotations
@@ -36,14 +37,14 @@ KINDS = {"pool": "pool worker", "dask": "Dask worker", "main": "main process"}
 
 
 class Sweep:
-    """A sweep in a folder, run by two workers, of the plan beside the folder.
+    """A sweep that is run by two workers. The plan is the file plan.toml in the parent folder.
 
     Parameters
     ----------
     folder
         Folder of the sweep.
     dask
-        Whether it runs on a local Dask cluster.
+        Whether the sweep runs on a local Dask cluster.
     """
 
     def __init__(self, folder: Path, dask: bool = False) -> None:
@@ -62,7 +63,7 @@ class Sweep:
 
     @property
     def done(self) -> list[int]:
-        """Numbers of the points in the journal, whose lines are complete."""
+        """Numbers of the points in the complete lines of the journal."""
         journal = self.folder / "journal.jsonl"
         lines = journal.read_bytes().splitlines(keepends=True) if journal.exists() else []
         points = (json.loads(line).get("point") for line in lines if line.endswith(b"\n"))
@@ -74,7 +75,7 @@ class Sweep:
         return {path.name: path.read_bytes() for path in sorted(self.folder.glob("results.*"))}
 
     def problems(self, expected: dict[str, bytes]) -> list[str]:
-        """Return what differs from an uninterrupted sweep after the end of this one."""
+        """Return how this sweep, which has ended, differs from an uninterrupted sweep."""
         tables = self.tables
         different = [name for name in expected if tables.get(name) != expected[name]]
         repeated = [point for point, count in Counter(self.done).items() if count > 1]
@@ -137,9 +138,10 @@ def kill_workers(
 def kill_main(
     times: int, folder: Path, expected: dict[str, bytes], gap: float, start: float
 ) -> int:
-    """Kill the main process of sweeps and resume them, as `kill_workers`.
+    """Kill the main process of sweeps and resume the sweeps; return how many sweeps differ.
 
-    `start` is the time from the start of the process to the first point [s].
+    `start` is the time from the start of the process to the first point [s]. The other parameters
+    are those of `kill_workers`.
     """
     rng, bad, done, sweeps = random.Random("main"), 0, [], 1
     sweep = Sweep(folder / "main0")

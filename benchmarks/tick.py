@@ -6,6 +6,10 @@ whole tick is measured, and then its stages. `--against` is the folder with the 
 version, which is measured in the same run, in turn with this version. The rehearsal before a trial
 is left out, because it ends the trial if other programs keep the machine busy. The condition is
 free on the simulated rig, and autonomous on the board.
+
+In virtual time, the estimates are computed for many ticks at once, so that they are not part of the
+percentiles. For this reason, the processor time of all ticks, divided by their number, is printed
+too. It is the smallest of several trials in processes that have run a trial before.
 """
 
 from __future__ import annotations
@@ -18,9 +22,11 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
+from importlib import import_module
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
@@ -36,25 +42,24 @@ from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
 CASES = ("virtual", "live, simulated", "live, board")
-WHOLE, REST = "whole tick", "rest, and the probes"
+WHOLE, REST, MEAN = "whole tick", "rest, and the probes", "processor time"
 STAGES = (
     "requests of a person",
     "read the rig",
     "condition and link",
     "supervision",
     "command the drives",
-    "alignment, conditioning",
+    "alignment",
     "estimation",
-    "misfit, excitation",
     "packing",
     "sinks",
 )
 RETURN = 2.0
-"""Time after a trial in which the emulated rig returns to its start [s]."""
+"""Time after a trial in which the emulated rig returns to its initial position [s]."""
 ATTEMPTS = 3
 """Number of times that a measurement is tried, because a busy machine may stop a trial."""
 WARM = 1000
-"""Number of active ticks before the measured ones."""
+"""Number of active ticks before the measured ticks."""
 Durations = dict[str, list[float]]
 
 
@@ -66,7 +71,7 @@ class Probes:
     loop
         The loop, before its first tick.
     stages
-        Whether the stages are measured too, or only the whole tick.
+        Whether the stages are also measured, and not only the whole tick.
 
     Attributes
     ----------
@@ -93,17 +98,16 @@ class Probes:
             self._probe(parts._link, name, "condition and link")
         self._probe(controller_module, "supervise", "supervision")
         self._probe(parts._rig, "write", "command the drives")
-        self._probe(parts._alignment, "update", "alignment, conditioning")
-        self._probe(parts._conditioner, "update", "alignment, conditioning")
-        self._probe(parts._bank, "update", "estimation")
-        self._probe(parts._misfit, "update", "misfit, excitation")
-        self._probe(parts._excitation, "update", "misfit, excitation")
+        self._probe(parts._alignment, "update", "alignment")
+        for name in ("_estimation", "_conditioner", "_bank", "_misfit", "_excitation"):
+            if hasattr(parts, name):
+                self._probe(getattr(parts, name), "update", "estimation")
         self._probe(loop._layout, "pack", "packing")
         for sink in loop._sinks:
             self._probe(sink, "push", "sinks")
 
     def _probe(self, owner: Any, name: str, stage: str) -> None:
-        """Replace a function of an object or a module by one that measures its duration."""
+        """Replace a function of an object or a module by a function that measures its duration."""
         original: Callable[..., Any] = getattr(owner, name)
         original = getattr(original, "probed", original)
         spent = self._spent
@@ -134,23 +138,32 @@ class Probes:
 def measure(case: str, seconds: float, rig: str) -> Durations:
     """Return the duration of the whole tick and of its stages in each tick of two trials [s]."""
     found: list[Probes] = []
+    mean: list[float] = []
     run = Loop.run
     run_module.check_rate = lambda settings: 0.0
     run_module.check_wire = lambda rig, clock, cost: None
     settings = TrialSettings(
         condition="autonomous" if rig else "free",
-        duration=seconds + WARM / 1000.0,
+        duration=max(seconds, 10.0 if case == "virtual" else 0.0) + WARM / 1000.0,
         clock="virtual" if case == "virtual" else "real",
         rig=read_rig_file(Path(rig)) if rig else None,
         specimen="soft" if rig else "",
         depth=DEPTH["autonomous"]["soft"] if rig else None,
     )
+    if case == "virtual":  # as in a sweep, of which only the first trials load numba
+        with suppress(ImportError):
+            import_module("numba")
+        run_trial(settings)
     with tempfile.TemporaryDirectory() as folder:
         for stages in (False, True):
 
             def probed_run(loop: Loop, stages: bool = stages) -> None:
                 found.append(Probes(loop, stages))
+                start = process_time()
                 run(loop)
+                if not stages:
+                    loop._sinks[0].close()
+                    mean.append((process_time() - start) / loop.ticks)
 
             Loop.run = probed_run  # type: ignore[method-assign]
             path = Path(folder) / f"{stages}.mcap" if case != "virtual" else None
@@ -160,11 +173,11 @@ def measure(case: str, seconds: float, rig: str) -> Durations:
             if trial.fault:
                 raise SystemExit(f"{case}: stopped: {trial.fault['text']}")
     plain, staged = (probes.durations for probes in found)
-    return {**staged, WHOLE: plain[WHOLE]}
+    return {**staged, WHOLE: plain[WHOLE], MEAN: mean}
 
 
 def in_process(tree: Path | None, case: str, seconds: float, rig: Path | None) -> Durations:
-    """Measure a version in a process of its own; empty if no trial was complete."""
+    """Measure a version in another process, and return the durations; empty if no attempt works."""
     environment = dict(os.environ, OPENBLAS_NUM_THREADS="1")
     if tree:
         environment["PYTHONPATH"] = str(tree)
@@ -188,6 +201,8 @@ def table(title: str, of_cases: dict[str, Durations]) -> None:
             middle, high = np.percentile(durations.get(stage, [np.nan]), (50, 99)) * 1e6
             cells += f"{middle:10.1f}{high:8.1f}"
         print(f"{stage:24}{cells}")
+    if means := of_cases["virtual"].get(MEAN):
+        print(f"{MEAN:24}{min(means) * 1e6:10.1f}")
 
 
 def main() -> None:
@@ -217,7 +232,8 @@ def main() -> None:
                 else:
                     durations = run(None)
                 for stage, measured in durations.items():
-                    found[title][case].setdefault(stage, []).extend(measured[WARM:])
+                    skipped = 0 if stage == MEAN else WARM
+                    found[title][case].setdefault(stage, []).extend(measured[skipped:])
     print(
         f"{options.rounds} times {options.seconds:g} s at 1 kHz in each case, "
         f"load average {os.getloadavg()[0]:.1f}"

@@ -1,12 +1,12 @@
-"""Effect of each constant of `estimation/tuning.py` and its multiples.
+"""Show the effect of each constant of `estimation/tuning.py`, and of multiples of the constants.
 
-    python benchmarks/tuning.py HYSTERESIS DWELL     # these only
+    python benchmarks/tuning.py HYSTERESIS DWELL     # only these constants
 
-For each value, these numbers are printed. The first is the longest time until k stays within 5 %
-after a change of the cube from 2000 to 20 000 N/m or back, over several phases of a motion of 3 Hz.
-The second is the standard deviation of k from noise while the cube does not change. For a
-multi-estimator, the third is the number of changes of k in that time. The allowed time is 0.3 s, as
-in `benchmarks/swap.py`.
+For each value of a constant, two or three numbers are printed. The first is the longest time until
+k stays within 5 % after a change of the cube from 2000 to 20 000 N/m or back, over several phases
+of a motion of 3 Hz. The second is the standard deviation of k due to noise in one second without a
+change of the cube. For a multi-estimator, the third is the number of changes of k in this second.
+The allowed time is 0.3 s, as in `benchmarks/swap.py`.
 """
 
 from __future__ import annotations
@@ -62,9 +62,10 @@ FREQUENCY = 3.0
 
 
 def case(name: str, phase: float) -> tuple[float, float, float]:
-    """Return the settling time of k [s], its relative deviation from noise, and its changes.
+    """Return the settling time, the relative standard deviation and the changes of k.
 
-    The last two are over one second of the first cube.
+    The settling time is in seconds. The standard deviation and the number of changes are computed
+    over the last second of the first cube.
     """
     t = np.arange(round(3 * LASTING * RATE)) / RATE
     omega = 2.0 * math.pi * FREQUENCY

@@ -1,12 +1,12 @@
-"""Time per tick for communication with devices: the drivers, and python-can's slcan bus.
+"""Measure the time per tick to communicate with devices, also with python-can's slcan bus.
 
     python benchmarks/wire.py                  # 5000 ticks of each at 1 kHz
 
 The devices are emulated in another process (`teleop rig emulate`) and connected by
-pseudo-terminals. The time that a tick spends on them is measured: `read` reads all data of every
-port and decodes them, `write` encodes both velocities and sends them. The peer sends the same
-frames with python-can's slcan bus. The lateness of a loop without devices, which only waits for
-its deadlines, shows the effect of the machine.
+pseudo-terminals. The time that a tick spends on the communication is measured: `read` reads and
+decodes all data of every port, `write` encodes both velocities and sends them. For comparison, the
+same frames are sent with python-can's slcan bus. The lateness of a loop without devices, which only
+waits for its deadlines, shows the effect of the machine.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from teleop.trial.realtime import realtime
 
 RATE = 1000.0
 WARM = 1000
-"""Number of ticks before the measured ones."""
+"""Number of ticks before the measured ticks."""
 
 
 def ours(path: Path, ticks: int) -> dict[str, dict[str, list[float]]]:
-    """Return the times to read and write a rig, and to drain each of its buses [s].
+    """Return the times to read and write a rig, and to receive all data of each of its buses [s].
 
     The drives are enabled at standstill.
     """
@@ -67,7 +67,7 @@ def ours(path: Path, ticks: int) -> dict[str, dict[str, list[float]]]:
 
 
 def timed(poll: Callable[[], None], times: list[float]) -> Callable[[], None]:
-    """Return a function that drains a bus and appends the duration to `times` [s]."""
+    """Return a function that reads all data of a bus, and appends the duration to `times` [s]."""
 
     def watched() -> None:
         start = time.perf_counter()
@@ -88,7 +88,7 @@ def drain(bus: slcanBus) -> None:
 
 
 def peer(path: Path, ticks: int) -> dict[str, list[float]]:
-    """Return the times of python-can's slcan bus to drain the same adapter and send two frames."""
+    """Return the times of python-can's slcan bus to receive all frames, and to send two frames."""
     channel = read_rig_file(path).sections.buses["can"].channel
     sent = [
         can.Message(arbitration_id=node << 5 | 0x0D, data=bytes(8), is_extended_id=False)

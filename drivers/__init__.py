@@ -1,4 +1,4 @@
-"""Drivers: the interface between the controller and a rig, and the devices of a rig."""
+"""Connect the controller to a rig: the interface of all rigs, and the drivers of real devices."""
 
 from drivers.rig import (
     AXES,
@@ -10,6 +10,7 @@ from drivers.rig import (
     Measurement,
     Rig,
     RigError,
+    new_tuple,
 )
 
 __all__ = [
@@ -22,4 +23,5 @@ __all__ = [
     "Measurement",
     "Rig",
     "RigError",
+    "new_tuple",
 ]

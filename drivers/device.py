@@ -1,4 +1,4 @@
-"""Base classes of devices on serial ports and CAN buses."""
+"""Base classes of the devices and drives of a rig."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 
 class Sample(NamedTuple):
-    """Value of a signal, in its unit, and time of sampling [s], on the controller's clock."""
+    """Value of a signal in its unit, and time of sampling on the controller's clock [s]."""
 
     value: float
     time: float
 
 
 NO_SAMPLE = Sample(math.nan, -math.inf)
-"""Sample of a signal that has not been received yet."""
+"""Sample of a signal before its first value is received."""
 
 
 class DeviceSettings(BaseModel):
@@ -42,7 +42,7 @@ class DeviceSettings(BaseModel):
 class VelocityDrive(ABC):
     """A drive with velocity control. No method waits for the device.
 
-    Velocities are in m/s, positive in the positive direction of the drive.
+    Velocities are in m/s. They are positive in the positive direction of the drive.
     """
 
     @abstractmethod
@@ -69,14 +69,14 @@ class VelocityDrive(ABC):
         Returns
         -------
         float
-            Velocity that will be sent [m/s], after rounding and limits of the device.
+            Velocity that will be sent [m/s]. The device may round and limit the wanted velocity.
         """
 
     @abstractmethod
     def idle(self) -> None:
-        """Take the drive out of operation immediately; may be called repeatedly.
+        """Take the drive out of operation immediately. This method may be called repeatedly.
 
-        Unlike `command`, this method sends its messages to the device without `transmit`.
+        Unlike `command`, this method sends its messages at once and not at the next `transmit`.
         """
 
 
@@ -93,10 +93,10 @@ class Device(ABC):
     Attributes
     ----------
     samples
-        Latest sample of each signal, by the name of the signal. Before the first sample, it is
-        `NO_SAMPLE`.
+        Latest sample of each signal, by the name of the signal. Before the first sample, the value
+        is `NO_SAMPLE`.
     error
-        Error that the device reports, as text; empty for none.
+        Error that the device reports, as text; empty if there is no error.
     emergency_stop
         Whether an emergency-stop input of the device is open.
     rejected
@@ -106,9 +106,9 @@ class Device(ABC):
     """
 
     Settings: ClassVar[type[DeviceSettings]]
-    """Class of the settings in the device's section of a rig file."""
+    """Class of the settings in the section of the device in a rig file."""
     estimated: ClassVar[bool] = False
-    """Whether the signals are not measured, but estimated from signals of other devices."""
+    """Whether the signals are estimated from signals of other devices, and not measured."""
 
     def __init__(self, name: str, settings: Any) -> None:
         self.name = name
@@ -123,12 +123,14 @@ class Device(ABC):
     def signals(self) -> Mapping[str, str]:
         """Return the SI unit of each signal, by the name of the signal.
 
-        For a sensor whose scale the device does not know, the unit is that of the raw signal, for
-        example `V`. The rig file then has to give the scale of the channel.
+        If a sensor has an unknown scale, the unit is that of the raw signal, for example `V`. The
+        rig file must then give the scale of the channel.
         """
 
     def update(self, now: float) -> None:  # noqa: B027
-        """Do the work of the device at each tick, after all buses were read. Default: nothing.
+        """Update the device. This method is called at each tick, after all buses were read.
+
+        The default method does nothing.
 
         Parameters
         ----------
@@ -141,7 +143,10 @@ class Device(ABC):
         self.error = ""
 
     def transmit(self) -> None:  # noqa: B027
-        """Send the velocities that `command` has set for the drives. Default: nothing."""
+        """Send the velocities that `command` has set for the drives.
+
+        The default method does nothing.
+        """
 
     def ping(self) -> bool:
         """Send a request, so that the round-trip time to the device can be measured.
@@ -158,9 +163,9 @@ class Device(ABC):
         return False
 
     def stop(self) -> None:  # noqa: B027
-        """End the communication with the device, before its bus is closed. Default: nothing.
+        """End the communication with the device, before its bus is closed.
 
-        The drives are already out of operation.
+        The drives are already out of operation. The default method does nothing.
         """
 
 
@@ -169,7 +174,7 @@ class SerialDevice(Device):
 
     @abstractmethod
     def start(self, port: SerialPort) -> None:
-        """Set up the device on an open port; may wait with `port.wait_for`.
+        """Set up the device on an open port. This method may wait with `port.wait_for`.
 
         Raises
         ------
@@ -186,7 +191,7 @@ class SerialDevice(Device):
         Parameters
         ----------
         data
-            The bytes. They may start and end within a message.
+            The bytes. The first and the last message may be incomplete.
         now
             Time of arrival on the controller's clock [s].
         """
@@ -199,12 +204,12 @@ class CanDevice(Device):
     def identifiers(self) -> Iterable[int]:
         """Return the identifiers of the CAN frames that the device sends.
 
-        Bit 31 is set in an identifier of 29 bits.
+        In an identifier of 29 bits, bit 31 is set.
         """
 
     @abstractmethod
     def start(self, bus: CanBus) -> None:
-        """Set up the device on an open bus; may wait with `bus.wait_for`.
+        """Set up the device on an open bus. This method may wait with `bus.wait_for`.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Conversion of a device's time stamps to the controller's clock."""
+"""Convert the time stamps of a device to the controller's clock."""
 
 from __future__ import annotations
 
@@ -7,29 +7,31 @@ import math
 DRIFT = 100e-6
 """Largest relative drift between the crystal clocks of the device and of this computer [s/s]."""
 WRAP = 1 << 32
-"""Number of different time stamps; after the last value, time stamps start at zero again."""
+"""Number of different time stamps. After the largest value, time stamps start at zero again."""
 MICROSECOND = 1e-6
 
 
 class DeviceClock:
-    """Conversion of a device's time stamps, 32-bit microseconds, to the controller's clock.
+    """Converts the time stamps of a device (32-bit microseconds) to the controller's clock.
 
-    A sample is always taken before the port is read. The difference between the time of the
-    reading and the newest time stamp in the data is therefore the offset between the two clocks
-    plus the age of the newest sample. This age is positive. The same is true for the means of
-    two successive readings, also after a delay of the controller or of the device: the mean of
-    the times minus the mean of the newest time stamps. The minimum of these differences (lower
-    envelope) is the offset plus the smallest age. From one reading to the next, the minimum may
-    increase by the largest drift between two crystal clocks, `DRIFT`.
+    The port is read after a sample was taken. So the time of the reading minus the newest time
+    stamp in the data is the offset between the two clocks, plus the age of the newest sample. This
+    age is positive. In place of single values, means over two successive readings are used: the
+    mean of the times minus the mean of the newest time stamps. This difference is also the offset
+    plus a positive age, even after a delay of the controller or of the device.
 
-    A converted time is therefore never too early. It is too late by the smallest age, which is
-    the smallest latency, well below 1 ms on USB, plus at most one sample period. The computed age
-    of a sample that arrived just before the reading can therefore be negative, by up to half a
-    sample period. A sample that was delayed, for example in a queue, does not change the minimum,
-    because the delay makes its age larger.
+    The minimum of these differences over all readings (lower envelope) is the offset plus the
+    smallest age. From one reading to the next, the minimum may increase by the largest drift
+    between two crystal clocks, `DRIFT`.
 
-    If the clock of a device is slow by more than `DRIFT`, for example because the device has no
-    crystal, the error of the converted times increases steadily.
+    A converted time is therefore never too early. It is too late by the smallest age. This age is
+    the smallest latency, which is well below 1 ms on USB, plus at most one sample period. If a
+    sample arrives just before the reading, its computed age can therefore be negative, by up to
+    half a sample period. If a sample is delayed, for example in a queue, it does not change the
+    minimum, because the delay increases its age.
+
+    A device without a crystal may have a clock that is slow by more than `DRIFT`. The error of the
+    converted times then increases steadily.
     """
 
     def __init__(self) -> None:
@@ -66,9 +68,9 @@ class DeviceClock:
         return self._continued(stamp) * MICROSECOND + self._offset
 
     def _continued(self, stamp: int) -> int:
-        """Return a time stamp [us] that does not wrap at 2^32.
+        """Return a time stamp [us] after removing the wrap at 2^32.
 
-        The result differs from the newest time stamp by at most 2^31 us.
+        The difference between the result and the newest time stamp is at most 2^31 us.
         """
         if self._newest is None:
             return stamp

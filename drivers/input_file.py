@@ -1,4 +1,4 @@
-"""Reading of regular files only. FIFOs and device files are errors: reading them may never end."""
+"""Read regular files only. FIFOs and device files are errors, because reading may never end."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 LARGEST = 16 << 20
-"""Largest file that `read_input` reads by default [bytes]."""
+"""Largest size of a file that `read_input` reads by default [bytes]."""
 KINDS = (
     (stat.S_ISDIR, "folder"),
     (stat.S_ISFIFO, "FIFO"),
@@ -17,7 +17,7 @@ KINDS = (
     (stat.S_ISCHR, "device"),
     (stat.S_ISBLK, "device"),
 )
-"""Test of a file mode, and name, for each kind of file that is rejected."""
+"""Pairs (function that tests a file mode, name), for the kinds of files that are rejected."""
 
 
 def open_input(path: Path) -> BinaryIO:
@@ -28,7 +28,7 @@ def open_input(path: Path) -> BinaryIO:
     OSError
         The file cannot be opened, or is not a regular file.
     """
-    check_regular(path.stat().st_mode)  # first, because opening a device can have effects
+    check_regular(path.stat().st_mode)  # before opening, because opening a device can have effects
     file: BinaryIO = open(path, "rb", opener=without_waiting)  # noqa: SIM115
     try:
         check_regular(os.fstat(file.fileno()).st_mode)
@@ -54,15 +54,16 @@ def read_input(path: Path, largest: int = LARGEST) -> bytes:
 
 
 def check_regular(mode: int) -> None:
-    """Raise OSError if a file mode (`st_mode`) is not the mode of a regular file."""
+    """Raise OSError if a file mode (`st_mode`) is not that of a regular file."""
     if not stat.S_ISREG(mode):
         kind = next((kind for is_one, kind in KINDS if is_one(mode)), "special file")
         raise OSError(errno.EINVAL, f"expected a file, this is a {kind}")
 
 
 def without_waiting(path: str, flags: int) -> int:
-    """Open a file without waiting, also a FIFO that has no writer; return the file descriptor.
+    """Open a file without waiting, and return the file descriptor.
 
-    This function is used as the argument `opener` of `open`.
+    Even a FIFO without a writer is opened at once. This function is used as the argument `opener`
+    of `open`.
     """
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))

@@ -1,4 +1,4 @@
-"""Detection of the serial ports and CAN buses of this computer."""
+"""Find the serial ports and CAN buses of this computer."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from serial.tools import list_ports
 
 
 class Port(NamedTuple):
-    """A serial port or CAN bus, with the values that a rig file needs to select it."""
+    """A serial port or CAN bus, with the values by which a rig file selects it."""
 
     kind: str
     """`serial` or `can`."""
@@ -43,16 +43,16 @@ def available_ports() -> list[Port]:
 INTERFACES = ("socketcan", "pcan", "kvaser", "ixxat", "vector", "gs_usb", "usb2can", "canalystii")
 """Interfaces of python-can that are searched for buses.
 
-An interface whose library is not installed finds no buses.
+If the library of an interface is not installed, no buses of this interface are found.
 """
 
 
 def description(config: can.typechecking.AutoDetectedConfig) -> str:
-    """Return the properties that python-can gives for a bus, except interface and channel."""
+    """Return the properties of a bus that python-can gives, without interface and channel."""
     known = {k: v for k, v in config.items() if k not in ("interface", "channel")}
     return ", ".join(f"{name} {value}" for name, value in known.items())
 
 
 def known(text: str | None) -> str:
-    """Return a text that pyserial gives for a port; empty for None and `n/a` (not available)."""
+    """Return the text of a property of a port, empty if pyserial gives None or `n/a`."""
     return "" if text in (None, "n/a") else str(text)

@@ -1,4 +1,4 @@
-"""Texts for the problems of a file: errors in its TOML syntax, and errors that pydantic finds."""
+"""Describe the problems of a TOML file as text: syntax errors, and errors that pydantic finds."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
-"""Pattern of the line and column at the end of an error message of `tomllib`."""
+"""Pattern of the text with line and column at the end of an error message of `tomllib`."""
 LONGEST_INPUT = 60
-"""Largest number of characters that a message shows of an invalid value."""
+"""Largest number of characters of an invalid value that a message contains."""
 EXPECTED = {
     "bool": "true or false",
     "dataclass": "a table",
@@ -22,11 +22,11 @@ EXPECTED = {
     "string": "text in quotes",
     "tuple": "a list",
 }
-"""Expected form of a value, by the first word of the type of an error of pydantic."""
+"""Expected form of a value, by the first word of the error type that pydantic gives."""
 
 
 def syntax_problem(error: Exception, text: str) -> str:
-    """Return the problem of a TOML file, with the line in which it is.
+    """Return a text that describes a syntax error of a TOML file, with the line of the error.
 
     Parameters
     ----------
@@ -47,9 +47,9 @@ def syntax_problem(error: Exception, text: str) -> str:
 
 
 def value_problem(part: Mapping[str, Any]) -> str:
-    """Return a text with one problem that pydantic found in a value, and with the value.
+    """Return a text that describes a problem which pydantic found in a value.
 
-    The text does not contain the key.
+    The text contains the value, but not its key.
 
     Parameters
     ----------
@@ -80,12 +80,12 @@ def value_problem(part: Mapping[str, Any]) -> str:
 
 
 def tag_name(part: Mapping[str, Any]) -> str:
-    """Return the name of the key that states the kind of a table."""
+    """Return the name of the key that determines the kind of a table, for example `kind`."""
     return str(part["ctx"]["discriminator"]).strip("'")
 
 
 def given(value: Any) -> str:
-    """Return a text with the value that a file contains; empty for a table."""
+    """Return the end of a message, which shows the value that a file gives; empty for a table."""
     if isinstance(value, dict):
         return ""
     text = repr(value)

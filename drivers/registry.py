@@ -1,6 +1,6 @@
-"""Registry of device classes: it returns the class of a device for the kind in a rig file.
+"""Find the class of a device for the kind that a rig file gives.
 
-Other installed packages can add kinds with entry points of the group `teleop.devices`.
+Other installed packages can add kinds of devices by entry points of the group `teleop.devices`.
 """
 
 from __future__ import annotations

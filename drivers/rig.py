@@ -1,4 +1,4 @@
-"""Interface between the controller and a rig: read the channels, command velocities, stop."""
+"""Define the interface of a rig: read the channels, command velocities, and stop the drives."""
 
 from __future__ import annotations
 
@@ -8,13 +8,19 @@ from collections.abc import Mapping
 from types import TracebackType
 from typing import Annotated, NamedTuple, Self, get_origin, get_type_hints
 
+new_tuple = tuple.__new__
+"""Constructor of a NamedTuple from a tuple of all its values: `new_tuple(Command, (u, w))`.
+
+It takes a third of the time of `Command(u, w)`. It is used for the objects that each tick creates.
+"""
+
 
 class RigError(Exception):
     """A device failed or sends no data. The message names the device and what was expected."""
 
 
 def reason(error: Exception) -> str:
-    """Return the cause of an error as text in one line, for use within a message.
+    """Return the cause of an error as one line of text that can be part of a message.
 
     Parameters
     ----------
@@ -32,7 +38,7 @@ Velocity = Annotated[float, "m/s"]
 
 
 class Ages(NamedTuple):
-    """Age of the sample of each channel: time since the sample was taken [s].
+    """Age of the sample of each channel. The age is the time since the sample was taken [s].
 
     The fields have the order of `CHANNELS`.
     """
@@ -48,12 +54,12 @@ class Measurement(NamedTuple):
     """Latest samples of all channels of a rig at one tick, in SI units.
 
     Positions are displacements from the contact datum, positive into the environment. Forces are
-    positive in compression. The value of a channel that the rig does not have is NaN. `CHANNELS`
-    and `UNITS` are derived from the fields with a unit.
+    positive in compression. If the rig does not have a channel, its value is NaN. `CHANNELS` and
+    `UNITS` are made from those fields whose type has a unit.
     """
 
     time: float
-    """Time when the rig was read [s], on the controller's clock."""
+    """Time at which the rig was read [s], on the controller's clock."""
     master_force: Force
     """Force of the operator's hand on the handle [N]."""
     master_position: Position
@@ -67,7 +73,7 @@ class Measurement(NamedTuple):
     age: Ages
     """Ages of the samples [s]."""
     drive_error: str = ""
-    """Error that a device of the rig reports, as text; empty for none."""
+    """Error that a device of the rig reports, as text; empty if there is no error."""
     emergency_stop: bool = False
     """Whether the emergency-stop input of the rig is open."""
 
@@ -88,9 +94,9 @@ CHANNELS = tuple(UNITS)
 
 
 class Command(NamedTuple):
-    """Velocities of the two drives [m/s], positive in the direction of positive positions.
+    """Velocities of the two drives [m/s], positive in the direction of increasing position.
 
-    A rig whose handle has no drive ignores the velocity of the master.
+    If the handle has no drive, the velocity of the master has no effect.
     """
 
     master_velocity: float
@@ -112,9 +118,9 @@ class Rig(ABC):
 
     @property
     def rejected(self) -> Mapping[str, Mapping[str, int]]:
-        """Number of rejected messages, by the name of the device and by the reason.
+        """Number of rejected messages of each device, by the reason of the rejection.
 
-        Devices without rejected messages are omitted.
+        The first key is the name of the device. Devices without rejected messages are omitted.
         """
         return {}
 
@@ -156,7 +162,7 @@ class Rig(ABC):
         """
 
     def rearm(self) -> None:  # noqa: B027
-        """Clear the latched errors of the drives, when a person requests it after a fault.
+        """Clear the latched errors of the drives. This is done when a person requests it.
 
         An error that is still present is reported again.
         """
@@ -178,7 +184,7 @@ class Rig(ABC):
         Raises
         ------
         ValueError
-            A velocity is not finite. No command was sent.
+            A velocity is not finite. In this case no command was sent.
         RigError
             A drive cannot be commanded.
         """
@@ -192,7 +198,7 @@ class Rig(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Release the devices, also after an `open` that failed."""
+        """Release the devices. This method may also be called after `open` failed."""
 
     def __enter__(self) -> Self:
         try:

@@ -1,7 +1,7 @@
-"""Reads and checks rig files.
+"""Read and check rig files.
 
 A rig file assigns the channels and drives of a rig to devices, and the devices to buses. The format
-is TOML. One error lists all problems of a file.
+is TOML. If a file has several problems, all problems are listed in one error.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def parse_rig_file(path: Path, text: str) -> RigFile:
     Parameters
     ----------
     path
-        Path of the rig file. A relative path in the rig file starts at the folder of the rig file.
+        Path of the rig file. Paths in the rig file are relative to the folder of the rig file.
     text
         Text of the rig file.
 
@@ -118,9 +118,9 @@ def parse_rig_file(path: Path, text: str) -> RigFile:
 
 
 def valid_sections(tree: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the valid sections of a rig file, by name, and None for each invalid section.
+    """Return the sections of a rig file by name, with None in place of each invalid section.
 
-    References between the valid sections can then still be checked.
+    So the references between the valid sections can be checked although other sections are invalid.
     """
     sections = {}
     for name, part in RigSections.model_fields.items():
@@ -133,9 +133,9 @@ def valid_sections(tree: Mapping[str, Any]) -> dict[str, Any]:
 
 @cache
 def device_validator(settings: type[DeviceSettings]) -> TypeAdapter[DeviceSettings]:
-    """Return the validator of the settings for a kind of device.
+    """Return pydantic's validator for the settings of a kind of device.
 
-    Each validator is created once and then used again.
+    Each validator is created only once.
     """
     return TypeAdapter(settings)
 
@@ -143,7 +143,7 @@ def device_validator(settings: type[DeviceSettings]) -> TypeAdapter[DeviceSettin
 def checked_devices(
     tree: Any, folder: Path, problems: list[str]
 ) -> Iterator[tuple[str, DeviceSettings]]:
-    """Yield name and settings of each device whose section is valid.
+    """Yield the name and the settings of each device whose section is valid.
 
     Parameters
     ----------
@@ -172,14 +172,14 @@ def checked_devices(
 
 
 def validation_problems(error: ValidationError, where: tuple[str, ...]) -> list[str]:
-    """Return each problem that pydantic found, as a line with the key and the given value.
+    """Return one line of text per problem that pydantic found, with the key and the given value.
 
     Parameters
     ----------
     error
         Error of pydantic.
     where
-        Names of the sections that contain the checked part of the rig file.
+        Names of the sections in which the checked part of the rig file is.
     """
     return [
         f"{'.'.join(map(str, where + part['loc']))}: {value_problem(part)}"
@@ -190,8 +190,8 @@ def validation_problems(error: ValidationError, where: tuple[str, ...]) -> list[
 def reference_problems(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
     """Yield the problems of the references between sections of a rig file.
 
-    A reference is the name of a bus, device, signal or drive. Problems are: a name that no part of
-    the rig has, a part that is used twice, and a signal with an unexpected unit.
+    A reference is the name of a bus, device, signal or drive. There are three kinds of problems: no
+    part of the rig has the name, a part is used twice, or a signal has an unexpected unit.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ def reference_problems(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
 def bus_problems(
     devices: Mapping[str, Device], buses: Mapping[str, SerialSettings | CanSettings]
 ) -> Iterator[str]:
-    """Yield the problems of buses: unknown buses, and ports or CAN identifiers used twice."""
+    """Yield the problems of buses: unknown names, and ports or CAN identifiers used twice."""
     ports: dict[str, str] = {}
     for name, settings in buses.items():
         port = settings.port if isinstance(settings, SerialSettings) else settings.channel
@@ -267,7 +267,7 @@ def bus_problems(
 def channel_problem(
     name: str, channel: ChannelSettings, devices: Mapping[str, Device]
 ) -> str | None:
-    """Return the problem of a channel's device, signal or scale; None for none."""
+    """Return the problem of a channel's device, signal or scale; None if there is no problem."""
     if channel.device not in devices:
         return f"device: {channel.device!r}: expected one of {', '.join(devices)}"
     units = devices[channel.device].signals()
@@ -280,7 +280,7 @@ def channel_problem(
 
 
 def drive_problem(drive: DriveSettings, devices: Mapping[str, Device]) -> str | None:
-    """Return the problem of the device or drive that a drive section names; None for none."""
+    """Return the problem of the device or drive that a section names; None if there is none."""
     if drive.device not in devices:
         return f"device: {drive.device!r}: expected one of {', '.join(devices)}"
     if not sole_drive(devices[drive.device], drive.drive):

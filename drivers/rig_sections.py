@@ -1,4 +1,4 @@
-"""Sections of a rig file. The name of a key ends with its unit; an unknown key is an error."""
+"""Define the sections of a rig file. Names of keys end with the unit. Unknown keys are errors."""
 
 from __future__ import annotations
 
@@ -41,24 +41,25 @@ BusSettings = Annotated[SerialSettings | CanSettings, Field(discriminator="kind"
 
 
 class ChannelSettings(Section):
-    """Describes the signal of a device from which the value of a channel is computed.
+    """Section of the rig file for a channel.
 
-    The value in SI units is sign * scale * signal + offset.
+    The value of the channel is computed from a signal of a device. In SI units, the value is
+    sign * scale * signal + offset.
     """
 
     device: str
     signal: str
     scale: Positive | None = None
-    """Scale of the signal, for example in N/V; not needed for a signal in the channel's SI unit."""
+    """Scale of the signal, for example in N/V. Not needed for a signal in the channel's SI unit."""
     sign: Literal[1, -1] = 1
     lag_ms: NonNegative = 0.0
     """Delay of the sensor, which is added to the age of each sample [ms]."""
     max_age_ms: Positive = 20.0
-    """Largest age of a sample [ms]; the rig is stopped if a sample is older."""
+    """Largest age of a sample [ms]. If a sample is older, the rig is stopped."""
 
     @property
     def gain(self) -> float:
-        """Scale with its sign [SI unit of the channel per unit of the signal]."""
+        """Scale times sign [SI unit of the channel per unit of the signal]."""
         return self.sign * (self.scale or 1.0)
 
 
@@ -69,7 +70,7 @@ class ForceSettings(ChannelSettings):
     range_n: tuple[FiniteFloat, FiniteFloat]
     max_rate_n_per_s: Positive | None = None
     frozen_ms: Positive | None = None
-    """Longest time for which a working sensor repeats exactly the same value [ms]."""
+    """Longest time during which a working sensor gives exactly the same value [ms]."""
 
     @property
     def offset(self) -> float:
@@ -84,7 +85,7 @@ class PositionSettings(ChannelSettings):
     range_mm: tuple[FiniteFloat, FiniteFloat]
     max_rate_mm_per_s: Positive | None = None
     frozen_travel_mm: Positive | None = None
-    """Largest commanded displacement during which a working encoder does not change [mm]."""
+    """Largest commanded displacement during which a working encoder gives the same value [mm]."""
     resolution_um: Positive = 1.0
     """Displacement per encoder count [um]."""
 
@@ -100,7 +101,7 @@ class VelocitySettings(ChannelSettings):
     range_mm_per_s: tuple[FiniteFloat, FiniteFloat]
     max_rate_mm_per_s2: Positive | None = None
     frozen_travel_mm_per_s: Positive | None = None
-    """Largest commanded change of velocity for which a working sensor keeps its value [mm/s]."""
+    """Largest commanded velocity change for which a working sensor gives the same value [mm/s]."""
 
     @property
     def offset(self) -> float:
@@ -121,7 +122,7 @@ class ChannelsSettings(Section):
     slave_velocity: VelocitySettings | None = None
 
     def items(self) -> Iterator[tuple[str, ForceSettings | PositionSettings | VelocitySettings]]:
-        """Yield name and settings of each channel of the rig, in the order of `CHANNELS`."""
+        """Yield the name and settings of each channel of the rig, in the order of `CHANNELS`."""
         for name in CHANNELS:
             if channel := getattr(self, name):
                 yield name, channel
@@ -132,7 +133,7 @@ class DriveSettings(Section):
 
     device: str
     drive: str = ""
-    """Name of the drive in its device; needed only if the device has several drives."""
+    """Name of the drive in its device. Needed only if the device has several drives."""
     sign: Literal[1, -1] = 1
     max_velocity_mm_per_s: Positive
 
@@ -144,14 +145,14 @@ class DrivesSettings(Section):
     master: DriveSettings | None = None
 
     def items(self) -> Iterator[tuple[str, DriveSettings]]:
-        """Yield name and settings of each drive of the rig, in the order of `drivers.Command`."""
+        """Yield the name and settings of each drive, in the order of `drivers.Command`."""
         for name in AXES:
             if drive := getattr(self, name):
                 yield name, drive
 
 
 class LimitsSettings(Section):
-    """Section of the rig file for the safety limits; `teleop.safety.Limits` describes them."""
+    """Section of the rig file for the safety limits. See `teleop.safety.Limits`."""
 
     max_velocity_mm_per_s: Positive
     max_acceleration_m_per_s2: Positive

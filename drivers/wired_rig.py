@@ -1,4 +1,4 @@
-"""A rig whose devices are on serial ports and CAN buses, as described by a rig file."""
+"""A rig with real devices on serial ports and CAN buses. A rig file describes the rig."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ENABLING = 2.0
 
 
 class Channel(NamedTuple):
-    """Describes the signal of a device from which the value of a channel is computed.
+    """A channel, and the signal of a device from which its value is computed.
 
     The value in SI units is gain * signal + offset.
     """
@@ -52,7 +52,7 @@ class WiredDrive(NamedTuple):
 
 
 class WiredRig(Rig):
-    """A telemanipulator of real devices.
+    """A telemanipulator that consists of real devices.
 
     Parameters
     ----------
@@ -93,9 +93,9 @@ class WiredRig(Rig):
 
     @property
     def rejected(self) -> Mapping[str, Mapping[str, int]]:
-        """Number of rejected messages, by the name of the device and by the reason.
+        """Number of rejected messages of each device, by the reason of the rejection.
 
-        Devices without rejected messages are omitted.
+        The first key is the name of the device. Devices without rejected messages are omitted.
         """
         return {name: device.rejected for name, device in self.devices.items() if device.rejected}
 
@@ -132,7 +132,7 @@ class WiredRig(Rig):
         return {name: c.device.samples[c.signal].value for name, c in self._channels.items()}
 
     def _sources_of(self, channels: list[str]) -> str:
-        """Return a text that names each channel with its device and the problems of the device."""
+        """Return a text with the device of each channel, and the problems of this device."""
         parts = []
         for name in channels:
             device = self._channels[name].device
@@ -228,7 +228,7 @@ class WiredRig(Rig):
         Raises
         ------
         ValueError
-            A velocity is not finite. No command was sent.
+            A velocity is not finite. In this case no command was sent.
         RigError
             A message cannot be sent to a device.
         """
@@ -247,8 +247,8 @@ class WiredRig(Rig):
     def idle(self) -> None:
         """Take every drive out of operation.
 
-        If this fails for a drive, the other drives are still taken out of operation, and then the
-        error is raised.
+        If this fails for a drive, the other drives are taken out of operation before the error is
+        raised.
         """
         self._enabled, self._enabling = False, math.nan
         with ExitStack() as stack:

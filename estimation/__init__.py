@@ -1,4 +1,9 @@
-"""Online estimation of the damping and stiffness of an environment, f = b v + k x."""
+"""Estimate the damping b and stiffness k of an environment online, with f = b v + k x.
+
+In the docstrings of this package, "the paper" is T. Yamamoto, M. Bernhardt, A. Peer, M. Buss,
+A. M. Okamura, "Techniques for environment parameter estimation during telemanipulation", BioRob
+2008. Numbers of equations, as in (8), are those of the paper unless another source is named.
+"""
 
 from estimation.bank import Bank
 from estimation.conditioning import (

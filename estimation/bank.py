@@ -1,4 +1,4 @@
-"""A bank of named estimators that process the same samples."""
+"""Run several estimators on the same samples."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from estimation.gate import Gate
 
 
 class Bank(Mapping[str, Estimator]):
-    """Named estimators that process the same samples.
+    """Estimators that process the same samples. Each estimator has a name.
 
     A sample may have regressors besides v and x. An estimator with the Kelvin-Voigt model uses v
     and x only. An estimator with another model uses all regressors of the sample.
@@ -31,7 +31,8 @@ class Bank(Mapping[str, Estimator]):
     Raises
     ------
     ValueError
-        There is no estimator, or two estimators have different models, both not Kelvin-Voigt.
+        There is no estimator; or two estimators have different models, and neither model is
+        Kelvin-Voigt.
 
     Examples
     --------
@@ -57,7 +58,7 @@ class Bank(Mapping[str, Estimator]):
         ]
         self.gate = gate
         self.opened = np.zeros(0, dtype=np.bool_)
-        """Whether the gate was open at each sample of the last `run`, shape (n,)."""
+        """Whether the gate was open, for each of the n samples of the last `run`, shape (n,)."""
 
     def __getitem__(self, name: str) -> Estimator:
         return self._estimators[name]

@@ -1,13 +1,16 @@
-"""Baselines: the part of a signal that is slower than the palpation.
+"""Compute baselines. A baseline is the part of a signal that is slower than the palpation.
 
-A baseline is a sum of the cosines cos(pi j (t - t0) / T), j = 0 ... m, and of a parabola. The
-highest frequency of the cosines is m / (2 T). The slope of a cosine is zero at both ends of the
-record, but the slope of a drift is not. With cosines only, the coefficients of a drift therefore
-decrease as 1 / j^2, and a part of the drift remains at the frequency of the palpation. The parabola
-has the slopes of the drift at the ends. The cosine coefficients of the remaining drift decrease as
-1 / j^4 (Lanczos). If the cosines and the parabola are among the regressors of a fit, a slow drift
-of force and position does not affect the other parameters (Frisch and Waugh). The information in
-the slow part of the motion is lost.
+A baseline is a sum of the cosines cos(pi j (t - t0) / T), j = 0 ... m, and of a parabola. t0 is the
+start of the record, and T is its length. The highest frequency of the cosines is m / (2 T).
+
+The parabola is needed because the slope of a cosine is zero at both ends of the record, but the
+slope of a drift is not. With cosines only, the coefficients of a drift decrease as 1 / j^2, and a
+part of the drift remains at the frequency of the palpation. The parabola can have the slopes of the
+drift at both ends. The cosine coefficients of the rest then decrease as 1 / j^4 (Lanczos).
+
+If the cosines and the parabola are among the regressors of a fit, a slow drift of force and
+position does not affect the other parameters (Frisch and Waugh). The information in the slow part
+of the motion is lost.
 
 References
 ----------
@@ -29,9 +32,10 @@ BELOW = 0.6
 """Highest frequency of a baseline, divided by the lower end of the frequency band in which the
 force follows the displacement."""
 MOST = 300
-"""Largest number of cosines. It limits the highest frequency of a baseline in a long record."""
+"""Largest number of cosines. In a long record, this number limits the frequency of a baseline."""
 FEWEST_CYCLES = 3.0
-"""Smallest length of a record with a baseline, in periods of the lower end of the band."""
+"""If a record is shorter than this number of periods of the lower end of the band, no baseline is
+used."""
 
 
 def baseline_order(low: float, seconds: float) -> int:
@@ -67,7 +71,7 @@ def cosines(t: Floats, start: float, seconds: float, order: int) -> Floats:
 
 
 def baseline_regressors(t: Floats, start: float, seconds: float, order: int) -> Floats:
-    """Return the baseline regressors for a fit whose other regressors describe the palpation.
+    """Return the regressors of a baseline. Other regressors of the fit describe the palpation.
 
     Parameters
     ----------
@@ -76,7 +80,8 @@ def baseline_regressors(t: Floats, start: float, seconds: float, order: int) -> 
 
     Returns
     -------
-    Array of shape (n, 1) if `order` is 0, else (n, order + 3): cosines, then the parabola.
+    Array of shape (n, order + 3), with the cosines and then the parabola. If `order` is 0, the
+    shape is (n, 1).
     """
     columns = cosines(t, start, seconds, order)
     if order == 0:
@@ -86,15 +91,15 @@ def baseline_regressors(t: Floats, start: float, seconds: float, order: int) -> 
 
 
 def without_baseline(values: Floats, order: int) -> Floats:
-    """Return the values minus their least-squares baseline, shape (n,).
+    """Subtract a baseline from the values, and return the rest, shape (n,).
 
-    This baseline has no parabola, because a parabola would follow the palpation at the ends of the
-    record.
+    The baseline is fitted by least squares. It has no parabola, because a parabola would follow the
+    palpation at the ends of the record.
 
-    On evenly spaced samples the products of the cosines with the values are a discrete cosine
-    transform (DCT-I). The cosines would be orthogonal if the first and the last sample had half
-    weight. Here these two samples have full weight, which is a small correction. The computing time
-    is therefore proportional to n log n, and the memory to n, for every `order`.
+    The samples are evenly spaced, so the products of the cosines and the values are a discrete
+    cosine transform (DCT-I). The cosines would be orthogonal if the first and the last sample had
+    half weight. Here these two samples have full weight, which needs only a small correction. The
+    computing time is therefore proportional to n log n, and the memory to n, for every `order`.
 
     Parameters
     ----------

@@ -1,9 +1,10 @@
-"""Least-squares fits that all have the same baseline among their regressors.
+"""Make several least-squares fits that have the same baseline among their regressors.
 
-The regressors of a fit are a baseline B of many columns, which is the same in every fit, and a few
-columns X, which differ between the fits. The parameters of X and the residual are computed from the
-parts of X and f that are orthogonal to B (Frisch, Waugh and Lovell). B is decomposed only once. A
-fit of m columns X with a baseline of p columns then takes a time proportional to n m p instead of
+The regressors of a fit are the columns of two matrices. The baseline B has many columns, and is the
+same in every fit. X has few columns, and differs between the fits. Only those parts of X and of the
+values f are used that are orthogonal to B. The parameters of X and the residual are computed from
+these parts (Frisch, Waugh and Lovell). B is decomposed only once. Let X have m columns, B have p
+columns, and let there be n samples. Then the time for a fit is proportional to n m p, instead of
 n (m + p)^2.
 
 References
@@ -22,11 +23,11 @@ from estimation.compiled import Floats
 from estimation.robust_error import RobustFit, robust_fit
 
 RANK = 1e-10
-"""Smallest singular value that is not treated as zero, relative to the largest singular value."""
+"""Singular values below this fraction of the largest singular value are treated as zero."""
 
 
 class BaselineFits:
-    """Fits of one signal to its baseline and further regressors.
+    """Fits a baseline and other regressors to one signal.
 
     Parameters
     ----------
@@ -52,9 +53,9 @@ class BaselineFits:
         self.rest = f - self.orthogonal @ self.along
 
     def fit(self, columns: Floats) -> RobustFit:
-        """Return the fit with the regressors `columns` besides the baseline, shape (n, m).
+        """Return the fit of the baseline and of the regressors `columns`, shape (n, m).
 
-        The parameters of the baseline are the first parameters of the fit.
+        The first parameters of the fit are those of the baseline.
         """
         q = self.orthogonal
         along = q.T @ columns
@@ -72,19 +73,19 @@ class BaselineFits:
 
 
 class Inverse:
-    """The operator (Z' Z)^-1 Z' of the regressors Z = [B, X], of p + m rows and n columns.
+    """The matrix (Z' Z)^-1 Z' of all regressors Z = [B, X] of a fit, shape (p + m, n).
 
-    Only the product of a vector or a matrix and this operator is computed. The p + m rows of the
-    operator are not stored.
+    The matrix is not stored. Only the product of a vector or another matrix with this matrix can be
+    computed.
 
     Parameters
     ----------
     baseline
-        The decomposed baseline.
+        The decomposed baseline B.
     along
-        Components of X along the orthogonal basis of the baseline, shape (p, m).
+        Components of X along the orthogonal basis of B, shape (p, m).
     own
-        Fit with the part of X that is orthogonal to the baseline.
+        Fit of the part of X that is orthogonal to B.
     """
 
     __array_ufunc__ = None  # numpy then leaves the product to __rmatmul__
@@ -98,7 +99,7 @@ class Inverse:
         return np.asarray(self.baseline.leverage + self.own.leverage)
 
     def __rmatmul__(self, gradients: Floats) -> Floats:
-        """Return the product of gradients, shape (p + m,) or (r, p + m), and this operator."""
+        """Return the product of `gradients`, shape (p + m,) or (r, p + m), with this matrix."""
         size = len(self.baseline.to_theta)
         slow = gradients[..., :size] @ self.baseline.to_theta
         own = gradients[..., size:] - slow @ self.along
@@ -109,12 +110,15 @@ class Inverse:
 
 
 class FitWithBaseline(RobustFit):
-    """A fit of `BaselineFits`. `inverse` is an `Inverse`. `regressors` are without the baseline."""
+    """A fit that `BaselineFits` returns.
+
+    `inverse` is an `Inverse`. `regressors` is the part of X that is orthogonal to the baseline.
+    """
 
     __slots__ = ()
 
     @property
     def leverage(self) -> Floats:
-        """Diagonal of X (X' X)^-1 X' of all regressors X, shape (n,)."""
+        """Diagonal of Z (Z' Z)^-1 Z', where Z contains all regressors, shape (n,)."""
         inverse: Any = self.inverse
         return np.asarray(inverse.leverage)

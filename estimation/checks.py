@@ -1,4 +1,4 @@
-"""Checks of samples and settings, with one-line error messages."""
+"""Check samples and settings. A failed check raises an error with a message of one line."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from estimation.compiled import Samples
 from estimation.model import Model
 
 LARGEST = 1e30
-"""Samples of this magnitude or more are rejected, so that sums of squares do not overflow."""
+"""Values of this magnitude or more are rejected, so that sums of squares do not overflow."""
 
 
 def is_valid(dt: float, size: float) -> bool:
@@ -23,13 +23,13 @@ def is_valid(dt: float, size: float) -> bool:
     dt
         Time since the previous sample [s], which must be positive and finite.
     size
-        Sum of the magnitudes of the values, which must be finite and below `LARGEST`.
+        Sum of the magnitudes of the values in the sample. This sum must be below `LARGEST`.
     """
     return size < LARGEST and 0.0 < dt < math.inf
 
 
 def sample_error(dt: float, further: Sequence[float] = (), **values: float) -> ValueError:
-    """Return the ValueError for an invalid sample. The message contains the values by name."""
+    """Return a ValueError for an invalid sample. The message has the name of each value."""
     values |= {f"further[{i}]": value for i, value in enumerate(further)}
     got = ", ".join(f"{name}={value!r}" for name, value in values.items())
     return ValueError(
@@ -40,7 +40,7 @@ def sample_error(dt: float, further: Sequence[float] = (), **values: float) -> V
 def checked_samples(
     x: ArrayLike, v: ArrayLike, f: ArrayLike, dt: ArrayLike, further: ArrayLike | None = None
 ) -> Samples:
-    """Return the samples as contiguous float64 arrays.
+    """Check the samples, and return them as contiguous float64 arrays.
 
     Raises
     ------
@@ -73,14 +73,14 @@ def checked_samples(
 
 
 def positive_values(name: str, values: Sequence[float], model: Model) -> tuple[float, ...]:
-    """Return the values as a tuple, if there is one positive value per parameter of the model.
+    """Check that there is one positive value per parameter of the model; return them as a tuple.
 
     `name` is the name of the setting in the error message.
 
     Raises
     ------
     ValueError
-        The number of values differs from that of the parameters, or a value is out of range.
+        The number of values is not the number of parameters, or a value is out of range.
     """
     if len(values) != model.regressors or not all(0.0 < value < math.inf for value in values):
         raise ValueError(
@@ -91,6 +91,9 @@ def positive_values(name: str, values: Sequence[float], model: Model) -> tuple[f
 
 
 def check_correlation(correlation: float) -> None:
-    """Raise ValueError unless the number of samples per independent value of the noise is >= 1."""
+    """Raise ValueError if `correlation` is below 1 or infinite.
+
+    `correlation` is the number of samples per independent value of the force noise.
+    """
     if not 1.0 <= correlation < math.inf:
         raise ValueError(f"correlation must be at least 1, got {correlation}")

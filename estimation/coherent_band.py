@@ -1,21 +1,21 @@
-"""The band of frequencies in which a force and a displacement are coherent.
+"""Find the band of frequencies in which the force is coherent with the displacement.
 
 The highest peak in the spectrum of the displacement is not always at the frequency of the
-palpation: a slow drift of the position, for example in a raster scan, can be larger. The band is
-therefore computed from the part of the force that is coherent with the displacement. The power
-spectrum of this part is C(w) S_ff(w), where w is the angular frequency, C the coherence, and S_ff
-the power spectrum of the force.
+palpation. A slow drift of the position, for example in a raster scan, can have a higher peak. The
+band is therefore computed from the part of the force that is coherent with the displacement. The
+power spectrum of this part is C(w) S_ff(w), where w is the angular frequency, C is the coherence,
+and S_ff is the power spectrum of the force.
 
-- The lower end of the band is computed from w^2 C S_ff, the power of the time derivative of the
-  force, in which a slow baseline is small.
+- The lower end of the band is computed from w^2 C S_ff. This is the power of the time derivative of
+  the force, in which a slow baseline is small.
 - The centre and the upper end are computed from w C S_ff. The factor w is a compromise: in a
   ramp-and-hold motion, most of C S_ff is due to the holds, and most of w^2 C S_ff is due to the
   corners of the motion.
 
 C is estimated by Thomson's multitaper method. This method does not divide the record into segments.
-For a record of length T, its frequency resolution is 4 / T. A frequency bin is used if its
-coherence is larger than that of independent signals in all but one of a million bins, and if the
-power of the force in the bin is larger than the noise.
+For a record of length T, its frequency resolution is 4 / T. A frequency bin is used under two
+conditions. First, independent signals have a coherence as large as that of the bin in only one of a
+million bins. Second, the power of the force in the bin is larger than the noise.
 
 References
 ----------
@@ -31,41 +31,51 @@ from scipy.linalg import eigh_tridiagonal
 
 from estimation.compiled import Floats
 
-TAPERS = 7
-"""Number of tapers; the time-bandwidth product is (TAPERS + 1) / 2."""
-COHERENT = (0.9, 0.5)
-"""Smallest coherence of a bin that is used. The second value applies if no bin reaches the first.
+TAPERS = 6
+"""Number of tapers.
+
+It is the number 2 NW of orthogonal tapers minus 2, because the last tapers leak: with one taper
+more, the ends of a single slow stroke appear as power at all frequencies.
+"""
+BANDWIDTH = 4.0
+"""Time-bandwidth product NW of the tapers."""
+COHERENT = (0.94, 0.56)
+"""A bin is used if its coherence is at least the first value.
+
+If this condition selects no bin, the second value is used instead of the first.
 
 In a bin, the estimated coherence of independent signals is larger than c with the probability
 (1 - c)^(TAPERS - 1). This probability is 1e-6 for the first value and 0.016 for the second.
 """
 ABOVE_NOISE = 10.0
-"""Smallest power of the force in a bin that is used, relative to the noise power.
+"""A bin is used if the power of the force in the bin is above this multiple of the noise power.
 
 The noise power is the median power of the upper half of the bins.
 """
 MOST_SAMPLES = 1 << 16
-"""Largest number of samples that is used without averaging. A longer record is averaged in blocks.
-"""
+"""If a record has at least twice this number of samples, it is averaged in blocks first."""
 LOWEST, HIGHEST = 0.005, 0.95
-"""Fraction of the power below the lower end of the band, and below the upper end of the band."""
+"""Fractions of the power below the lower end and below the upper end of the band."""
 
 
 class CoherentBand(NamedTuple):
     """Frequency band in which the force is coherent with the displacement."""
 
     low: float
-    """Frequency below which 0.5 % of w^2 C S_ff lies [Hz]."""
+    """Frequency below which 0.5 % of the integral of w^2 C S_ff lies [Hz]."""
     centre: float
     """Frequency that divides the integral of w C S_ff into two equal parts [Hz]."""
     high: float
-    """Frequency below which 95 % of w C S_ff lies, minus the half bandwidth of the tapers [Hz]."""
+    """Frequency below which 95 % of the integral of w C S_ff lies [Hz].
+
+    The half bandwidth of the tapers is subtracted.
+    """
     coherence: float
     """Mean coherence, weighted by the power; 0 if no bin is coherent."""
 
 
 def block_means(values: Floats, length: int) -> Floats:
-    """Return the means of blocks of `length` samples; an incomplete last block is dropped."""
+    """Return the mean of each block of `length` samples. An incomplete last block is discarded."""
     if length == 1:
         return values
     whole = len(values) // length
@@ -84,7 +94,7 @@ def slepian_tapers(n: int) -> Floats:
         Number of samples.
     """
     place = np.arange(n, dtype=np.float64)
-    half_band = 0.5 * (TAPERS + 1) / n
+    half_band = BANDWIDTH / n
     diagonal = ((n - 1 - 2 * place) / 2.0) ** 2 * np.cos(2.0 * np.pi * half_band)
     beside = place[1:] * (n - place[1:]) / 2.0
     _, vectors = eigh_tridiagonal(diagonal, beside, select="i", select_range=(n - TAPERS, n - 1))
@@ -139,7 +149,7 @@ def coherent_band(x: Floats, f: Floats, period: float) -> CoherentBand:
     centre, high = (
         float(frequency[np.searchsorted(between, share * between[-1])]) for share in (0.5, HIGHEST)
     )
-    leakage = 0.5 * (TAPERS + 1) / (n * period)
+    leakage = BANDWIDTH / (n * period)
     return CoherentBand(
         low=float(frequency[np.searchsorted(rate, LOWEST * rate[-1])]),
         centre=centre,

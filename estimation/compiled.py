@@ -26,9 +26,9 @@ from estimation.step import State, Step, below
 Floats = NDArray[np.float64]
 
 WORTH_LOADING_NUMBA = 200_000
-"""Number of samples whose interpretation takes as long as loading numba, about 0.6 s."""
+"""Number of samples that the interpreter processes in the time of loading numba, about 0.6 s."""
 WORTH_LOADING_STEP = 3_000
-"""Number of samples whose interpretation takes as long as loading a compiled step, about 7 ms."""
+"""Number of samples that the interpreter processes while a compiled step is loaded, about 7 ms."""
 
 
 class Samples(NamedTuple):
@@ -41,27 +41,29 @@ class Samples(NamedTuple):
     dt: Floats
     """Time since the previous sample [s], shape (n,)."""
     open: NDArray[np.bool_]
-    """True where the sample is processed; where False, the estimate does not change. (n,)."""
+    """True for the samples that are processed, shape (n,). The other samples do not change the
+    estimate."""
 
 
 class Law(NamedTuple):
-    """A step function and the values of its constant settings."""
+    """The function `step` of a method, and the values of its constant settings."""
 
     step: Step
     parameters: Any
 
 
 class CompilationChoice:
-    """Choice between interpreted code and compiled code. Compiled code needs numba.
+    """Decide whether samples are processed by interpreted or by compiled code.
 
-    numba is loaded when the time spent on interpreted samples is equal to the loading time of
-    numba. Short arrays of samples do not count. The total time is therefore at most twice the
-    time of the best choice, which could be known only afterwards (ski rental problem).
+    Compiled code needs numba. numba is loaded when the interpreted samples so far have taken as
+    long as loading numba takes. Short arrays of samples are not counted. The total time is
+    therefore at most twice that of the best decision, which can only be known at the end (ski
+    rental problem).
     """
 
     def __init__(self) -> None:
         self.interpreted = 0
-        """Number of interpreted samples, summed over all steps."""
+        """Number of samples that were interpreted so far, in all arrays that are not short."""
 
     def is_compiled(self, samples: int) -> bool:
         """Return whether compiled code is used for this number of samples."""
@@ -74,14 +76,14 @@ class CompilationChoice:
 
 
 choice = CompilationChoice()
-"""The choice between interpreted and compiled code in this process."""
+"""The `CompilationChoice` of this process. All arrays of samples share it."""
 
 
 def sweep(law: Law, state: State, samples: Samples) -> Floats:
-    """Apply a step to n samples. Return the estimate after each sample, and change the state.
+    """Apply a step to n samples, and return the estimate after each sample.
 
-    The state is updated in place. Compiled and interpreted results are identical to the bit: both
-    do the same operations in the same order, without fused multiply-add.
+    The state is updated in place. The results of compiled and interpreted code are identical to
+    the bit, because both do the same operations in the same order, without fused multiply-add.
 
     Returns
     -------
@@ -94,7 +96,7 @@ def sweep(law: Law, state: State, samples: Samples) -> Floats:
 
 
 def interpreted_sweep(law: Law, state: State, samples: Samples) -> Floats:
-    """Do the same as `sweep`, always in the interpreter."""
+    """Do the same as `sweep`, but always with interpreted code."""
     step, parameters = interpreted(law.step), law.parameters
     theta, std = state.theta, state.std
     columns = (column.tolist() for column in samples)
@@ -111,7 +113,7 @@ def interpreted_sweep(law: Law, state: State, samples: Samples) -> Floats:
 
 
 def compiled_sweep(law: Law, state: State, samples: Samples) -> Floats:
-    """Do the same as `sweep`, always as machine code.
+    """Do the same as `sweep`, but always with compiled code.
 
     Raises
     ------
@@ -127,16 +129,16 @@ def compiled_sweep(law: Law, state: State, samples: Samples) -> Floats:
 
 
 interpreted = cache(own_copy)
-"""Function that returns the copy of a step for the interpreter. Each step is copied only once."""
+"""Return the copy of a step that the interpreter uses. Each step is copied only once."""
 
 
 @cache
 def compiled(step: Step, regressors: int) -> Callable[..., None]:
     """Return a compiled function that calls a step for each sample.
 
-    The compiled function has the arguments of `_template`: a record of the parameters, a record of
-    the state, the arrays of `Samples`, and the table of estimates. It writes the estimates into
-    this table (see `sweep`).
+    The arguments of the compiled function are those of `_template`: a record of the parameters, a
+    record of the state, the arrays of `Samples`, and a table. The compiled function writes the
+    estimates into this table, whose columns are those of `sweep`.
 
     Parameters
     ----------
@@ -147,9 +149,10 @@ def compiled(step: Step, regressors: int) -> Callable[..., None]:
     """
     from numba.np.unsafe.ndarray import to_fixed_tuple
 
-    # The key of numba's disk cache does not depend on called functions or on closures. So the
-    # step is a global of a copy of `_template`. The name of the copy contains a hash of the source
-    # of this package and of all modules with functions that the step calls.
+    # The key of numba's disk cache depends on the name of the function, but not on the functions
+    # that it calls, or on closures. So the step is a global of a copy of `_template`. The name of
+    # this copy contains a hash of the source of this package, and of all modules with functions
+    # that the step calls.
     modules = {function.__module__ for function in called_functions(step)}
     source = "".join(inspect.getsource(sys.modules[module]) for module in sorted(modules))
     digest = hashlib.sha256((source + package_source()).encode()).hexdigest()[:16]
@@ -170,13 +173,15 @@ def looped(
     inputs: tuple[NDArray[Any], ...],
     outputs: tuple[NDArray[Any], ...],
 ) -> None:
-    """Call a loop over n samples, interpreted or compiled, with identical results to the bit.
+    """Call a function that loops over n samples, interpreted or compiled.
+
+    The results of interpreted and compiled code are identical to the bit.
 
     Parameters
     ----------
     loop
-        Function with the arguments constants, inputs and outputs. It writes the outputs. It follows
-        the rules of a step (`estimation.step`).
+        Function with the arguments constants, inputs and outputs, which writes into the outputs.
+        The function must follow the rules of a step (`estimation.step`).
     constants
         Numbers that are the same for all samples.
     inputs
@@ -195,7 +200,7 @@ def looped(
 
 @cache
 def compiled_loop(loop: Callable[..., None]) -> Callable[..., None]:
-    """Return a compiled copy of a loop over samples."""
+    """Return a compiled copy of a function that loops over samples, see `looped`."""
     called = {name: own_copy(value, called_by_machine_code) for name, value in calls(loop).items()}
     copy = FunctionType(loop.__code__, {**used_globals(loop), **called})
     copy.__module__ = __name__
@@ -206,7 +211,10 @@ def compiled_loop(loop: Callable[..., None]) -> Callable[..., None]:
 
 @cache
 def compiled_below() -> object:
-    """Return the object that replaces `step.below` in compiled code. Its item n is `range(n)`."""
+    """Return the object that replaces `step.below` in compiled code.
+
+    The object indexed with n is `range(n)`, as with `step.below`.
+    """
     import operator
 
     from numba.core import types

@@ -1,4 +1,4 @@
-"""Choice of a signal conditioner by its name."""
+"""Make the signal conditioner with a given name."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from estimation.model import KELVIN_VOIGT, Model
 CONDITIONERS = ("matched", "svf", "foaw", "difference")
 """Names of the signal conditioners."""
 LONGEST_LAG = 0.5
-"""Largest time constant of a force channel whose lag can be compensated [s]."""
+"""Largest time constant of a lag of the force channel that can be compensated [s]."""
 
 
 def make_conditioner(
@@ -25,7 +25,7 @@ def make_conditioner(
     force_lag: float = 0.0,
     model: Model = KELVIN_VOIGT,
 ) -> Conditioner:
-    """Return a new signal conditioner of this name.
+    """Return a new signal conditioner with this name.
 
     Parameters
     ----------
@@ -36,7 +36,8 @@ def make_conditioner(
     resolution
         Distance per encoder count [m]. Only `foaw` uses it.
     force_lag
-        Time constant of the force channel [s]. Only the matched filter compensates it.
+        Time constant of the lag of the force channel [s]. Only the matched filter compensates this
+        lag.
     model
         Model that defines the regressors. Only the matched filter computes regressors other than
         velocity and displacement.

@@ -1,4 +1,4 @@
-"""Signal conditioning: compute regressors and force from the measured position and force."""
+"""Condition signals: filter position and force, and compute the regressors of a model."""
 
 from __future__ import annotations
 
@@ -11,27 +11,25 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from estimation.checks import checked_samples, is_valid, sample_error
-from estimation.compiled import Floats
-from estimation.filters import Lag, LowPass, angular
+from estimation.compiled import Floats, looped
+from estimation.filters import Lag, LowPass, angular, difference, difference_series
 from estimation.model import KELVIN_VOIGT, Model
 
 BANDWIDTH = 20.0
 """Default bandwidth of a filter of position and force [Hz].
 
-The motion of palpation by hand is below 2 Hz. The default is ten times this frequency; `identify`
-uses the same ratio. A smaller bandwidth removes more noise.
-`python benchmarks/conditioning.py` compares 10, 20 and 50 Hz.
+It is ten times the largest frequency of palpation by hand, about 2 Hz. A smaller bandwidth removes
+more noise. `python benchmarks/conditioning.py` compares 10, 20 and 50 Hz.
 """
 SETTLED_FIRST, SETTLED_SECOND = 4.605, 6.638
-"""Time after which the error of a step response is 1 %, in time constants.
+"""Time after which the error of the step response is 1 %, in time constants.
 
-The first value is for a first-order lag, the second value is for a critically damped filter of
-second order.
+The values are those of a first-order lag and of a critically damped second-order filter.
 """
 
 
 class Conditioned(NamedTuple):
-    """Regressors and force of one sample, after the filter."""
+    """Filtered regressors and filtered force of one sample."""
 
     x: float
     """Displacement [m]."""
@@ -44,36 +42,36 @@ class Conditioned(NamedTuple):
 
 
 class Regression(NamedTuple):
-    """Arguments of `Bank.run`: regressors and force of n samples, arrays of shape (n,)."""
+    """Filtered regressors and force of n samples, the arguments of `Bank.run`."""
 
     x: Floats
-    """Displacement [m]."""
+    """Displacement [m], shape (n,)."""
     v: Floats
-    """Velocity [m/s]."""
+    """Velocity [m/s], shape (n,)."""
     f: Floats
-    """Force [N]."""
+    """Force [N], shape (n,)."""
     dt: Floats
-    """Time since the previous sample [s]."""
+    """Time since the previous sample [s], shape (n,)."""
     further: Floats
     """The model's regressors besides v and x, shape (n, regressors - 2)."""
 
-    def part(self, samples: slice | NDArray[np.intp]) -> Regression:
-        """Return the signals of some of the samples, given by a slice or by indices."""
+    def part(self, samples: slice | NDArray[np.intp] | NDArray[np.bool_]) -> Regression:
+        """Return the signals of some of the samples, given by a slice, indices or a mask."""
         return Regression(*(channel[samples] for channel in self))
 
 
 class Conditioner(ABC):
-    """Base class of filters that compute x, v and f from measured position and force."""
+    """Base class of the filters that compute x, v and f from the measured position and force."""
 
     settling = 0.0
-    """Time from the first sample until the transient has decayed to 1 % [s]."""
+    """Time from the first sample until the transient of the filter has decayed to 1 % [s]."""
 
     @abstractmethod
     def reset(self) -> None:
         """Discard all samples."""
 
     def update(self, x: float, f: float, dt: float) -> Conditioned:
-        """Process position [m] and force [N] of a sample, `dt` [s] after the previous one.
+        """Process one sample: position x [m], force f [N], time `dt` [s] since the previous sample.
 
         Raises
         ------
@@ -87,10 +85,13 @@ class Conditioner(ABC):
 
     @abstractmethod
     def _condition(self, x: float, f: float, dt: float) -> Conditioned:
-        """Process a sample as in `update`, which has checked the values."""
+        """Process one sample. `update` has checked the values."""
 
     def correlation(self, dt: float) -> float:
-        """Return the number of samples, `dt` [s] apart, per independent value of force noise."""
+        """Return the number of samples per independent value of the force noise.
+
+        `dt` is the sample period [s].
+        """
         return 1.0
 
     def run(self, x: ArrayLike, f: ArrayLike, dt: ArrayLike) -> Regression:
@@ -105,7 +106,7 @@ class Conditioner(ABC):
         return self._condition_all(samples.phi[:, 1].copy(), samples.f, samples.dt)
 
     def _condition_all(self, x: Floats, f: Floats, dt: Floats) -> Regression:
-        """Process n samples as in `run`, which has checked the values."""
+        """Process n samples. `run` has checked the values."""
         rows = zip(x.tolist(), f.tolist(), dt.tolist(), strict=True)
         out = np.array(
             [(c.x, c.v, c.f, *c.further) for c in (self._condition(*row) for row in rows)]
@@ -115,12 +116,12 @@ class Conditioner(ABC):
 
 
 class FilteredDifference(Conditioner):
-    """Compute velocity as the difference quotient of position, filtered by a first-order low-pass.
+    """Compute velocity by a difference quotient of the position and a first-order low-pass filter.
 
     Parameters
     ----------
     bandwidth
-        Corner frequency [Hz].
+        Corner frequency of the low-pass filter [Hz].
     """
 
     def __init__(self, bandwidth: float) -> None:
@@ -135,25 +136,33 @@ class FilteredDifference(Conditioner):
 
     def _condition(self, x: float, f: float, dt: float) -> Conditioned:
         if not math.isnan(self._x):
-            self._v -= math.expm1(-self._omega * dt) * ((x - self._x) / dt - self._v)
+            self._v = difference(self._omega, self._x, self._v, x, dt)
         self._x = x
         return Conditioned(x, self._v, f)
+
+    def _condition_all(self, x: Floats, f: Floats, dt: Floats) -> Regression:
+        v = np.empty(len(x))
+        if len(x):
+            before = float(x[0]) if math.isnan(self._x) else self._x
+            looped(difference_series, (self._omega, before, self._v), (x, dt), (v,))
+            self._x, self._v = float(x[-1]), float(v[-1])
+        return Regression(x, v, f, dt, np.empty((len(x), 0)))
 
 
 class FirstOrderAdaptiveWindowing(Conditioner):
     """Compute velocity by first-order adaptive windowing (FOAW), in the end-fit variant.
 
     The velocity is the slope of the line from the oldest to the newest position in a window. The
-    window is the longest window in which the distance of every position from this line is at most
-    `resolution`. At rest the window is long, which gives low noise. In motion it is short, which
-    gives a small delay.
+    window is as long as possible, but every position in the window must have a distance of at most
+    `resolution` from this line. At rest the window is long, which gives low noise. In motion the
+    window is short, which gives a small delay.
 
     Parameters
     ----------
     resolution
         Peak error of a position sample [m], for example one encoder count.
     longest
-        Longest window [samples].
+        Largest length of the window [samples].
 
     References
     ----------
@@ -192,7 +201,7 @@ class FirstOrderAdaptiveWindowing(Conditioner):
 
 
 class StateVariableFilter(Conditioner):
-    """Compute velocity as the derivative state of a second-order low-pass filter of position.
+    """Compute velocity as the state y' of a second-order low-pass filter of the position.
 
     Parameters
     ----------
@@ -216,20 +225,20 @@ class StateVariableFilter(Conditioner):
 class MatchedFilter(Conditioner):
     """Apply the same state-variable filter to position and force.
 
-    The velocity is a state of the filter of the position. With the filter H, f = b v + k x implies
-    H f = b H v + k H x. So the filter reduces noise without bias in b or k. A filter that delays
-    only v, by the time T, would cause a bias: for motion at the angular frequency w, the estimates
-    would be b / cos(w T) and k - b w tan(w T).
+    The velocity is a state of the filter of the position. For every linear filter H,
+    f = b v + k x implies H f = b H v + k H x. So the filter reduces noise without bias in b or k.
+    A filter that delays only v would cause a bias: for a delay T and motion at the angular
+    frequency w, the estimates would be b / cos(w T) and k - b w tan(w T).
 
-    If the force channel has a lag, the estimated damping is b - k lag. With `force_lag`, the
-    position is filtered by the same lag, which removes this bias.
+    If the force channel has a lag, the estimated damping is b - k lag. If `force_lag` is given,
+    the position is filtered by the same lag, which removes this bias.
 
     Parameters
     ----------
     bandwidth
         Natural frequency of the filter [Hz].
     force_lag
-        Time constant of the force channel [s], 0 for none.
+        Time constant of the lag of the force channel [s]; 0 for no lag.
     model
         Model that defines the regressors. Each regressor is computed from the measured position
         and force, and is then filtered.
@@ -258,9 +267,10 @@ class MatchedFilter(Conditioner):
             part.reset()
 
     def correlation(self, dt: float) -> float:
-        """Return the number of samples, `dt` [s] apart, per independent value of force noise.
+        """Return the number of samples per independent value of the force noise.
 
-        The equivalent noise bandwidth of this filter is pi/4 times its natural frequency.
+        `dt` is the sample period [s]. The number is computed from the equivalent noise bandwidth
+        of this filter, which is pi/4 times its natural frequency.
         """
         return max(1.0, 2.0 / (math.pi * self._bandwidth * dt))
 

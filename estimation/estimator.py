@@ -1,4 +1,4 @@
-"""Base class of all estimators, which applies a step to one sample or to arrays of samples."""
+"""Base class of all estimators. It applies a step to one sample or to arrays of samples."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from estimation.own_copies import own_copy
 from estimation.step import B, K, Regressors, State, Step
 
 UNKNOWN = 1e12
-"""A standard deviation of this size or more means that the parameter is not determined."""
+"""A standard deviation of this size or more means that the data do not determine the parameter."""
 LEVEL_95 = 1.959963984540054
 """Half width of the 95 % confidence interval of a normal distribution, in standard deviations."""
 
@@ -49,7 +49,7 @@ def estimate_of(state: State) -> Estimate:
 
 
 class Series(NamedTuple):
-    """Estimates of one parameter after each sample, arrays of shape (n,)."""
+    """Estimates of one parameter after each of n samples, as arrays of shape (n,)."""
 
     value: Floats
     """Estimated value."""
@@ -58,7 +58,7 @@ class Series(NamedTuple):
 
 
 class Estimates(NamedTuple):
-    """Estimates after each sample, arrays of shape (n,)."""
+    """Estimates after each of n samples, as arrays of shape (n,)."""
 
     b: Floats
     """Damping [N s/m]."""
@@ -73,8 +73,8 @@ class Estimates(NamedTuple):
     further: Mapping[str, Series] = MappingProxyType({})
     """Estimates of the parameters besides b and k, by name."""
 
-    def part(self, samples: slice) -> Estimates:
-        """Return the estimates of some of the samples, given by a slice."""
+    def part(self, samples: slice | NDArray[np.bool_]) -> Estimates:
+        """Return the estimates of some of the samples, given by a slice or a mask."""
         further = {name: Series(*(s[samples] for s in series)) for name, series in self[5].items()}
         b, k, b_std, k_std, held = (
             self.b[samples],
@@ -89,10 +89,11 @@ class Estimates(NamedTuple):
 class Estimator(ABC):
     """Online estimator of the parameters theta of an environment f = phi' theta.
 
-    An example is the Kelvin-Voigt model f = b v + k x, (1) of the paper, with phi = [v, x] and
-    theta = [b, k]. A subclass defines the function `step` that processes one sample
-    (`estimation/step.py`), the constant settings of this function, and the initial state. `update`
-    and `run` both apply `step`, so their results are identical to the bit.
+    An example is the Kelvin-Voigt model f = b v + k x, equation (1) of the paper. Its regressors
+    are phi = [v, x], and its parameters are theta = [b, k]. A subclass defines the function `step`
+    that processes one sample (`estimation/step.py`), the constant settings of this function, and
+    the initial state. `update` and `run` both apply `step`, so their results are identical to the
+    bit.
 
     Parameters
     ----------
@@ -107,7 +108,7 @@ class Estimator(ABC):
     """
 
     gated: ClassVar[bool] = True
-    """Whether the contact gate applies: theta changes only during contact and motion."""
+    """Whether a contact gate applies. If so, theta changes only during contact and motion."""
     constant: ClassVar[bool] = False
     """Whether the step needs a constant regressor 1 after the regressors of the model."""
 
@@ -140,7 +141,7 @@ class Estimator(ABC):
 
     @property
     def from_contact(self) -> bool:
-        """Whether x must be measured from the contact, because the model is nonlinear in x."""
+        """Whether x must be zero at the contact point, because the model is nonlinear in x."""
         return not set(POWERS_OF_X).isdisjoint(self.names)
 
     def reset(self) -> None:
@@ -154,7 +155,7 @@ class Estimator(ABC):
 
     @property
     def values(self) -> dict[str, tuple[float, float]]:
-        """Value and standard deviation of each estimated quantity, by name."""
+        """Pairs (value, standard deviation) of the estimated quantities, by name."""
         pairs = zip(self.state.theta, self.state.std, strict=True)
         return dict(zip(self.names, pairs, strict=True))
 
@@ -164,7 +165,7 @@ class Estimator(ABC):
         return tuple(UNITS[name] for name in self.names)
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return a warning about the estimates in one line; None if there is no warning."""
+        """Return one line of text with a warning about the estimates; None for no warning."""
         return None
 
     def update(
@@ -195,7 +196,7 @@ class Estimator(ABC):
         return self.advance([v, x, *further], f, dt)
 
     def advance(self, phi: list[float], f: float, dt: float) -> Estimate:
-        """Process one valid sample (`is_valid`): phi = [v, x, ...], f [N] and dt [s]."""
+        """Process one sample phi = [v, x, ...], f [N], dt [s] that has passed `is_valid`."""
         if self.constant:
             phi = [*phi, 1.0]
         state = self.state
@@ -204,7 +205,7 @@ class Estimator(ABC):
         return estimate_of(state)
 
     def hold(self) -> Estimate:
-        """Return the estimate with `held` = True. No value changes."""
+        """Return the present estimate with `held` = True. The values do not change."""
         state = self.state
         state.held = True
         return estimate_of(state)
@@ -239,7 +240,7 @@ class Estimator(ABC):
         return self.advance_all(samples)
 
     def advance_all(self, samples: Samples) -> Estimates:
-        """Process samples that have been checked by `checked_samples`."""
+        """Process samples that `checked_samples` returned."""
         table = sweep(self.law, self.state, self.step_samples(samples))
         size = len(self.names)
         columns = table.T.copy()
@@ -257,14 +258,14 @@ class Estimator(ABC):
         )
 
     def step_samples(self, samples: Samples) -> Samples:
-        """Return the samples with all regressors of the step; if `constant`, the last is 1."""
+        """Return the samples with all regressors of `step`; if `constant`, the last one is 1."""
         if not self.constant:
             return samples
         return samples._replace(phi=np.column_stack((samples.phi, np.ones(len(samples.f)))))
 
     @property
     def law(self) -> Law:
-        """The step function and the values of its constant settings."""
+        """The function `step` of the class, and the values of its constant settings."""
         return Law(type(self).step, self.parameters)
 
     def check_further(self, count: int) -> None:

@@ -1,4 +1,4 @@
-"""Persistent excitation and dominant frequency of a motion."""
+"""Compute the persistent excitation and the dominant frequency of a motion."""
 
 from __future__ import annotations
 
@@ -16,21 +16,23 @@ from estimation.compiled import Floats, looped
 class Excitation:
     """Measure of persistent excitation over a sliding window, from 0 to 1.
 
-    The measure is the ratio of the smallest to the largest eigenvalue of the mean Gram matrix of
-    the regressors [v / omega, x], both in metres. It is 1 for a sinusoidal displacement of the
-    given frequency with mean 0. It is 0 in a hold, where only the stiffness can be identified, and
-    0 if displacement and velocity are proportional throughout the window.
+    The regressors v / omega and x are both in metres. The measure is the ratio of the smallest to
+    the largest eigenvalue of their mean Gram matrix. The measure is 1 for a sinusoidal displacement
+    of the given frequency with mean 0. The measure is 0 in a hold, where only the stiffness can be
+    identified. The measure is also 0 if displacement and velocity are proportional throughout the
+    window.
 
     Parameters
     ----------
     frequency
-        Frequency omega / 2 pi [Hz]; omega scales velocity to displacement. The default is one
+        Frequency omega / (2 pi) [Hz]. omega scales velocity to displacement. The default is one
         palpation per second.
     window
-        Length of the sliding window [s]; one period by default.
+        Length of the sliding window [s]. Default: one period of `frequency`.
     resolution
-        Displacement [m] below which motion is measurement noise. Its square is added to the
-        largest eigenvalue, so that noise alone gives a measure near 0.
+        A motion with an amplitude below this displacement [m] is taken as measurement noise. The
+        square of this displacement is added to the largest eigenvalue, so that noise alone gives a
+        measure near 0.
 
     Raises
     ------
@@ -57,7 +59,7 @@ class Excitation:
         self._xx = self._xy = self._yy = self._span = 0.0
 
     def update(self, x: float, v: float, dt: float) -> float:
-        """Process displacement [m] and velocity [m/s] `dt` [s] after the previous sample.
+        """Process one sample: x [m], v [m/s], and the time `dt` [s] since the previous sample.
 
         Returns
         -------
@@ -113,8 +115,8 @@ class Excitation:
         removed, spans = np.zeros(count, dtype=np.intp), np.empty(count)
         constants = (self.window, self._span, stored.shape[1])
         looped(removals, constants, (window[3].copy(),), (removed, spans))
-        # The sums are those of `update` to the bit: a cumulative sum over the samples that are
-        # added and removed, in the same order.
+        # Each sum is a cumulative sum over the samples that are added and removed, in the same
+        # order as in `update`. So the sums are identical to those of `update` to the bit.
         added = np.arange(1, count + 1) + np.concatenate(([0], removed[:-1]))
         after = np.arange(1, count + 1) + removed
         sums = np.empty((3, count))
@@ -175,7 +177,7 @@ def removals(
 def dominant_frequency(x: ArrayLike, dt: ArrayLike) -> float:
     """Return the frequency [Hz] of the largest peak in the spectrum of a motion.
 
-    A linear drift is subtracted first.
+    A linear drift is subtracted from the motion first.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Style of all figures: widths, fonts, lines, and reduction of samples."""
+"""Define the style of all figures: widths, fonts and lines. Reduce the samples of long lines."""
 
 from __future__ import annotations
 
@@ -20,13 +20,16 @@ from numpy.typing import NDArray
 from estimation.compiled import Floats
 
 WIDTHS: dict[str, float] = {"screen": 8.0, "single": 3.5, "double": 7.16, "a4": 6.3}
-"""Widths of figures [in]: screen, one and two columns of an IEEE paper, text width of A4."""
+"""Width of a figure [in], by its name.
+
+`single` and `double` are one and two columns of an IEEE paper. `a4` is the text width of A4 paper.
+"""
 FONTS: dict[str, float] = {"screen": 10.0, "single": 7.0, "double": 8.0, "a4": 9.0}
-"""Size of the text for each width [pt]."""
+"""Size of the text [pt], by the name of the width."""
 CHOSEN: ContextVar[str] = ContextVar("CHOSEN", default="screen")
-"""Name of the width for which figures are drawn at present, see `figure_style`."""
+"""Name of the present width of figures, see `figure_style`."""
 NARROW = 5.0
-"""Width below which a figure has only one column of panels [in]."""
+"""A figure that is narrower than this width [in] has only one column of panels."""
 LINES: tuple[dict[str, Any], ...] = (
     {"color": "#0072B2", "linewidth": 2.4, "alpha": 0.75},
     {"color": "#D55E00", "linewidth": 1.2, "marker": "o", "markevery": (0.02, 0.17)},
@@ -46,12 +49,12 @@ LINES: tuple[dict[str, Any], ...] = (
         "markevery": (0.14, 0.17),
     },
 )
-"""Line styles that differ in colour (palette of Okabe and Ito), width, dashes and markers."""
+"""Line styles. They differ in colour (palette of Okabe and Ito), width, dashes and markers."""
 MARKER_SIZE = 4.0
 """Size of the markers [pt]."""
 BLUE, ORANGE, GREY, PROFILE = "#0072B2", "#D55E00", "#555555", "#8C8C8C"
 NO_ESTIMATE = "no estimate: no contact or no motion"
-"""Text in axes of estimates if no estimator was updated."""
+"""Text that is shown instead of the estimates if no estimator was updated."""
 BINS = 1000
 """Number of bins into which the samples of a line are divided, see `extremes`."""
 
@@ -59,9 +62,9 @@ BINS = 1000
 class PageFigure(Figure):
     """A figure that is drawn only once when it is saved, and that notebooks can show.
 
-    `Figure.savefig` of matplotlib draws a figure with constrained layout twice. Only the layout of
-    the first drawing is used. This class therefore computes only the layout instead of the first
-    drawing. A notebook shows the figure also if matplotlib.pyplot was not imported.
+    `Figure.savefig` of matplotlib draws a figure with constrained layout twice, but uses only the
+    layout of the first drawing. To save time, this class only computes the layout in place of the
+    first drawing. A notebook shows the figure even if matplotlib.pyplot was not imported.
     """
 
     def draw(self, renderer: RendererBase) -> None:
@@ -80,7 +83,7 @@ class PageFigure(Figure):
 
 @contextlib.contextmanager
 def figure_style(width: str = "screen") -> Iterator[None]:
-    """Context manager that sets the width of figures: screen, one or two columns, or A4 page."""
+    """Context manager that sets the width of figures; `width` is a key of `WIDTHS`."""
     font = FONTS[width]
     parameters: Any = {
         "font.size": font,
@@ -102,9 +105,9 @@ def new_figure(ratio: float, rows: int = 1) -> Figure:
     Parameters
     ----------
     ratio
-        Height over width.
+        Height divided by width.
     rows
-        Number of panels above one another; each is at least 1.25 inch high.
+        Number of rows of panels. Each row is at least 1.25 inch high.
     """
     width = WIDTHS[CHOSEN.get()]
     height = max(ratio * width, 1.25 * rows + 1.0)
@@ -112,12 +115,12 @@ def new_figure(ratio: float, rows: int = 1) -> Figure:
 
 
 def is_narrow() -> bool:
-    """Return whether figures are drawn for one column of a page at present."""
+    """Return whether the present width of figures is smaller than `NARROW`."""
     return WIDTHS[CHOSEN.get()] < NARROW
 
 
 def line(index: int) -> dict[str, Any]:
-    """Return the style of the line with this index; the styles repeat after five lines."""
+    """Return the style of the line with this index. The styles repeat after five lines."""
     style, scale = LINES[index % len(LINES)], 0.65 if is_narrow() else 1.0
     return style | {"linewidth": style["linewidth"] * scale, "markersize": MARKER_SIZE * scale}
 
@@ -151,12 +154,15 @@ def shade(axes: Axes, t: Floats, low: Floats, high: Floats, **style: Any) -> Non
 
 
 def extremes(values: Floats) -> NDArray[np.int_]:
-    """Return the indices of the first, smallest and largest sample of each of `BINS` bins.
+    """Return the indices of the samples with which a long line can be drawn.
+
+    The samples are divided into `BINS` bins. The indices are those of the first, the smallest and
+    the largest sample of each bin, and of the last sample.
 
     Parameters
     ----------
     values
-        Samples, shape (n,). With at most three samples per bin, all indices are returned.
+        Samples, shape (n,). If n is at most three times `BINS`, all indices are returned.
     """
     n = len(values)
     if n <= 3 * BINS:
@@ -191,7 +197,7 @@ def limits(axes: Axes, series: Sequence[Floats], levels: Sequence[float] = ()) -
     series
         Values of the lines, each of shape (n,). Values that are not finite are not used.
     levels
-        Values that the axis must show.
+        Values that must be within the limits.
     """
     parts = [one[np.isfinite(one)] for one in series]
     ends = [np.percentile(one, (2, 98)) for one in parts if len(one)]
@@ -222,14 +228,14 @@ def legend(
 
 
 def columns_width(names: Sequence[str], columns: int, font: float) -> float:
-    """Return the approximate width of a legend [in] for a size of the font [pt]."""
+    """Return the approximate width [in] of a legend with this size of the font [pt]."""
     rows = -(-len(names) // columns)
     longest = [max(map(len, names[i : i + rows])) for i in range(0, len(names), rows)]
     return sum(0.62 * length + 5.0 for length in longest) * font / 72.0
 
 
 def explain(axes: Axes, text: str) -> None:
-    """Write the reason in the middle of axes that have no line."""
+    """Write a text in the middle of axes. The text explains why the axes have no line."""
     axes.text(
         0.5,
         0.5,

@@ -1,4 +1,4 @@
-"""Figures of estimates over time: stiffness with displacement, and damping with velocity."""
+"""Draw estimates over time: stiffness together with displacement, damping with velocity."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from estimation.figure_style import (
 )
 
 TOGETHER = len(LINES)
-"""Largest number of estimators in one panel. If there are more, each estimator has own panels."""
+"""Largest number of estimators in one panel. If there are more, each has its own panels."""
 START = 0.1
-"""Share of the time, at the start, that is not used to compute the limits of an axis."""
+"""Fraction of the time at the start that is ignored when the limits of an axis are computed."""
 TRUTH: dict[str, Any] = {"color": "#444444", "linewidth": 0.9, "linestyle": (0, (10, 3))}
-"""Style of the true values of the simulated rig."""
+"""Style of the lines at the true values of the simulated rig."""
 MOTION: dict[str, Any] = {"color": PROFILE, "linewidth": 0.7, "alpha": 0.55}
-"""Style of displacement and velocity."""
+"""Style of the lines of displacement and velocity."""
 
 
 class Truth(NamedTuple):
@@ -52,9 +52,10 @@ class Truth(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """Stiffness and damping of one estimator in a figure, and half widths of their 95 % intervals.
+    """Stiffness and damping of one estimator, and the half widths of their 95 % intervals.
 
-    Each array has the shape (n,) and the unit of its axis. It is NaN before the first estimate.
+    Each array has the shape (n,), and the unit of the axis on which it is drawn. The values before
+    the first estimate are NaN.
     """
 
     k: Floats
@@ -64,7 +65,7 @@ class Drawn(NamedTuple):
 
     @property
     def exists(self) -> bool:
-        """Whether there is an estimate at any sample."""
+        """Whether there is an estimate after at least one sample."""
         return bool(np.isfinite(self.k).any())
 
 
@@ -76,7 +77,7 @@ def estimates_figure(
     estimates: Mapping[str, Estimates],
     truth: Truth | None = None,
 ) -> Figure:
-    """Return a figure of estimated stiffness and damping over time, with the motion.
+    """Return a figure of the estimated stiffness, the estimated damping and the motion over time.
 
     Parameters
     ----------
@@ -147,7 +148,7 @@ def small_multiples(
     t
         Time [s], shape (n,).
     shown
-        Estimates by the name of the estimator.
+        Stiffness and damping of each estimator, by the name of the estimator.
     labels
         Labels of the axes of stiffness and damping.
     truth
@@ -203,7 +204,7 @@ def small_multiples(
 
 
 def drawn(series: Estimates, scale: float) -> Drawn:
-    """Return the estimates of an estimator for a figure, with the stiffness times `scale`."""
+    """Return the estimates of an estimator for a figure. The stiffness is multiplied by `scale`."""
     unknown = np.logical_and.accumulate(series.held)
     k, b = (np.where(unknown, np.nan, values) for values in (series.k, series.b))
     k_half, b_half = (
@@ -214,7 +215,7 @@ def drawn(series: Estimates, scale: float) -> Drawn:
 
 
 def k_scale(estimates: Mapping[str, Estimates]) -> tuple[float, str]:
-    """Return the factor and the unit of the axis of the stiffness."""
+    """Return the factor from N/m to the unit of the stiffness axis, and this unit."""
     largest = max(float(np.median(np.abs(series.k))) for series in estimates.values())
     if largest >= 1e6:
         return 1e-6, "MN/m"
@@ -222,7 +223,7 @@ def k_scale(estimates: Mapping[str, Estimates]) -> tuple[float, str]:
 
 
 def scaled(truth: Truth | None, scale: float) -> Truth | None:
-    """Return true values with the stiffness in the unit of its axis."""
+    """Return the true values, with the stiffness multiplied by `scale`."""
     return truth and Truth(truth.b, truth.k_surface * scale, truth.k_deepest * scale)
 
 
@@ -232,7 +233,10 @@ def draw_truth(
     handles: list[Line2D | Patch],
     names: list[str],
 ) -> tuple[list[Line2D | Patch], list[str]]:
-    """Draw the true stiffness at the surface and at the greatest depth, and the true damping."""
+    """Draw the true values as lines. Return the legend entries, extended by these lines.
+
+    The values are the stiffness at the surface and at the greatest depth, and the damping.
+    """
     if truth is None:
         return handles, names
     for level in {truth.k_surface, truth.k_deepest}:
@@ -247,7 +251,7 @@ def frame(
     shown: Mapping[str, Drawn],
     truth: Truth | None,
 ) -> None:
-    """Set the axis limits of stiffness and damping; samples at the start are not used."""
+    """Set the limits of the axes of stiffness and damping. Samples at the start are ignored."""
     later = t >= t[0] + START * (t[-1] - t[0])
     k_levels = (0.0, truth.k_surface, truth.k_deepest) if truth else (0.0,)
     limits(panels[0], [one.k[later] for one in shown.values()], k_levels)
@@ -257,7 +261,7 @@ def frame(
 
 
 def interval(axes: Axes, t: Floats, values: Floats, half: Floats) -> None:
-    """Shade the 95 % interval of an estimate."""
+    """Shade the 95 % interval of an estimate with the half width `half`."""
     shade(axes, t, values - half, values + half, color=BLUE, alpha=0.12)
 
 
@@ -273,7 +277,7 @@ def profile(axes: Axes, t: Floats, values: Floats, label: str) -> None:
 
 
 def known_truth(values: Mapping[str, float] | None) -> Truth | None:
-    """Return the true values in the summary of a trial; None if they are not known."""
+    """Return the true values from the summary of a trial; None if a value is not known."""
     if not values or not all(math.isfinite(values[name]) for name in Truth._fields):
         return None
     return Truth(*(values[name] for name in Truth._fields))

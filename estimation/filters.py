@@ -1,4 +1,4 @@
-"""Discrete-time filters that are exact for an input that is linear between samples."""
+"""Discrete-time filters. They are exact if the input changes linearly between the samples."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ from estimation.compiled import Floats, looped
 def low_pass(
     omega: float, u_before: float, y: float, rate: float, u: float, dt: float
 ) -> tuple[float, float]:
-    """Return output and rate of a `LowPass` after an input that changes linearly to u in `dt`."""
+    """Return the output of a `LowPass` and the derivative of the output, after one sample.
+
+    During the time `dt` [s], the input changes linearly from `u_before` to `u`. `y` and `rate` are
+    the output and its derivative before this time.
+    """
     ramp = (u - u_before) / dt
     lag = 2.0 * ramp / omega
     decay = math.exp(-omega * dt)
@@ -36,7 +40,7 @@ def low_pass_series(
     ys: Any,
     rates: Any,
 ) -> None:
-    """Apply `low_pass` to n inputs; write the n outputs and rates into `ys` and `rates`."""
+    """Apply `low_pass` to n inputs, and write the n outputs and derivatives to `ys` and `rates`."""
     for i in range(len(u)):
         y, rate = low_pass(omega, u_before, y, rate, u[i], dt[i])
         u_before = u[i]
@@ -45,7 +49,11 @@ def low_pass_series(
 
 
 def first_order_lag(lag: float, u_before: float, y: float, u: float, dt: float) -> float:
-    """Return the output of a `Lag` after an input that changes linearly to u in `dt`."""
+    """Return the output of a `Lag` after one sample.
+
+    During the time `dt` [s], the input changes linearly from `u_before` to `u`. `y` is the output
+    before this time.
+    """
     behind = (u - u_before) / dt * lag
     return u - behind + (y - u_before + behind) * math.exp(-dt / lag)
 
@@ -53,9 +61,27 @@ def first_order_lag(lag: float, u_before: float, y: float, u: float, dt: float) 
 def lag_series(
     lag: float, u_before: float, y: float, u: Sequence[float], dt: Sequence[float], ys: Any
 ) -> None:
-    """Apply `first_order_lag` to n inputs, and write the n outputs into `ys`."""
+    """Apply `first_order_lag` to n inputs, and write the n outputs to `ys`."""
     for i in range(len(u)):
         y = first_order_lag(lag, u_before, y, u[i], dt[i])
+        u_before = u[i]
+        ys[i] = y
+
+
+def difference(omega: float, u_before: float, y: float, u: float, dt: float) -> float:
+    """Return the difference quotient of u after a first-order low-pass of corner `omega` [rad/s].
+
+    y is the previous output.
+    """
+    return y - math.expm1(-omega * dt) * ((u - u_before) / dt - y)
+
+
+def difference_series(
+    omega: float, u_before: float, y: float, u: Sequence[float], dt: Sequence[float], ys: Any
+) -> None:
+    """Apply `difference` to n inputs, and write the n outputs into `ys`."""
+    for i in range(len(u)):
+        y = difference(omega, u_before, y, u[i], dt[i])
         u_before = u[i]
         ys[i] = y
 
@@ -78,7 +104,7 @@ class LowPass:
     y
         Output.
     rate
-        Derivative y' of the output [1/s].
+        Time derivative y' of the output, in the unit of y per second.
     """
 
     def __init__(self, bandwidth: float) -> None:
@@ -91,7 +117,7 @@ class LowPass:
         self.y = self.rate = 0.0
 
     def update(self, u: float, dt: float) -> None:
-        """Advance by `dt` [s]. During this time the input changes linearly to u."""
+        """Advance the filter by `dt` [s]. During this time the input changes linearly to u."""
         omega = self._omega
         if math.isnan(self._u):
             self._u = self.y = u
@@ -99,7 +125,7 @@ class LowPass:
         self._u = u
 
     def run(self, u: Floats, dt: Floats) -> tuple[Floats, Floats, Floats]:
-        """Advance by n inputs, with the same results as n calls of `update`.
+        """Process n inputs, with the same results as n calls of `update`.
 
         Parameters
         ----------
@@ -108,7 +134,8 @@ class LowPass:
 
         Returns
         -------
-        Output, its derivative, and its second derivative after each input, each of shape (n,).
+        Output y, its derivative y', and its second derivative y'' after each input. Each has the
+        shape (n,).
         """
         y, rate = np.empty(len(u)), np.empty(len(u))
         if len(u):
@@ -152,7 +179,7 @@ class Lag:
         self._u = self.y = math.nan
 
     def update(self, u: float, dt: float) -> float:
-        """Advance by `dt` [s] with an input that changes linearly to u; return the output."""
+        """Advance the lag by `dt` [s], while the input changes linearly to u; return the output."""
         if self._lag == 0.0 or math.isnan(self._u):
             self.y = u
         else:
@@ -161,7 +188,7 @@ class Lag:
         return self.y
 
     def run(self, u: Floats, dt: Floats) -> Floats:
-        """Advance by n inputs, with the same outputs as n calls of `update`, shape (n,)."""
+        """Process n inputs; return the outputs of n calls of `update`, shape (n,)."""
         if self._lag == 0.0 or not len(u):
             self._u = float(u[-1]) if len(u) else self._u
             self.y = self._u
@@ -175,7 +202,7 @@ class Lag:
 
 
 def angular(bandwidth: float) -> float:
-    """Return 2 pi times a frequency [Hz].
+    """Return the angular frequency [rad/s] of a frequency [Hz].
 
     Raises
     ------

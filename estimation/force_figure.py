@@ -1,4 +1,4 @@
-"""Figure of the measured and the predicted force over time and over displacement."""
+"""Draw the measured and the predicted force over time and over displacement."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def force_figure(
 ) -> Figure:
     """Return a figure of the measured and the predicted force.
 
-    Over time, the prediction is that of an online estimator. Over displacement, it is that of a
-    least-squares fit to all samples.
+    In the panel over time, the force is predicted by an online estimator. In the panel over
+    displacement, the force is predicted by a least-squares fit to all samples.
 
     Parameters
     ----------
@@ -48,10 +48,10 @@ def force_figure(
     regression
         The n samples that the estimators processed.
     name, estimates
-        Name of an estimator, and its estimates. Each sample of the force is predicted with the
-        estimate after the previous sample.
+        Name of the online estimator, and its estimates. Each sample of the force is predicted with
+        the estimate after the previous sample.
     fit
-        Least-squares fit to the same samples; NaN for no fit.
+        Least-squares fit to the same samples. If all its values are NaN, no fit is drawn.
     """
     figure = new_figure(0.95, rows=3)
     grid = figure.add_gridspec(3, 1, height_ratios=(2.0, 1.0, 2.5))

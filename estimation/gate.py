@@ -1,4 +1,4 @@
-"""Contact gate: the estimates do not change while there is no contact or no motion."""
+"""Contact gate. The estimates change only while there is contact and motion."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from estimation.step import Regressors, State
 
 
 class GateSettings(NamedTuple):
-    """Settings of a contact gate, which is open above the thresholds of force and speed."""
+    """Settings of a contact gate. The gate is open above the thresholds of force and speed."""
 
     force: float
-    """Root mean square force [N] above which there is contact."""
+    """There is contact while the root mean square of the force is above this value [N]."""
     speed: float
-    """Root mean square velocity [m/s] above which there is motion."""
+    """There is motion while the root mean square of the velocity is above this value [m/s]."""
     window: float
     """Time constant [s] of the mean squares of force and velocity."""
 
@@ -31,35 +31,37 @@ class GateParameters:
     window: float
     """Time constant of the mean squares [s]."""
     v_square: float
-    """Mean square of the velocity above which there is motion [m^2/s^2]."""
+    """There is motion while the mean square of the velocity is above this value [m^2/s^2]."""
     f_square: float
-    """Mean square of the force above which there is contact [N^2]."""
+    """There is contact while the mean square of the force is above this value [N^2]."""
 
 
 @dataclass(slots=True)
 class GateState(State):
-    """Variables that `step` updates: `theta` is empty, `held` is True while the gate is closed."""
+    """Variables that `step` updates.
+
+    `theta` has one value, the mean square of the force [N^2]. `held` is True while the gate is
+    closed.
+    """
 
     v_square: float
     """Mean square of the velocity [m^2/s^2]."""
-    f_square: float
-    """Mean square of the force [N^2]."""
 
 
 def step(
     parameters: GateParameters, state: GateState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Update the mean squares of velocity and force. Set `held` if one of the two is too small.
+    """Update the mean squares of velocity and force, and set `held` if one of them is too small.
 
-    `held` is also set if the force of the present sample is below the threshold of the force. So
-    the gate closes at the first sample out of contact, before the mean square has decayed.
+    `held` is also set if the force of the present sample is below the threshold. So the gate closes
+    at the first sample out of contact, before the mean square has decayed.
     """
-    v = phi[0]
+    v, theta = phi[0], state.theta
     share = dt / (parameters.window + dt)
     square = f * f
     state.v_square += share * (v * v - state.v_square)
-    state.f_square += share * (square - state.f_square)
-    contact = min(state.f_square, square)
+    theta[0] += share * (square - theta[0])
+    contact = min(theta[0], square)
     state.held = not (state.v_square > parameters.v_square and contact > parameters.f_square)
 
 
@@ -78,6 +80,11 @@ class Gate:
     ------
     ValueError
         A setting is negative or not finite, or the window is not positive.
+
+    Attributes
+    ----------
+    contacts
+        Whether there was contact at each sample of the last `run`, shape (n,).
     """
 
     def __init__(self, settings: GateSettings) -> None:
@@ -89,28 +96,30 @@ class Gate:
             )
         self.settings = settings
         self._law = Law(step, GateParameters(window, speed * speed, force * force))
+        self.contacts = np.zeros(0, dtype=np.bool_)
         self.reset()
 
     def reset(self) -> None:
         """Discard all samples."""
-        self._state = GateState([], [], True, 0.0, 0.0)
+        self._state = GateState([0.0], [math.nan], True, 0.0)
 
     def update(self, phi: Regressors, f: float, dt: float) -> bool:
-        """Return whether the gate is open for a sample of phi = [v, x, ...], f [N] and dt [s]."""
+        """Process a sample phi = [v, x, ...], f [N], dt [s]; return whether the gate is open."""
         step(self._law.parameters, self._state, phi, f, dt)
         return not self._state.held
 
     @property
     def is_open(self) -> bool:
-        """Whether the gate is open: there are contact and motion."""
+        """Whether the gate is open."""
         return not self._state.held
 
     @property
     def contact(self) -> bool:
-        """Whether the root mean square of the force is above the threshold."""
-        return bool(self._state.f_square > self._law.parameters.f_square)
+        """Whether the root mean square of the force is above its threshold."""
+        return bool(self._state.theta[0] > self._law.parameters.f_square)
 
     def run(self, samples: Samples) -> NDArray[np.bool_]:
-        """Return whether the gate is open for each of n samples, shape (n,)."""
+        """Process n samples; return whether the gate is open at each sample, shape (n,)."""
         table = sweep(self._law, self._state, samples)
-        return np.asarray(table[:, 0] == 0.0)
+        self.contacts = np.asarray(table[:, 0] > self._law.parameters.f_square)
+        return np.asarray(table[:, 2] == 0.0)

@@ -1,8 +1,9 @@
-"""Autocovariance of the force errors of a Hunt-Crossley model over recent blocks of samples.
+"""Compute the autocovariance of the force errors of a Hunt-Crossley model over recent blocks.
 
-The force K x^n + B x^n v is not linear in n. Sums of products of past samples are therefore not
-sufficient for a new estimate (`estimation.misfit`). Instead, the means of the recent blocks are
-stored, and the force errors of all these blocks are computed with the present estimate.
+A block is a number of successive samples (`estimation.misfit`). The force K x^n + B x^n v is not
+linear in n, so sums of products of past samples are not sufficient when the estimate changes.
+Instead, the means over the recent blocks are stored. The force errors of all these blocks are
+computed with the present estimate.
 """
 
 from __future__ import annotations
@@ -17,12 +18,12 @@ from estimation.compiled import Floats, looped
 
 
 class RecentBlocks:
-    """Means of force, velocity and displacement over the recent blocks.
+    """Stores the means of force, velocity and displacement over each of the recent blocks.
 
     Parameters
     ----------
     count
-        Number of blocks that are kept.
+        Largest number of stored blocks.
     """
 
     def __init__(self, count: int) -> None:
@@ -33,12 +34,12 @@ class RecentBlocks:
         self._blocks.clear()
 
     def add(self, means: Iterable[float], share: float) -> None:
-        """Add a block.
+        """Store the means over a new block.
 
         Parameters
         ----------
         means
-            Means of force [N], velocity [m/s] and displacement [m]; further values are ignored.
+            Means of force [N], velocity [m/s] and displacement [m]. Further values are ignored.
         share
             Weight of the product of this block and the previous block; 0 if there is no
             previous block.
@@ -83,7 +84,7 @@ class RecentBlocks:
         Parameters
         ----------
         parameters
-            K, B and n of the model. Its force is 0 for x <= 0.
+            Present estimates of K, B and n. The force of the model is 0 for x <= 0.
         """
         stiffness, damping, n = parameters[:3]
         covariance = last = 0.0

@@ -1,10 +1,9 @@
-"""Identification from arrays of position and force, for use in notebooks."""
+"""Estimate damping and stiffness from arrays of position and force, for example in a notebook."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,13 +19,10 @@ from estimation.presentation import Presented
 from estimation.presets import Preset, scaled_preset
 from estimation.registry import PAPER, named_estimators
 
-if TYPE_CHECKING:
-    pass
-
 
 @dataclass(frozen=True, repr=False)
 class Identification(Presented):
-    """Result of `identify`: signals and estimates of a recording."""
+    """Result of `identify`: the filtered signals of a recording, and the estimates."""
 
     t: Floats
     """Time [s], shape (n,)."""
@@ -50,7 +46,7 @@ def identify(
     force_lag: float = 0.0,
     preset: Preset | None = None,
 ) -> Identification:
-    """Filter a recording of position and force, and estimate damping and stiffness from it.
+    """Filter a recording of position and force, and estimate damping and stiffness.
 
     Parameters
     ----------
@@ -61,16 +57,17 @@ def identify(
     dt
         Time since the previous sample [s], shape (n,), or one number for all.
     estimators
-        Names of `METHODS`, as a sequence or separated by commas, or `all`.
+        Names of estimators in `METHODS`, as a sequence or as one text separated by commas. `all`
+        selects all estimators.
     model
-        Name of a model of `MODELS`, for the estimators that support any model.
+        Name of a model in `MODELS`. Estimators that support only one model ignore this name.
     bandwidth
         Bandwidth of the matched filter [Hz]. Default: ten times the dominant frequency of the
         motion.
     force_lag
-        Time constant of the force channel [s]; the filter compensates its lag.
+        Time constant of the lag of the force channel [s]. The filter compensates this lag.
     preset
-        Settings of the estimators. Default: `scaled_preset` of the filtered signals.
+        Settings of the estimators. Default: the result of `scaled_preset` for the filtered signals.
 
     Raises
     ------

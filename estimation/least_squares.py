@@ -1,4 +1,4 @@
-"""Batch least squares, the reference for the online estimators."""
+"""Fit a model to all samples by least squares, as a reference for the online estimators."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Fit(NamedTuple):
         return float(np.mean(np.abs(self.residual)))
 
     def summary(self, names: Iterable[str]) -> dict[str, Any]:
-        """Return the fit as a dictionary for JSON, with the names of the values in `further`."""
+        """Return the fit as a dictionary for JSON. `names` are those of the `further` values."""
         return {
             "b": self.b,
             "k": self.k,
@@ -46,7 +46,10 @@ class Fit(NamedTuple):
 
 
 def no_fit(samples: int, further: int) -> Fit:
-    """Return a fit whose values are NaN, for a number of samples and of further parameters."""
+    """Return a fit whose values are all NaN.
+
+    `samples` is the number of samples, and `further` is the number of parameters besides b and k.
+    """
     return Fit(math.nan, math.nan, np.full(samples, math.nan), (math.nan,) * further)
 
 

@@ -1,20 +1,20 @@
-"""Confidence intervals of all estimators of the form theta <- theta + L (f - phi' theta).
+"""Compute confidence intervals for estimators of the form theta <- theta + L (f - phi' theta).
 
-The gain L of such an estimator depends on the regressors, not on the noise. Let the true
-parameters be theta_0, and let the force have white noise of variance s. Then the error e of the
-estimate follows e <- (I - L phi') e + L noise, and its covariance is
+The gain L of such an estimator depends on the regressors, not on the noise. Let theta_0 be the
+true parameters, and let the force have white noise with the variance s. Then the error
+e = theta - theta_0 follows e <- (I - L phi') e + L noise. The covariance of e is
 
     s C,    C <- (I - L phi') C (I - L phi')' + L L'.                                   (C)
 
-This is valid for every gain, for example with forgetting, with a bounded trace, or of a gradient
-method. The matrix P of a method is the covariance of the error only if the assumptions of the
-method are valid. s C is the covariance of the error for all methods (P. S. Maybeck, "Stochastic
-Models, Estimation, and Control", vol. 1, 1979, section 6.8, performance of a filter with any gain).
+Equation (C) is valid for every gain: for methods with forgetting, for methods with a bounded trace,
+and for gradient methods. The matrix P of a method is the covariance of e only if the assumptions of
+the method are valid. s C is the covariance of e for all methods (P. S. Maybeck, "Stochastic Models,
+Estimation, and Control", vol. 1, 1979, section 6.8, performance of a filter with any gain).
 
-The force error f - phi' theta then has the variance s (1 + phi' C phi), from which s is estimated.
-A force error has less weight in this estimate if the error of the initial guess dominates, or if
-the gain is near zero. If the noise is correlated, so that only one of `correlation` samples is
-independent, the covariance is multiplied by `correlation`.
+The force error f - phi' theta has the variance s (1 + phi' C phi). So s is estimated from the force
+errors. In this estimate of s, a force error has less weight while the error of the initial guess is
+large, or if the gain is near zero. If the noise is correlated, only one of `correlation` samples is
+independent. The covariance is then multiplied by `correlation`.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ Before the first sample the noise variance s is unknown, and s = 1 N^2 is assume
 NOISE_MEMORY = 1.0
 """Time constant [s] of the estimate of the noise variance."""
 CORRELATED = 1.0 - 1e-12
-"""Upper limit of the correlation coefficient of two parameters, against rounding errors."""
+"""Upper limit of the correlation coefficient of two parameters, in spite of rounding errors."""
 LEAST = 1e-100
-"""Weight below which a sample does not change the noise variance."""
+"""A sample with a smaller weight than this does not change the noise variance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class LinearGainParameters:
     """Constant settings of the function `correct`."""
 
     correlation: float
-    """Number of samples per independent value of the force noise, >= 1."""
+    """Number of samples per independent value of the force noise, >= 1; 1 for white noise."""
 
 
 @dataclass(slots=True)
@@ -59,7 +59,7 @@ class LinearGainState(State):
     """Variables that the function `correct` updates."""
 
     L: Vector
-    """Gain, (m,). The method computes it before it calls `correct`."""
+    """Gain, (m,). The step of a method computes this gain before it calls `correct`."""
     C: Matrix
     """Covariance of theta for a noise variance of 1, (m, m)."""
     C_phi: Vector
@@ -77,9 +77,9 @@ def correct(
     f: float,
     dt: float,
 ) -> None:
-    """Process a sample with the gain L in the state: update theta, C, s and `std`.
+    """Update theta, C, the noise variance s and `std` with a sample and the gain L in the state.
 
-    theta changes by L (f - phi' theta), and C by equation (C) of this file. The standard
+    theta changes by L (f - phi' theta), and C changes by equation (C) of this module. The standard
     deviation of parameter i is sqrt(correlation s C_ii).
     """
     theta, std, L, C, C_phi = state.theta, state.std, state.L, state.C, state.C_phi
@@ -110,7 +110,7 @@ def correct(
         change = spread * move - covariance
         for j in below[i]:
             row[j] = C[j][i] = row[j] - move * C_phi[j] + change * L[j]
-        # (I - L phi') C (I - L phi')' is not negative, except for rounding errors
+        # in exact arithmetic, (I - L phi') C (I - L phi')' has no negative diagonal element
         variance = row[i] + move * (change - covariance)
         least = move * move
         if variance < least:
@@ -122,7 +122,7 @@ def correct(
 def update_noise(
     state: LinearGainState, error: float, spread: float, gain: float, dt: float
 ) -> None:
-    """Update the noise variance s: the mean of error^2 / spread, with the weights gain / spread.
+    """Update the noise variance s, the mean of error^2 / spread with the weights gain / spread.
 
     `error` is the force error f - phi' theta [N], `gain` is phi' L, and `spread` is
     1 + phi' C phi. The weights decay with the time constant `NOISE_MEMORY`. The weight of a new
@@ -137,7 +137,10 @@ def update_noise(
 
 
 def linear_gain_state(guess_variance: Sequence[float]) -> dict[str, Any]:
-    """Return the fields of the initial `LinearGainState`, by name."""
+    """Return the fields of a `LinearGainState` before the first sample, by name.
+
+    `guess_variance` contains the variance of the initial guess of each parameter.
+    """
     m = len(guess_variance)
     variances = [DIFFUSE * variance for variance in guess_variance]
     return {
@@ -155,20 +158,22 @@ def linear_gain_state(guess_variance: Sequence[float]) -> dict[str, Any]:
 class LinearGainEstimator(Estimator):
     """Base class of estimators of the form theta <- theta + L (f - phi' theta).
 
-    The step of such an estimator computes the gain L and then calls `correct`. `parameters` is a
-    `LinearGainParameters` and `state` is a `LinearGainState`, or of a class derived from it.
+    The step of such an estimator computes the gain L and then calls `correct`. The class of
+    `parameters` is `LinearGainParameters` or is derived from it. The class of `state` is
+    `LinearGainState` or is derived from it.
 
     Parameters
     ----------
     parameters, initial_state, model
         As in `Estimator`. The field `correlation` of the parameters is the number of samples per
-        independent value of the force noise. It is 1 for white noise. It is r / 2B if the noise
-        is filtered by a low-pass of noise bandwidth B [Hz] and sampled at the rate r [Hz].
+        independent value of the force noise: n samples contain n / correlation independent values.
+        White noise has the correlation 1. Noise that was filtered by a low-pass with the noise
+        bandwidth B [Hz], and then sampled at the rate r [Hz], has the correlation r / (2 B).
 
     Raises
     ------
     ValueError
-        The correlation is below 1.
+        `correlation` is below 1.
     """
 
     parameters: LinearGainParameters

@@ -1,4 +1,4 @@
-"""Compilation with numba. The compiled code is stored on disk for later processes.
+"""Compile functions with numba, and store the compiled code on disk for later processes.
 
 If the environment variable `NUMBA_CACHE_DIR` is set, it is the folder of the compiled code.
 Otherwise numba stores the compiled code beside the source. If that folder is read-only, numba uses
@@ -16,7 +16,7 @@ from typing import Any
 
 
 def machine_code(function: FunctionType) -> Callable[..., Any]:
-    """Return a compiled function. If no cache can be written, every process compiles it again.
+    """Return a compiled function. If the cache cannot be written, each process compiles it again.
 
     Parameters
     ----------
@@ -38,9 +38,9 @@ def machine_code(function: FunctionType) -> Callable[..., Any]:
 
 
 def called_by_machine_code(function: FunctionType) -> Any:
-    """Return a compiled function that only compiled functions call.
+    """Return a compiled function that can be called only by other compiled functions.
 
-    It has no wrappers for other callers. Wrappers would take a quarter of the compilation time.
+    It has no wrappers for other callers. Wrappers would need a quarter of the compilation time.
     """
     import numba
 

@@ -1,4 +1,4 @@
-"""Settings from which the estimators of a bank are constructed."""
+"""Define the settings from which the estimators of a bank are constructed."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ LONGEST = 1e3
 class MethodSettings:
     """Settings from which the arguments of each estimator are computed.
 
-    `forgetting`, `sample_period` and `initial_covariance` are those of `RecursiveLeastSquares`.
-    `adaptation_gain` and `ai_method` are `gain` and `method` of `AdaptiveIdentification`. `grid`
-    and `forgetting_rate` are those of `MultiEstimator`.
+    `forgetting`, `sample_period` and `initial_covariance` are arguments of `RecursiveLeastSquares`.
+    `adaptation_gain` and `ai_method` are the arguments `gain` and `method` of
+    `AdaptiveIdentification`. `grid` and `forgetting_rate` are arguments of `MultiEstimator`.
     """
 
     forgetting: float
@@ -36,9 +36,9 @@ class MethodSettings:
     f_size: float = 10.0
     """Typical force [N]."""
     segment: float = 0.5
-    """Length of a segment of the estimator `segments` [s], about one period of the motion."""
+    """Length of a segment in the estimator `segments` [s], about one period of the motion."""
     correlation: float = 1.0
-    """Number of samples per independent value of the force noise: `Conditioner.correlation`."""
+    """Number of samples per independent value of the force noise, see `Conditioner.correlation`."""
     model: Model = KELVIN_VOIGT
     """Model of the estimators that support models other than Kelvin-Voigt."""
 
@@ -56,5 +56,8 @@ class MethodSettings:
 
     @property
     def covariance(self) -> tuple[float, ...]:
-        """Diagonal of P0 for methods that are not in the paper, for noise of variance 1 N^2."""
+        """Initial variances of the parameters, for methods that are not in the paper.
+
+        The variances are for force noise with a variance of 1 N^2.
+        """
         return tuple(1e4 / size**2 for size in self.sizes)

@@ -1,4 +1,4 @@
-"""Performance metrics of an estimate over a trial."""
+"""Compute performance metrics of the estimates in a trial, for example force error and coverage."""
 
 from __future__ import annotations
 
@@ -20,17 +20,21 @@ ACTIVE_STATE = "p"
 
 
 def estimated_force(regression: Regression, estimates: Estimates) -> Floats:
-    """Return f_hat = phi' theta_hat [N], (5) of the paper, with the estimate after each sample."""
+    """Return the estimated force f_hat = phi' theta_hat [N], equation (5) of the paper, shape (n,).
+
+    theta_hat is the estimate after the same sample.
+    """
     return _force(regression, estimates, lambda of: of(estimates))
 
 
 def predicted_force(
     regression: Regression, estimates: Estimates, before: Estimates | None = None
 ) -> Floats:
-    """Return the one-step prediction of the force [N]; zero for the first sample of a record.
+    """Return the one-step prediction of the force [N], shape (n,).
 
-    The force of each sample is predicted with the estimate after the previous sample. An
-    estimator that follows the noise has a small error of (5), but not of this prediction.
+    The force of each sample is predicted with the estimate after the previous sample. An estimator
+    that follows the noise has a small error of `estimated_force`, but a large error of this
+    prediction. The value for the first sample of a record is zero.
 
     Parameters
     ----------
@@ -80,9 +84,9 @@ def force_error(f: ArrayLike, f_hat: ArrayLike) -> float:
     """Return the average force error e_f [N], the mean of |f - f_hat| over the trial.
 
     The paper defines e_f = sum |f_k - f_hat_k| / nT and gives values in newtons. Here nT is the
-    number of samples. So e_f is a mean in newtons and about as large as the force noise, as in
-    Table I of the paper. If T were the sample period of 1 ms, e_f would be 1000 times the mean,
-    in N/s.
+    number of samples. So e_f is a mean in newtons. It is about as large as the force noise, as in
+    Table I of the paper. If T were the sample period of 1 ms, e_f would be in N/s, and 1000 times
+    the mean.
     """
     return float(np.mean(np.abs(np.asarray(f) - np.asarray(f_hat))))
 
@@ -90,13 +94,13 @@ def force_error(f: ArrayLike, f_hat: ArrayLike) -> float:
 def coverage(values: ArrayLike, std: ArrayLike, truth: ArrayLike) -> float:
     """Return the fraction of samples whose 95 % confidence interval contains the true value.
 
-    Samples without a finite standard deviation, or with `UNKNOWN` or more, are not counted. The
-    result is NaN if no sample is counted.
+    A sample is not counted if its standard deviation is NaN, or is `UNKNOWN` or more. The result
+    is NaN if no sample is counted.
 
     Parameters
     ----------
     values, std
-        Estimates of a parameter and their standard deviations, each of shape (n,).
+        Estimates of a parameter, and standard deviations of the estimates, each of shape (n,).
     truth
         True value of the parameter, of shape (n,), or one number for all.
     """
@@ -111,10 +115,10 @@ def coverage(values: ArrayLike, std: ArrayLike, truth: ArrayLike) -> float:
 def rise_time(t: ArrayLike, estimate: ArrayLike) -> float:
     """Return the rise time t_90 - t_10 [s] of an estimate that starts at zero.
 
-    t_10 is the first time at which the estimate reaches 10 % of its average over the trial, and
-    t_90 is the first time after t_10 at which the estimate reaches 90 % of its average. The result
-    is NaN if the estimate does not reach 90 %. A rest before the motion does not change the rise
-    time, because the estimate is zero during this rest.
+    t_10 is the first time at which the estimate reaches 10 % of its average over the trial. t_90 is
+    the first time after t_10 at which the estimate reaches 90 % of this average. The result is NaN
+    if the estimate does not reach 90 %, or if the average is zero. A rest before the motion does
+    not change the rise time, because the estimate is zero during this rest.
 
     Parameters
     ----------

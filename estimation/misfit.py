@@ -1,22 +1,23 @@
-"""Misfit of the present estimates: the systematic part of their force error.
+"""Compute the misfit of the present estimates: the systematic part of the force error.
 
-The force errors e = f - phi' theta of a right model are noise, whose successive values are
-uncorrelated. The force errors of a wrong model, or of a wrong estimate, follow the motion, so that
-successive errors are similar. Residual analysis therefore tests the autocovariance of e at lags
-other than zero. Here the autocovariance is computed at one lag, from the present estimate and the
-recent samples:
+If the model and the estimate are correct, the force error e = f - phi' theta is noise, and
+successive values of e are uncorrelated. If the model or the estimate is wrong, e depends on the
+motion, so that successive values of e are similar. Residual analysis therefore tests the
+autocovariance of e at lags other than zero. Here the autocovariance is computed at one lag, from
+the present estimate and the recent samples:
 
     misfit = sqrt(max(0, <e_i e_(i-1)>) / <f_i^2>)
 
-e_i and f_i are means over blocks, which are longer than the correlation time of the conditioned
-noise, and <> is a mean with exponentially decaying weights. The misfit is near 0 if the body has
-the present b and k, even with much noise, and 1 if the estimate does not explain the force at all.
+e_i and f_i are the means of e and f over block i. The blocks are longer than the correlation time
+of the filtered noise. <> is a mean over the blocks with exponentially decaying weights. The misfit
+is near 0 if the present b and k are those of the body, even with much noise. The misfit is 1 if the
+estimate does not explain the force at all.
 
-If the force is linear in theta, the error is linear too, and the mean needs only the products of
-successive block means. These products are stored once for all estimators. The force of the model of
-Hunt and Crossley is not linear in its exponent. For this model the block means are stored
-(`estimation.hunt_crossley_misfit`), except blocks older than `MEMORY` windows, which have less than
-5 % of the weight.
+If the force is linear in theta, the error is also linear in theta. Then <e_i e_(i-1)> can be
+computed from the products of successive block means. These products are stored once for all
+estimators. The force of the Hunt-Crossley model is not linear in its exponent. For this model the
+block means themselves are stored (`estimation.hunt_crossley_misfit`). Blocks older than `MEMORY`
+windows are discarded. They have less than 5 % of the weight.
 
 References
 ----------
@@ -40,14 +41,17 @@ from estimation.hunt_crossley_misfit import RecentBlocks
 from estimation.misfit_blocks import BlockEnds, block_sums
 
 BLOCKS = 50
-"""Number of blocks per window. A block of 20 ms is longer than the noise's correlation time."""
+"""Number of blocks per window. For a window of 1 s a block has 20 ms, which is longer than the
+correlation time of the noise."""
 MEMORY = 3
-"""Number of windows for which block means are stored for the model of Hunt and Crossley."""
+"""Number of windows for which block means are stored for the Hunt-Crossley model."""
 LARGEST_MISFIT = 0.05
-"""Limit of the misfit. With a larger misfit, the model is reported not to explain the force.
+"""If the misfit is larger than this limit, the program reports that the model does not explain the
+force.
 
-A cubic body whose stiffness doubles over the indentation has a misfit of 0.07 or more. A linear
-body with noise of a tenth of the force has less than 0.03.
+A body whose force has a cubic term, so that its stiffness doubles over the indentation, has a
+misfit of 0.07 or more. A linear body has a misfit below 0.03, even if the noise is a tenth of the
+force.
 """
 
 
@@ -59,7 +63,7 @@ class Misfit:
     bank
         The estimators by name.
     window
-        Time constant of the weights [s]; one period of the palpation is a good choice.
+        Time constant of the weights [s]. One period of the palpation is a good choice.
 
     Raises
     ------
@@ -87,7 +91,7 @@ class Misfit:
         self._products = [[0.0] * size for _ in range(size)]
         self._square = 0.0
         self.values = (math.nan,) * len(self._further)
-        """Misfit of each estimator at the end of the last block; NaN if it is not known yet."""
+        """Misfit of each estimator at the end of the last block; NaN before it can be computed."""
 
     def update(
         self,
@@ -99,7 +103,7 @@ class Misfit:
         estimates: Mapping[str, Estimate],
         is_open: bool = True,
     ) -> tuple[float, ...]:
-        """Process one sample of floats, which the estimators have accepted.
+        """Process one sample. Its values must be floats that the estimators have accepted.
 
         Parameters
         ----------
@@ -113,7 +117,7 @@ class Misfit:
 
         Returns
         -------
-        The misfit of each estimator. It changes at the end of a block.
+        The misfit of each estimator. The values change only at the end of a block.
         """
         if self._add(x, v, f, dt, further, is_open):
             self.values = tuple(
@@ -223,7 +227,7 @@ class Misfit:
     def _add(
         self, x: float, v: float, f: float, dt: float, further: Sequence[float], is_open: bool
     ) -> bool:
-        """Add a sample; return whether a block ended and there is a block before it."""
+        """Add a sample. Return True if the sample ends a block that is not the first block."""
         if not is_open:
             self._begin_block()
             self._before = None
@@ -245,7 +249,10 @@ class Misfit:
         self._span = 0.0
 
     def _end_block(self) -> bool:
-        """Update the products with the means of the block; return whether a block was before it."""
+        """Update the products with the means of the ended block.
+
+        Return whether there is a block directly before the ended block.
+        """
         span, before = self._span, self._before
         present = self._before = [total / span for total in self._sums]
         self._begin_block()
@@ -263,8 +270,8 @@ class Misfit:
     def _misfit(self, b: float, k: float, further: Sequence[float], count: int) -> float:
         """Return the misfit of an estimate.
 
-        `count` is the number of regressors of its model besides v and x, or -1 for the model of
-        Hunt and Crossley.
+        `count` is the number of the model's regressors besides v and x; -1 for the Hunt-Crossley
+        model.
         """
         if self._square <= 0.0:
             return math.nan

@@ -11,9 +11,10 @@ SIZES: dict[str, Callable[[float, float, float], float]] = {
     "k3": lambda x, v, f: x**3,
     "tau": lambda x, v, f: f * v / x,
 }
-"""Functions that return a typical size of a regressor from typical x [m], v [m/s] and f [N].
+"""Functions that return a typical size of a regressor besides v and x.
 
-The keys are the names of the parameters besides b and k. The arguments are in the order x, v, f.
+The arguments are a typical displacement x [m], velocity v [m/s] and force f [N], in this order. The
+key is the name of the parameter that is multiplied by the regressor.
 """
 UNITS = {
     "b": "N s/m",
@@ -27,37 +28,37 @@ UNITS = {
     "B": "N s/m^(n+1)",
     "n": "-",
 }
-"""Units of all quantities that an estimator may estimate, by name."""
+"""Unit of each quantity that an estimator may estimate, by the name of the quantity."""
 POWERS_OF_X = ("k3", "n")
 """Parameters that only models nonlinear in x have. These models need x = 0 at the contact point."""
 REGRESSOR_UNITS = {"f0": "-", "m": "m/s^2", "k3": "m^3", "tau": "N/s"}
-"""Units of the regressors besides v and x, by the name of their parameter."""
+"""Unit of each regressor besides v and x, by the name of the parameter that is multiplied by it."""
 
 
 @dataclass(frozen=True)
 class Model:
-    """A model f = phi' theta, with phi = [v, x, ...] and theta = [b, k, ...].
+    """A model f = phi' theta, with the regressors phi = [v, x, ...] and theta = [b, k, ...].
 
-    Regressors besides v and x, such as x^3, are called further regressors. They must be computed
-    from the measured signals and then filtered, because H[x^3] is not (H x)^3 for a filter H.
-    `MatchedFilter` does this.
+    Regressors besides v and x, such as x^3, are called further regressors. A further regressor
+    must be computed from the measured signals and then filtered. The order is important, because
+    a filter H gives H[x^3], which is not (H x)^3. `MatchedFilter` uses the correct order.
 
     Parameters
     ----------
     name
         Name of the model on the command line.
     further
-        Names of the parameters besides b and k. Each is one of
+        Names of the parameters besides b and k. Each name is one of
 
-        - `f0` [N], the force at x = 0; its regressor is 1;
-        - `m` [kg], the mass that moves with the surface; its regressor is the acceleration;
-        - `k3` [N/m^3], stiffening; its regressor is x^3;
-        - `tau` [s], relaxation time; its regressor is minus the time derivative of f.
+        - `f0` [N], the force at x = 0. The regressor is 1;
+        - `m` [kg], the mass that moves with the surface. The regressor is the acceleration;
+        - `k3` [N/m^3], the coefficient of stiffening. The regressor is x^3;
+        - `tau` [s], the relaxation time. The regressor is minus the time derivative of f.
 
     Raises
     ------
     ValueError
-        A parameter is unknown.
+        `further` contains an unknown name.
     """
 
     name: str
@@ -80,11 +81,11 @@ class Model:
 
     @property
     def further_regressors(self) -> tuple[tuple[str, str], ...]:
-        """Name of the parameter, and unit, of each regressor besides v and x."""
+        """Pairs (parameter name, unit of the regressor), for the regressors besides v and x."""
         return tuple((parameter, REGRESSOR_UNITS[parameter]) for parameter in self.further)
 
     def sizes(self, x: float, v: float, f: float) -> tuple[float, ...]:
-        """Return a typical size of each regressor, from typical x [m], v [m/s] and f [N]."""
+        """Return a typical size of each regressor, for a typical x [m], v [m/s] and f [N]."""
         return (v, x, *(SIZES[parameter](x, v, f) for parameter in self.further))
 
 
@@ -100,8 +101,8 @@ STANDARD_LINEAR_SOLID = Model("sls", ("tau",))
 """f + tau f' = b v + k x, with b = k tau + b1.
 
 The body is a spring k in parallel with a second branch. The second branch is a spring k1 in series
-with a damper b1 = k1 tau. The damping is b1 = b - k tau in slow motion, and the stiffness is
-k + k1 = k + b1 / tau in fast motion.
+with a damper b1 = k1 tau. In slow motion the body has the damping b1 = b - k tau. In fast motion it
+has the stiffness k + k1 = k + b1 / tau.
 """
 
 MODELS = {
@@ -112,7 +113,7 @@ MODELS = {
 
 
 def model_named(name: str) -> Model:
-    """Return the model of this name.
+    """Return the model with this name.
 
     Raises
     ------

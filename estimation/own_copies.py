@@ -1,10 +1,10 @@
-"""Copies of a step and of all functions that it calls.
+"""Copy a step and all functions that the step calls.
 
 Several methods call the same functions, for example `correct`, with states of different classes.
 The interpreter and numba both specialise a function to the classes of its arguments in previous
-calls. If the class changes, the interpreter looks up each field again, which is slow. numba treats
-two record types as the same if one starts with the fields of the other. So each step has its own
-copies.
+calls. If the class changes, the interpreter must look up each field again, which is slow. numba
+treats two record types as the same type if one starts with the fields of the other. So each step
+has its own copies of the functions that it calls.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ def own_copy(
     finish: Callable[[FunctionType], Any] = lambda copy: copy,
     replaced: Sequence[tuple[Any, Any]] = (),
 ) -> F:
-    """Return a copy of a function, in which all functions that it calls are copies too.
+    """Return a copy of a function. The functions that the copy calls are also copies.
 
     Parameters
     ----------
     function
-        A function that calls others by global names of its module.
+        The function. It must call other functions by global names of its module.
     finish
         Function that is applied to each copy, for example a compiler. Its result replaces the copy.
     replaced
-        Pairs of a global constant and its replacement in the copies.
+        Pairs of a global constant and the object that replaces this constant in the copies.
     """
     done: dict[Callable[..., Any], Any] = {}
 
     def copied(original: Any) -> Any:
         if original not in done:
-            names = used_globals(original)  # a small namespace fits into the processor's cache
+            names = used_globals(original)  # few globals fit into the processor's cache
             called = {name: copied(value) for name, value in calls(original).items()}
             constants = {name: new for old, new in replaced for name in names if names[name] is old}
             copy = FunctionType(
-                original.__code__.replace(),  # the interpreter stores its specialisation here
+                original.__code__.replace(),  # the interpreter specialises this copy only
                 {"__name__": original.__module__, **names, **called, **constants},
                 original.__name__,
                 original.__defaults__,
@@ -54,23 +54,23 @@ def own_copy(
 
 
 def used_globals(function: Callable[..., Any]) -> dict[str, Any]:
-    """Return the globals that a function uses, by name."""
+    """Return the global objects that a function uses, by name."""
     known = function.__globals__
     return {name: known[name] for name in names_in(function.__code__) if name in known}
 
 
 def names_in(code: CodeType) -> set[str]:
-    """Return the names of globals and attributes in a function and in its inner functions."""
+    """Return the names of globals and attributes that the code and its inner functions use."""
     inner = (value for value in code.co_consts if isinstance(value, CodeType))
     return set(code.co_names).union(*map(names_in, inner))
 
 
 def calls(function: Callable[..., Any]) -> dict[str, FunctionType]:
-    """Return the functions that a function uses as globals, by their names in this function."""
+    """Return the global functions that a function uses, by their global names."""
     used = used_globals(function)
     return {name: value for name, value in used.items() if isinstance(value, FunctionType)}
 
 
 def called_functions(function: Callable[..., Any]) -> set[Callable[..., Any]]:
-    """Return the set of a function and all functions that it calls, directly or indirectly."""
+    """Return a set of this function and of all functions that it calls, directly or indirectly."""
     return {function}.union(*(called_functions(value) for value in calls(function).values()))

@@ -1,4 +1,4 @@
-"""Settings of single estimators that replace the shared settings of a preset."""
+"""Define settings that replace the shared settings of a preset for one estimator."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from estimation.methods.grid import Grid
 
 @dataclass(frozen=True)
 class OwnSettings:
-    """Settings of one estimator that replace settings of the preset.
+    """Settings that replace the shared settings of a preset for one estimator.
 
-    None keeps the value of the preset. Units and ranges are those of `MethodSettings`.
+    A setting that is None has the value of the preset. Units and ranges are those of
+    `MethodSettings`.
     """
 
     forgetting: float | None = None
@@ -52,7 +53,7 @@ def with_own_settings(
     shared: MethodSettings,
     own: Mapping[str, OwnSettings],
 ) -> Estimator:
-    """Return a new estimator from the shared settings and the settings of this estimator.
+    """Return a new estimator. The settings for this estimator replace the shared settings.
 
     Parameters
     ----------
@@ -63,7 +64,7 @@ def with_own_settings(
     shared
         Settings of all estimators.
     own
-        Settings of single estimators, by name.
+        Settings that replace the shared settings, by the name of the estimator.
 
     Raises
     ------
@@ -76,7 +77,7 @@ def with_own_settings(
     used: set[str] = set()
 
     class Watched(type(shared)):  # type: ignore[misc]
-        """Settings of the estimator. The name of each setting that is read is added to `used`."""
+        """Settings of the estimator. When a setting is read, its name is added to `used`."""
 
         def __getattribute__(self, attribute: str) -> Any:
             used.add(attribute)

@@ -1,4 +1,4 @@
-"""Figures, tables and texts of objects with estimates, for a Python prompt and for notebooks."""
+"""Show results with estimates as figures, tables and short texts, in Python and in notebooks."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from estimation.figures import Truth
 
 LISTED = 3
-"""Largest number of estimators in a text of one line."""
+"""Largest number of estimators that a text of one line names."""
 
 
 class HasEstimates(Protocol):
-    """Attributes that an object with estimates must have so that `Presented` can show it."""
+    """Attributes that the methods of `Presented` use."""
 
     @property
     def t(self) -> Floats:
@@ -51,7 +51,10 @@ class HasEstimates(Protocol):
 
 
 class Presented:
-    """Base class of results with estimates, see `HasEstimates`: figures, table, and short texts."""
+    """Base class of results with estimates. It provides figures, a table and short texts.
+
+    A derived class must have the attributes of `HasEstimates`.
+    """
 
     @property
     def about(self: HasEstimates) -> str:
@@ -61,12 +64,12 @@ class Presented:
     def plot(
         self: HasEstimates, width: str = "screen", title: str = "", truth: Truth | None = None
     ) -> Figure:
-        """Return a figure of the motion and of stiffness and damping with 95 % intervals over time.
+        """Return a figure of stiffness, damping and motion over time, with 95 % intervals.
 
         Parameters
         ----------
         width
-            `screen`; `single` or `double` for the columns of an IEEE paper; or `a4`.
+            `screen`, `a4`, or `single` or `double` for one or two columns of an IEEE paper.
         title
             Title of the figure.
         truth
@@ -80,9 +83,9 @@ class Presented:
             return estimates_figure(title, self.t, x, v, self.estimates, truth)
 
     def plot_force(self: HasEstimates, width: str = "screen", title: str = "") -> Figure:
-        """Return a figure of the measured force and its prediction by the first estimator.
+        """Return a figure of the measured force, and of its prediction by the first estimator.
 
-        Over displacement, the force is compared with a batch least-squares fit.
+        In the panel over displacement, the force is compared with a batch least-squares fit.
 
         Parameters
         ----------
@@ -99,7 +102,7 @@ class Presented:
             return force_figure(title, self.t, self.regression, name, first, fit)
 
     def to_dataframe(self: HasEstimates) -> pandas.DataFrame:
-        """Return signals and estimates, with one row per sample, indexed by time [s].
+        """Return a table of signals and estimates with one row per sample. The index is time [s].
 
         Raises
         ------
@@ -116,7 +119,7 @@ class Presented:
         return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
 
     def __repr__(self: HasEstimates) -> str:
-        """Return the estimates at the end in one line."""
+        """Return one line of text with the estimates after the last sample."""
         return short_text(type(self).__name__, self.about, self.estimates)
 
     def _repr_html_(self: HasEstimates) -> str:
@@ -133,7 +136,8 @@ def value_text(value: float, std: float) -> str:
     value
         The value.
     std
-        Its standard deviation. If it is not finite, only the value is returned.
+        Standard deviation of the value. If it is not a positive number, the text has no half
+        width.
     """
     half = LEVEL_95 * std
     if not math.isfinite(half) or half <= 0.0:
@@ -143,9 +147,10 @@ def value_text(value: float, std: float) -> str:
 
 
 def last_values(estimates: Mapping[str, Estimates]) -> list[tuple[str, str, str]]:
-    """Return name, stiffness [N/m] and damping [N s/m] of each estimator at the end, as texts.
+    """Return name, stiffness [N/m] and damping [N s/m] of each estimator, as texts.
 
-    The values are `no estimate` if no sample changed the estimate.
+    The values are the estimates after the last sample, or the text `no estimate` if no sample
+    changed the estimate.
     """
     found = []
     for name, e in estimates.items():
@@ -157,7 +162,7 @@ def last_values(estimates: Mapping[str, Estimates]) -> list[tuple[str, str, str]
 
 
 def short_text(kind: str, about: str, estimates: Mapping[str, Estimates]) -> str:
-    """Return a text of one line with the estimates at the end, for `__repr__`.
+    """Return one line of text with the estimates after the last sample, for `__repr__`.
 
     Parameters
     ----------
@@ -179,7 +184,7 @@ def short_text(kind: str, about: str, estimates: Mapping[str, Estimates]) -> str
 
 
 def html_table(about: str, estimates: Mapping[str, Estimates]) -> str:
-    """Return an HTML table with the estimates at the end, for `_repr_html_`.
+    """Return an HTML table with the estimates after the last sample, for `_repr_html_`.
 
     Parameters
     ----------

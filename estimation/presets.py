@@ -1,4 +1,4 @@
-"""Settings of a bank of estimators: those of the paper, and settings computed from the data."""
+"""Define the settings of a bank of estimators: those of the paper, or computed from the data."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from estimation.own_settings import OwnSettings, with_own_settings
 from estimation.registry import METHODS, PAPER, named_estimators
 
 GATE = GateSettings(force=0.1, speed=2e-3, window=0.02)
-"""Settings of the default contact gate, for palpation by hand."""
+"""Settings of the default contact gate. They are chosen for palpation by hand."""
 
 
 @dataclass(frozen=True)
@@ -29,11 +29,11 @@ class Preset(MethodSettings):
     """
 
     gate: GateSettings | None = GATE
-    """Settings of the contact gate; None for no gate. No effect on the paper's estimators."""
+    """Settings of the contact gate; None for no gate. The paper's estimators have no gate."""
     estimators: tuple[str, ...] = PAPER
-    """Names of the estimators; they are keys of `METHODS`."""
+    """Names of the estimators, keys of `METHODS`."""
     own: Mapping[str, OwnSettings] = field(default_factory=dict)
-    """Settings of single estimators that replace the shared settings, by name of the estimator."""
+    """Settings that replace the shared settings for one estimator, by the name of the estimator."""
 
     def bank(self) -> Bank:
         """Return a new bank with these settings.
@@ -41,8 +41,8 @@ class Preset(MethodSettings):
         Raises
         ------
         ValueError
-            A setting is out of its range, or `METHODS` does not contain a name. The message has
-            a line for each estimator that cannot be constructed.
+            A setting is out of its range, a name is not in `METHODS`, or no estimator supports the
+            model. The message has one line for each estimator that cannot be constructed.
         """
         for name in self.own:
             named_estimators([name])
@@ -62,9 +62,10 @@ class Preset(MethodSettings):
         return Bank(estimators, Gate(self.gate) if self.gate else None)
 
     def for_depth(self, depth: float, usual: float) -> Preset:
-        """Return the settings with the adaptation gain for another depth of palpation.
+        """Return the settings, with the adaptation gain changed for another depth of palpation.
 
-        The rate of convergence is proportional to the gain and to the square of the depth.
+        The rate of convergence remains the same. This rate is proportional to the gain and to the
+        square of the depth.
 
         Parameters
         ----------
@@ -81,9 +82,9 @@ class Preset(MethodSettings):
 def paper_preset(cube: str = "soft") -> Preset:
     """Return the settings of the paper.
 
-    The settings are equations (17) to (19), the forgetting factor 0.98 per sample at 1 kHz, and the
-    forgetting rate 10 1/s of the multi-estimator. The adaptation gain (18) depends on the cube.
-    All other settings are the same for all cubes.
+    The settings are those of equations (17) to (19). The forgetting factor is 0.98 per sample at
+    1 kHz. The forgetting rate of the multi-estimator is 10 1/s. The adaptation gain of equation
+    (18) depends on the cube. All other settings are the same for all cubes.
 
     Parameters
     ----------
@@ -110,13 +111,13 @@ def paper_preset(cube: str = "soft") -> Preset:
 
 
 def scaled_preset(x: ArrayLike, v: ArrayLike, f: ArrayLike, dt: ArrayLike) -> Preset:
-    """Return settings computed from the data, for data of any amplitude and speed.
+    """Return settings that are computed from the data. The data may have any amplitude and speed.
 
-    The time constant of forgetting is half a period of the dominant oscillation, the shortest time
-    in which damping and stiffness can be distinguished. The grid of the multi-estimator has 10^8
-    candidates, with b up to +-3 f_rms / v_rms and k from 0 to 3 f_rms / x_rms, where rms is the
-    root mean square of the data. The gate is open while force and speed exceed 2 % of f_rms and
-    v_rms.
+    The time constant of forgetting is half a period of the dominant oscillation. This is the
+    shortest time in which damping and stiffness can be distinguished. The grid of the
+    multi-estimator has 10^8 candidates: b from -3 to 3 f_rms / v_rms, and k from 0 to
+    3 f_rms / x_rms, where rms is the root mean square of the data. The gate is open while the force
+    exceeds 2 % of f_rms and the speed exceeds 2 % of v_rms.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Conversion of dataclasses of numbers to numpy records, and back."""
+"""Convert dataclasses of numbers to numpy records, and numpy records to dataclasses."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 def to_record(values: Any) -> NDArray[np.void]:
-    """Return an array of one record, shape (1,), with the field values of a dataclass.
+    """Return an array with one record, shape (1,), that has the field values of a dataclass.
 
     Each field is a number, a vector, a matrix, or another such dataclass.
     """
@@ -20,7 +20,7 @@ def to_record(values: Any) -> NDArray[np.void]:
 
 
 def update_from(record: np.void, values: Any) -> None:
-    """Set the fields of a dataclass to the values of a record."""
+    """Copy the values of a record into the fields of the dataclass `values`."""
     for field in fields(values):
         value = getattr(values, field.name)
         if is_dataclass(value):
@@ -30,7 +30,7 @@ def update_from(record: np.void, values: Any) -> None:
 
 
 def numbers(values: Any) -> NDArray[np.float64]:
-    """Return all numbers of a dataclass in one array, shape (n,)."""
+    """Return all numbers that a dataclass contains as one array, shape (n,)."""
     parts = []
     for field in fields(values):
         value = getattr(values, field.name)

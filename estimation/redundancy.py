@@ -1,22 +1,23 @@
-"""Parameterisation redundancy: candidates (b, k) that a motion does not distinguish.
+"""Find candidates (b, k) that a motion does not distinguish (parameterisation redundancy).
 
-This is the subject of Lemmas 1 and 2 of the paper.
+Lemmas 1 and 2 of the paper describe these candidates. The equation numbers are those of the paper.
 
-With theta = (b, k), phi = [v, x] and the plant theta_0, the force error of a candidate is
-(theta - theta_0)' phi, and its monitoring signal (11) is the quadratic form
+Let theta = (b, k), let phi = [v, x], and let theta_0 be the plant, the true (b, k). The force error
+of a candidate theta is (theta - theta_0)' phi. Its monitoring signal (11) is the quadratic form
 
     mu(theta) = (theta - theta_0)' S (theta - theta_0)
     S = int e^(-2 lambda (t - tau)) phi phi' dtau.
 
-For two candidates gamma and epsilon, with difference d = gamma - epsilon and sum of errors
-s = (gamma - theta_0) + (epsilon - theta_0),
+Let d = gamma - epsilon be the difference of two candidates gamma and epsilon, and let
+s = (gamma - theta_0) + (epsilon - theta_0) be the sum of their errors. Then
 
     mu_gamma - mu_epsilon = d' S s = int e^(-2 lambda (t - tau)) (d' phi)(s' phi) dtau,
 
 which is zero at all times if and only if (d' phi)(s' phi) is zero at all times. There are three
 cases: s = 0, the mirrored pair (15); d' phi = 0, the exponential motion (14); and s' phi = 0, the
-exponential motion (16). In Lemma 1 epsilon is the plant, so d = s, and (14) becomes (12). The
-paper's additional condition for (16), that the two errors are parallel, is not needed.
+exponential motion (16). In Lemma 1 epsilon is the plant, so d = s, and (14) becomes (12). For (16)
+the paper has the additional condition that the two errors are parallel. This condition is not
+needed.
 """
 
 from __future__ import annotations
@@ -40,11 +41,11 @@ class Redundancy(NamedTuple):
     """Motions for which two candidates have the same monitoring signal at all times."""
 
     mirrored: bool
-    """True if the signals are the same for every motion: the plant is the midpoint between the
-    candidates, (15)."""
+    """True if the two signals are the same for every motion, (15). In this case the plant is the
+    midpoint between the candidates."""
     rates: tuple[float, ...]
-    """Rates [1/s] for which the signals are the same in x(t) = x_0 exp(-rate t), (12), (14), (16).
-    """
+    """The two signals are the same in a motion x(t) = x_0 exp(-rate t) with one of these rates
+    [1/s], (12), (14), (16)."""
 
 
 def redundancy(gamma: Candidate, epsilon: Candidate, plant: Candidate) -> Redundancy:
@@ -57,7 +58,7 @@ def redundancy(gamma: Candidate, epsilon: Candidate, plant: Candidate) -> Redund
     gamma, epsilon
         Two different candidates (b, k) [N s/m], [N/m]. One candidate may be equal to the plant.
     plant
-        The true (b, k).
+        The true (b, k) of the environment.
 
     Raises
     ------
@@ -73,10 +74,10 @@ def redundancy(gamma: Candidate, epsilon: Candidate, plant: Candidate) -> Redund
 
 
 class Ambiguity(NamedTuple):
-    """Range of the candidates that the data do not distinguish, arrays over time, shape (n,)."""
+    """Range of the candidates that the data do not distinguish, as arrays over time, (n,)."""
 
     candidates: Floats
-    """Number of candidates within the margin of the best candidate, including the best one."""
+    """Number of candidates within the margin of the best candidate, which is also counted."""
     b_low: Floats
     """Smallest damping of the candidates within the margin [N s/m]."""
     b_high: Floats
@@ -96,20 +97,22 @@ def ambiguity(
     margin: float,
     every: int = 1,
 ) -> Ambiguity:
-    """Return the range of the candidates that a recording does not distinguish, over time.
+    """Process a recording; return over time the range of the candidates that are not distinguished.
 
     Parameters
     ----------
     estimator
-        The multi-estimator. It processes the samples.
+        The multi-estimator that processes the samples.
     x, v, f, dt
         Displacement [m], velocity [m/s], force [N] and time since the previous sample [s], each
         of shape (n,).
     margin
-        A candidate is not distinguished from the best candidate if the difference of their
-        monitoring signals is at most this fraction of the smallest signal, >= 0.
+        A candidate and the best candidate are not distinguished if the difference of their
+        monitoring signals is small. The margin is the largest such difference, as a fraction of
+        the smallest signal, >= 0.
     every
-        Number of samples per row of the result; the arrays have the shape (n // every,).
+        The result has one value for each `every` samples, so its arrays have the shape
+        (n // every,).
     """
     b, k = estimator.grid.b.values, estimator.grid.k.values
     rows = []

@@ -1,4 +1,4 @@
-"""Registry of all estimators by name: those of this package and of other installed packages."""
+"""Find an estimator by its name, among those of this package and of other installed packages."""
 
 from __future__ import annotations
 
@@ -68,7 +68,10 @@ def ai(preset: MethodSettings) -> Estimator:
 
 
 def ceiling(preset: MethodSettings) -> tuple[float, ...]:
-    """Return the largest variances of a Kalman filter, for force noise of variance 1 N^2."""
+    """Return the upper limits of the parameters' variances in a Kalman filter.
+
+    The limits are for force noise with a variance of 1 N^2.
+    """
     return tuple(1.0 / size**2 for size in preset.sizes)
 
 
@@ -177,7 +180,7 @@ BUILT_IN: dict[str, Factory] = {
 def offered() -> dict[str, EntryPoint]:
     """Return the entry points with which other packages register estimators, by name.
 
-    Names of estimators in `BUILT_IN` are left out.
+    Entry points with a name in `BUILT_IN` are left out.
     """
     points = entry_points(group=GROUP)
     return {point.name: point for point in points if point.name not in BUILT_IN}
@@ -186,11 +189,11 @@ def offered() -> dict[str, EntryPoint]:
 class Methods(Mapping[str, Factory]):
     """Mapping from the names of estimators to their factories.
 
-    Another package is imported when its factory is first requested.
+    Another package is imported when one of its factories is requested for the first time.
     """
 
     def __getitem__(self, name: str) -> Factory:
-        """Return the factory of this name.
+        """Return the factory with this name.
 
         Raises
         ------
@@ -225,12 +228,13 @@ METHODS = Methods()
 
 
 def named_estimators(names: str | Sequence[str]) -> tuple[str, ...]:
-    """Return a selection of the names in `METHODS`, as a tuple.
+    """Check names of estimators, and return them as a tuple.
 
     Parameters
     ----------
     names
-        Names as a sequence, or as one text separated by commas; `all` for all names.
+        Names in `METHODS`, as a sequence or as one text separated by commas. `all` selects all
+        names.
 
     Raises
     ------

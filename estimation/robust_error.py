@@ -1,4 +1,4 @@
-"""Variances of a least-squares fit that are valid for residuals of unknown autocorrelation.
+"""Fit by least squares, with variances that are valid for residuals of unknown autocorrelation.
 
 Let X be the regressors, theta the parameters, e the residuals, and g' theta a linear combination of
 the parameters. The error of g' theta is the sum of u_t = w_t e_t over all samples, with
@@ -6,19 +6,19 @@ w = X (X' X)^-1 g. The variance of this sum is n times the spectral density of u
 for n samples. The equal-weighted cosine (EWC) estimator computes this variance as the mean square
 of the first B cosine coefficients of u. The estimate has B degrees of freedom, so the confidence
 interval uses Student's t distribution with B degrees of freedom. The coverage of this interval is
-close to 95 %. The coverage of a Newey-West interval with normal quantiles often is not.
+close to 95 %. For a Newey-West interval with normal quantiles, it often is not close to 95 %.
 
 The estimator assumes that the spectral density of u is the same at the first B cosines as at zero.
 For a periodic motion, w oscillates with the frequency f0 of the motion. So the spectrum of u at
-frequency zero is that of the residual at f0, and the spectrum of u at the frequency d is that of
-the residual at f0 - d and f0 + d. If B is the number of cycles, the highest frequency of the B
-cosines is half of f0. B is not larger than the number of cycles, because more cosines would contain
-the residual near frequency zero, where a baseline or friction is large.
+frequency zero is that of the residual at f0. The spectrum of u at the frequency d is that of the
+residual at f0 - d and f0 + d. If B is the number of cycles, the highest frequency of the B cosines
+is half of f0. B is not larger than the number of cycles, because more cosines would contain the
+residual near frequency zero. There, the residual due to a baseline or friction is large.
 
 The residuals of samples with a high leverage h are too small, because the fit follows these
-samples. An example are the few samples at the beginning of a ramp that determine the damping. As in
-the HC2 estimator, the residual e is replaced by e / sqrt(1 - h). If the noise is white, the
-variance of e / sqrt(1 - h) is that of the noise.
+samples. An example is the few samples at the beginning of a ramp, which determine the damping. As
+in the HC2 estimator, the residual e is replaced by e / sqrt(1 - h). If the noise is white,
+e / sqrt(1 - h) has the variance of the noise.
 
 References
 ----------
@@ -42,7 +42,7 @@ from estimation.estimator import LEVEL_95
 
 FEWEST_COSINES = 4
 SMALLEST = 0.05
-"""Lower limit of 1 - leverage. A sample below it determines a parameter alone."""
+"""Lower limit of 1 - leverage. A sample with a smaller value determines a parameter alone."""
 
 
 class RobustFit(NamedTuple):
@@ -53,9 +53,9 @@ class RobustFit(NamedTuple):
     residual: Floats
     """Residuals, shape (n,)."""
     inverse: Floats
-    """(X' X)^-1 X', shape (m, n)."""
+    """The matrix (X' X)^-1 X' of the regressors X, shape (m, n)."""
     regressors: Floats
-    """X, shape (n, m)."""
+    """The regressors X, shape (n, m)."""
 
     @property
     def leverage(self) -> Floats:
@@ -63,10 +63,10 @@ class RobustFit(NamedTuple):
         return np.asarray(np.einsum("ij,ji->i", self.regressors, self.inverse))
 
     def deviation(self, gradient: Floats, cycles: float = math.inf) -> float:
-        """Return the standard deviation of gradient' theta.
+        """Return the standard deviation of the linear combination gradient' theta.
 
-        It is scaled such that 1.96 times the returned value is the half width of the 95 %
-        confidence interval.
+        The value is scaled such that 1.96 times the value is the half width of the 95 % confidence
+        interval.
 
         Parameters
         ----------
@@ -103,7 +103,7 @@ def cosine_count(freedom: int, cycles: float = math.inf) -> int:
 def robust_fit(regressors: Floats, f: Floats) -> RobustFit:
     """Return the least-squares fit of f = X theta.
 
-    The columns of X are scaled to equal size first, which makes the result more accurate.
+    The columns of X are first scaled to equal size, which makes the result more accurate.
 
     Parameters
     ----------

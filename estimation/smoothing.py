@@ -1,8 +1,9 @@
-"""Zero-phase smoothing of position, velocity and force with one Gaussian kernel.
+"""Smooth position, velocity and force with the same Gaussian kernel, without phase shift.
 
-If f = b v + k x, then H f = b H v + k H x for every linear filter H. Here H is a Gaussian kernel.
-It has no delay, so that neither b nor k is biased. H v is the convolution of the measured position
-with the derivative of the kernel, which has less noise than a difference quotient.
+If f = b v + k x, then H f = b H v + k H x for every linear filter H. Here H is the convolution with
+a Gaussian kernel. The kernel causes no delay, and neither b nor k is biased. H v is the
+convolution of the measured position with the derivative of the kernel. The result has less noise
+than a difference quotient.
 """
 
 from __future__ import annotations
@@ -14,19 +15,18 @@ from estimation.compiled import Floats
 REACH = 5.0
 """Half length of the kernel, in standard deviations."""
 CORNER = 0.13252
-"""Half-power frequency of a kernel with a standard deviation of 1 s [Hz]."""
+"""Half-power frequency [Hz] of a kernel whose standard deviation is 1 s."""
 
 
 def kernel_width(bandwidth: float) -> float:
-    """Return the standard deviation [s] of the kernel with this half-power frequency [Hz]."""
+    """Return the standard deviation [s] of a kernel for its half-power frequency [Hz]."""
     return CORNER / bandwidth
 
 
 def smooth(values: Floats, width: float) -> Floats:
     """Return the values smoothed with a Gaussian kernel, shape (n,).
 
-    Before the first sample and after the last, the values are continued by point reflection at that
-    sample.
+    The signal is extended at both ends by point reflection at the first and at the last sample.
 
     Parameters
     ----------
@@ -39,7 +39,9 @@ def smooth(values: Floats, width: float) -> Floats:
 
 
 def slope(values: Floats, width: float, period: float) -> Floats:
-    """Return the time derivative of the smoothed values, in their unit per second, shape (n,).
+    """Return the time derivative of the smoothed values, shape (n,).
+
+    The unit is the unit of the values per second.
 
     Parameters
     ----------

@@ -1,12 +1,12 @@
-"""Definition of a step and of its state. A step is the function that implements a method.
+"""Define the form of a step: the function with which an estimation method processes one sample.
 
-A method is one function
+A step is a function
 
     step(parameters, state, phi, f, dt)
 
-that processes one sample: the regressors `phi` = (v, x, ...), the force `f` [N] and the time `dt`
-since the previous sample [s]. It reads `parameters` and updates `state` in place. Both are
-dataclasses. Each field has a name, a type and a description:
+A sample consists of the regressors `phi` = (v, x, ...), the force `f` [N] and the time `dt` since
+the previous sample [s]. The step reads `parameters` and updates `state` in place. `parameters` and
+`state` are dataclasses whose fields have a name, a type and a description:
 
     @dataclass(frozen=True, slots=True)
     class RlsParameters:
@@ -26,25 +26,27 @@ dataclasses. Each field has a name, a type and a description:
 A field is a float, an int, a bool, a `Vector`, a `Matrix`, or another such dataclass. The size of a
 vector or a matrix is that of its initial value and does not change.
 
-The same source runs in two ways, with results that are identical to the bit:
+The same source code is run in two ways. The results are identical to the bit:
 
 - interpreted, in the live loop: vectors are lists and matrices are lists of lists;
-- compiled by numba over arrays of samples: the state is one numpy record with the same field names,
-  vectors and matrices are views of it, and `phi` is a tuple (`estimation/compiled.py`).
+- compiled by numba, for arrays of samples. The state is one numpy record with the same field names.
+  Vectors and matrices are views of this record, and `phi` is a tuple (`estimation/compiled.py`).
 
-So a step may use what both Python and numba support: arithmetic, comparisons, `math`, loops, and
-calls of functions that follow the same rules and are compiled too. There are three rules:
+So a step may use only what both Python and numba support: arithmetic, comparisons, `math`, loops,
+and calls of functions that follow the same rules. There are three rules:
 
 - change vectors and matrices element by element, `P[i][j] = ...`, and never replace them;
-- for every possible sample, do not divide by zero, and do not take a root or logarithm where it is
-  undefined: Python raises an error there, but compiled code continues with inf or nan;
-- write loops over regressors as `for i in below[m]`, which takes half the time of
-  `for i in range(m)`. `range` is correct too.
+- never divide by zero, and never take a root or logarithm where it is undefined, whatever the
+  sample is. Python then raises an error, but compiled code continues with inf or nan;
+- write loops over regressors as `for i in below[m]`. This takes half the time of
+  `for i in range(m)`, which is also correct.
 
-Records of named fields were chosen after a measurement with recursive least squares, including its
-interval. Compiled, a sample takes 30 ns with records, 350 ns with a NamedTuple of separate arrays,
-and 125 ns with a flat list of numbers. Interpreted, it takes 2.6 us with records and 2.8 us with
-the list. Also, a step can assign to a scalar field, which a NamedTuple does not allow.
+The state is a record with named fields, because this form was the fastest in a measurement. The
+measured time is that of one sample in recursive least squares with its confidence interval. In
+compiled code, the time is 30 ns with records, 350 ns with a NamedTuple of separate arrays, and
+125 ns with a flat list of numbers. In interpreted code, the time is 2.6 us with records and 2.8 us
+with the flat list. A further reason: a step can assign to a scalar field of a record, but not to a
+field of a NamedTuple.
 """
 
 from __future__ import annotations
@@ -75,8 +77,8 @@ class State:
     std: Vector
     """Standard deviations of `theta`, (m,); NaN if the method does not compute it."""
     held: bool
-    """True if the latest sample did not change `theta`. It is set to False before each step; the
-    step may set it to True."""
+    """True if the latest sample did not change `theta`. The value is set to False before each step.
+    The step may set it to True."""
 
 
 below = tuple(tuple(range(n)) for n in range(65))

@@ -1,11 +1,11 @@
-"""Batch fits of a Kelvin-Voigt body with stiffening, measured through a force channel with a lag.
+"""Fit a Kelvin-Voigt body with stiffening to a record whose force channel has a lag.
 
-    f = L(b v + k x + k3 x^3),    with the first-order lag L of the force channel
+    f = L(b v + k x + k3 x^3),    where L is the first-order lag of the force channel
 
 All signals are filtered by a `MatchedFilter`. The position, the velocity and the cube of the
-position are also filtered by L, so that the regression is exact except for noise. Both filters are
-linear, so L can be applied after the matched filter. The matched filter is therefore applied only
-once for fits with several lags.
+position are also filtered by L, so that the equation is exact except for noise. Both filters are
+linear, so L can be applied after the matched filter. For fits with several values of the lag, the
+matched filter is therefore applied only once.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ from estimation.filters import Lag
 from estimation.model import STIFFENING
 
 CHI2_95 = 3.841458820694124
-"""95 % quantile of chi-squared with one degree of freedom."""
+"""95 % quantile of the chi-squared distribution with one degree of freedom."""
 
 
 class StiffeningFit(NamedTuple):
     """Result of a least-squares fit of f = L(b v + k x + k3 x^3), with a given lag L."""
 
     b: float
-    """Damping [N s/m]; 0 if it was not fitted."""
+    """Damping [N s/m]; 0 if the damping was not fitted."""
     k: float
     """Stiffness at zero displacement [N/m]."""
     k3: float
-    """Stiffening [N/m^3]; 0 if it was not fitted."""
+    """Coefficient of stiffening [N/m^3]; 0 if this coefficient was not fitted."""
     rms: float
-    """Root mean square of the filtered residual [N]."""
+    """Root mean square of the residual, which is filtered [N]."""
 
 
 class Interval(NamedTuple):
-    """A value with the lower and the upper end of an interval, in the unit of the value."""
+    """A value, and the lower and upper end of its interval, all in the unit of the value."""
 
     value: float
     low: float
@@ -47,7 +47,7 @@ class Interval(NamedTuple):
 
 
 class LagProfile(NamedTuple):
-    """Least-squares fits for several given lags of the force channel, arrays of shape (lags,)."""
+    """Least-squares fits for several lags of the force channel, as arrays of shape (lags,)."""
 
     lag: Floats
     """Lag of the force channel [s]."""
@@ -58,14 +58,17 @@ class LagProfile(NamedTuple):
     rms: Floats
     """Root mean square of the filtered residual [N]."""
     independent: float
-    """Number of independent samples with the same information as the filtered samples."""
+    """Number of independent samples that have the same information as the filtered samples."""
 
     def lag_interval(self) -> Interval:
-        """Return the lag [s] of the best fit, with its 95 % likelihood-ratio interval."""
+        """Return the lag [s] of the best fit, with a 95 % likelihood-ratio interval."""
         return self._interval(self.lag)
 
     def b_interval(self) -> Interval:
-        """Return the damping [N s/m] of the best fit, with its range over `lag_interval`."""
+        """Return the damping [N s/m] of the best fit.
+
+        The interval contains the damping values of all fits whose lag is in `lag_interval`.
+        """
         return self._interval(self.b)
 
     def _interval(self, values: Floats) -> Interval:
@@ -87,7 +90,7 @@ class MatchedSignals:
     bandwidth
         Natural frequency of the state-variable filter [Hz].
     part
-        Samples that are fitted. The filters run over all samples.
+        Samples to which the model is fitted. The filters process all samples.
 
     Raises
     ------
@@ -118,7 +121,7 @@ class MatchedSignals:
         lag
             Time constant of the force channel [s], >= 0.
         damping, stiffening
-            Whether b and k3 are fitted; otherwise they are 0.
+            Whether b is fitted, and whether k3 is fitted. A parameter that is not fitted is 0.
         """
         fitted = [True, damping, stiffening]
         regressors = np.column_stack((self.x, self.v, self.x3))[:, fitted]
@@ -134,7 +137,7 @@ class MatchedSignals:
         return StiffeningFit(b, k, k3, float(np.sqrt(np.mean(residual**2))))
 
     def profile(self, lags: ArrayLike, damping: bool = True, stiffening: bool = True) -> LagProfile:
-        """Return the fit for each of the given lags [s], shape (lags,); see `fit` for one lag."""
+        """Return the fit for each of the given lags [s], shape (lags,). See also `fit`."""
         lag = np.asarray(lags, dtype=np.float64)
         fits = [self.fit(float(value), damping, stiffening) for value in lag]
         b, k, _, rms = np.array(fits).T
@@ -142,7 +145,7 @@ class MatchedSignals:
 
 
 def lagged(signal: Floats, dt: Floats, lag: float) -> Floats:
-    """Return a signal filtered by a first-order lag with the time constant `lag` [s], (n,)."""
+    """Return a signal after a first-order lag with the time constant `lag` [s], shape (n,)."""
     period = float(dt[0]) if len(dt) else 0.0
     if lag > 0.0 and len(dt) > 1 and np.ptp(dt[1:]) < 1e-9 * period:
         return evenly_lagged(signal, float(dt[1]), lag)
@@ -152,7 +155,7 @@ def lagged(signal: Floats, dt: Floats, lag: float) -> Floats:
 
 
 def evenly_lagged(signal: Floats, period: float, lag: float) -> Floats:
-    """Compute `lagged` for a constant sample period [s] by convolution, which is faster."""
+    """Do the same as `lagged` for a constant sample period [s], by convolution, which is faster."""
     decay = math.exp(-period / lag)
     ratio = lag / period
     start = signal - signal[0]

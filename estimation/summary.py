@@ -1,4 +1,4 @@
-"""Summary of the estimates over a record: averages, errors, and the values at its end."""
+"""Summarise the estimates of a record: averages, errors, and the values after the last sample."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from estimation.metrics import RisingValue, estimated_force, predicted_force
 class EstimatorSummary(NamedTuple):
     """Summary of one estimator over a record.
 
-    `b`, `k`, `e_f` and `one_step_rms` do not include the samples before the first estimate. All
-    estimates and errors are NaN, and there is no note, if no sample changed the estimate.
+    `b`, `k`, `e_f` and `one_step_rms` do not include the samples before the first estimate. If no
+    sample changed the estimate, all estimates and errors are NaN, and there is no note.
     """
 
     b: float
@@ -29,27 +29,29 @@ class EstimatorSummary(NamedTuple):
     one_step_rms: float
     """Root mean square of the force error of the one-step prediction [N]."""
     rise_time_s: float
-    """Rise time of the stiffness [s], see `rise_time`; NaN if it is not defined."""
+    """Rise time of the estimated stiffness [s], see `rise_time`; NaN if it is not defined."""
     b_end: float
     """Damping at the end [N s/m]."""
     k_end: float
     """Stiffness at the end [N/m]."""
     b_interval: float
-    """Half width of the 95 % confidence interval of `b_end` [N s/m]; NaN for none."""
+    """Half width of the 95 % confidence interval of `b_end` [N s/m]; NaN if there is no
+    interval."""
     k_interval: float
-    """Half width of the 95 % confidence interval of `k_end` [N/m]; NaN for none."""
+    """Half width of the 95 % confidence interval of `k_end` [N/m]; NaN if there is no interval."""
     held: float
     """Fraction of the samples that did not change the estimate."""
     further: dict[str, float]
     """Values of the model's parameters besides b and k at the end, by name."""
     further_interval: dict[str, float]
-    """Half widths of the 95 % confidence intervals of `further`, by name; NaN for none."""
+    """Half widths of the 95 % confidence intervals of `further`, by name; NaN if there is no
+    interval."""
     further_unit: dict[str, str]
     """Units of the values in `further`, by name."""
     misfit: float
     """Misfit at the end (`estimation.misfit`); NaN if it is not known."""
     note: str | None
-    """Warning about the estimates, see `Estimator.note`; None for none."""
+    """Warning about the estimates, see `Estimator.note`; None if there is no warning."""
 
 
 def summarise(
@@ -67,7 +69,7 @@ def summarise(
     Parameters
     ----------
     t
-        Time of each sample [s], shape (n,).
+        Time of each sample [s], shape (n,); n may be 0.
     regression
         The n samples that the estimator processed.
     estimates
@@ -101,6 +103,8 @@ class RunningSummary:
 
     def add(self, t: Floats, regression: Regression, estimates: Estimates, misfit: Floats) -> None:
         """Process the next samples. The arguments are those of `summarise`."""
+        if not len(t):
+            return
         f = regression.f
         one_step = f - predicted_force(regression, estimates, self._before)
         held = np.logical_and.accumulate(estimates.held)
@@ -122,7 +126,7 @@ class RunningSummary:
         ----------
         estimates
             The estimates after each sample, or after evenly spaced samples, for the note of the
-            estimator.
+            estimator. If there are none, the last estimates are used.
         """
         estimator, some = self._estimator, self._known > 0
         end = self._before or estimates
@@ -138,7 +142,7 @@ class RunningSummary:
             k_end=float(end.k[-1]) if some else math.nan,
             b_interval=self._interval(end.b_std),
             k_interval=self._interval(end.k_std),
-            held=self._held / self._samples,
+            held=self._held / self._samples if self._samples else 1.0,
             further={
                 name: float(series.value[-1]) if some else math.nan
                 for name, series in end.further.items()
@@ -148,14 +152,14 @@ class RunningSummary:
             },
             further_unit={name: units[name] for name in end.further},
             misfit=self._misfit if some else math.nan,
-            note=estimator.note(estimates) if some else None,
+            note=estimator.note(estimates if len(estimates.held) else end) if some else None,
         )
 
     def _interval(self, std: Floats) -> float:
         """Return the half width of the 95 % confidence interval after the last sample.
 
-        The result is NaN if the estimator has no estimate, or no standard deviation below
-        `UNKNOWN`. `std` are standard deviations of one parameter; the last one is used.
+        `std` contains standard deviations of one parameter. The result is NaN if no sample changed
+        the estimate, or if the last standard deviation is NaN or at least `UNKNOWN`.
         """
         is_known = self._held < self._samples and std[-1] < UNKNOWN
         return LEVEL_95 * float(std[-1]) if is_known else math.nan

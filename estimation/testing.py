@@ -1,12 +1,13 @@
-"""Checks that every estimator must pass, for tests in this package and in other packages.
+"""Check the properties that every estimator must have, in tests of this or another package.
 
     from estimation.testing import check_estimator
 
     def test_it_is_an_estimator():
         check_estimator(MyEstimator())
 
-Each of `CHECKS` is a function of a new estimator. It raises AssertionError, or the exception of
-the estimator, if the estimator does not have the property that its name and docstring describe.
+Each function in `CHECKS` is called with a new estimator. The name and the docstring of the function
+describe a property that every estimator must have. If the estimator does not have this property,
+the function raises AssertionError or an exception of the estimator.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def assert_equal(first: list[Floats], second: list[Floats], message: str) -> Non
 
 
 def assert_finite(estimator: Estimator, estimates: Estimates) -> None:
-    """Raise AssertionError if an estimate is not finite or a number of the state is infinite."""
+    """Raise AssertionError if an estimate is not finite, or a value in the state is infinite."""
     values = [estimates.b, estimates.k, *(s.value for s in estimates.further.values())]
     assert all(np.isfinite(value).all() for value in values), "an estimate is not finite"
     assert not np.isinf(numbers(estimator.state)).any(), "a number of the state is infinite"
@@ -63,7 +64,7 @@ def check_names_and_units(estimator: Estimator) -> None:
 
 
 def check_online_equals_batch(estimator: Estimator) -> None:
-    """The results of `update` sample by sample and of `run` are identical to the bit."""
+    """`run` gives the same results as `update` called for each sample, identical to the bit."""
     s = palpation(estimator)
     batch = deepcopy(estimator)
     samples = zip(s.x.tolist(), s.v.tolist(), s.f.tolist(), s.dt.tolist(), strict=True)
@@ -80,9 +81,9 @@ def check_online_equals_batch(estimator: Estimator) -> None:
 
 
 def check_compiled_equals_interpreted(estimator: Estimator) -> None:
-    """Compiled and interpreted results are identical to the bit, also on degenerate signals.
+    """Check that compiled and interpreted code give the same results, bit for bit.
 
-    The check is skipped if numba is not installed.
+    The signals include degenerate ones. The check is skipped if numba is not installed.
     """
     if not find_spec("numba"):
         return
@@ -96,9 +97,9 @@ def check_compiled_equals_interpreted(estimator: Estimator) -> None:
 
 
 def check_sweeps(estimator: Estimator, samples: Samples) -> None:
-    """Raise AssertionError unless the compiled and the interpreted sweep have the same results.
+    """Raise AssertionError unless `compiled_sweep` and `interpreted_sweep` have the same results.
 
-    The final states must be the same too.
+    The states after the last sample must also be the same.
     """
     fast, slow = deepcopy(estimator), deepcopy(estimator)
     got = compiled_sweep(fast.law, fast.state, samples)
@@ -108,7 +109,7 @@ def check_sweeps(estimator: Estimator, samples: Samples) -> None:
 
 
 def check_pieces_equal_the_whole(estimator: Estimator) -> None:
-    """The estimates do not depend on the division of the recording into several calls of `run`."""
+    """The estimates are the same if the recording is divided into parts, with a `run` for each."""
     s = palpation(estimator)
     pieces = deepcopy(estimator)
     parts = []
@@ -121,7 +122,7 @@ def check_pieces_equal_the_whole(estimator: Estimator) -> None:
 
 
 def check_finite_for_all_signals(estimator: Estimator) -> None:
-    """Estimates are finite for signals of any size, also zero, and for any sample period."""
+    """Estimates are finite for signals of any size, including zero, and for any sample period."""
     for seed in range(20):
         rng = np.random.default_rng(seed)
         x, v, f = rng.normal(size=(3, 300)) * 10.0 ** rng.uniform(-6.0, 3.0, (3, 1))
@@ -133,7 +134,7 @@ def check_finite_for_all_signals(estimator: Estimator) -> None:
 
 
 def check_degenerate_signals(estimator: Estimator) -> None:
-    """Degenerate signals cause no division by zero or domain error; estimates stay finite."""
+    """Degenerate signals cause no division by zero and no domain error. Estimates remain finite."""
     moved = deepcopy(estimator)
     moved.run(*palpation(estimator, n=50))
     for signals in degenerate(estimator):
@@ -143,7 +144,7 @@ def check_degenerate_signals(estimator: Estimator) -> None:
 
 
 def check_a_gap_in_the_data(estimator: Estimator) -> None:
-    """Estimates stay finite after a gap in the data."""
+    """Estimates remain finite after a gap in the data."""
     for seed in range(10):
         s = palpation(estimator, n=1000, seed=seed)
         s.dt[500] = 10.0 ** np.random.default_rng(seed).uniform(-1.0, 5.0)
@@ -206,7 +207,7 @@ def check_no_samples(estimator: Estimator) -> None:
 
 
 def check_inputs_are_not_changed_or_shared(estimator: Estimator) -> None:
-    """Input arrays are not changed, and no result shares memory with them."""
+    """Input arrays are not changed, and no result shares memory with an input array."""
     s = [channel for channel in palpation(estimator, n=100) if channel is not None]
     copies = [channel.copy() for channel in s]
     results = columns(estimator.run(*s))
@@ -215,7 +216,7 @@ def check_inputs_are_not_changed_or_shared(estimator: Estimator) -> None:
 
 
 def check_pickle(estimator: Estimator) -> None:
-    """A copy of an estimator made by pickle continues with identical results."""
+    """An estimator and its copy made by pickle give identical results for further samples."""
     s = palpation(estimator, n=200)
     estimator.run(*s)
     twin = pickle.loads(pickle.dumps(estimator))
@@ -264,12 +265,12 @@ def check_estimator(estimator: Estimator) -> None:
     Parameters
     ----------
     estimator
-        A new estimator. It is copied for each check.
+        A new estimator. Each check gets a copy of this estimator.
 
     Raises
     ------
     AssertionError
-        A check failed. The traceback contains its name.
+        A check failed. The traceback contains the name of the check.
     """
     for check in CHECKS:
         check(deepcopy(estimator))

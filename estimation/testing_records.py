@@ -1,8 +1,9 @@
-"""Synthetic palpation records with a known true stiffness, for tests and benchmarks of a method.
+"""Simulate palpation records with a known true stiffness, for tests and benchmarks of a method.
 
-Each function returns a random record of one kind of palpation. The parameters of the body, the
-motion, the duration, the sampling rate and the noise are random. The true stiffness is the tangent
-stiffness where the elastic force is at half of its range. For a linear body it is k.
+Each function in `COVERAGE_KINDS` and `WITHOUT_STIFFNESS` returns a random record of one kind of
+palpation. The parameters of the body, the motion, the duration, the sampling rate and the noise are
+random. The true stiffness is the tangent stiffness where the elastic force is at half of its range.
+For a linear body the true stiffness is k.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class TrueRecord(NamedTuple):
     b: float
     """True damping [N s/m]; NaN if it is not defined."""
     contact: float = math.nan
-    """True position of the contact point [m]; NaN if the motion does not pass this point."""
+    """True position of the contact point [m]; NaN if the motion does not pass through it."""
 
 
 def steps_of_time(rate: float, seconds: float) -> Floats:
@@ -44,8 +45,8 @@ def steps_of_time(rate: float, seconds: float) -> Floats:
 def one_over_f(rng: Generator, n: int, rate: float, size: float, lowest: float = 0.0) -> Floats:
     """Return noise whose power spectrum is proportional to 1/frequency, shape (n,).
 
-    `rate` is the sampling rate [Hz], `size` the standard deviation of the noise. The spectrum is
-    zero up to the frequency `lowest` [Hz].
+    n is the number of samples, `rate` is the sampling rate [Hz], and `size` is the standard
+    deviation of the noise. The spectrum is zero up to the frequency `lowest` [Hz].
     """
     frequency = np.fft.rfftfreq(n, 1.0 / rate)
     amplitude = np.zeros(len(frequency))
@@ -57,19 +58,20 @@ def one_over_f(rng: Generator, n: int, rate: float, size: float, lowest: float =
 
 
 def derivative(x: Floats, rate: float) -> Floats:
-    """Return the time derivative [m/s] of a motion without noise [m], at a sampling rate [Hz].
+    """Return the time derivative [m/s] of a motion x [m] without noise, sampled at `rate` [Hz].
 
-    Central differences are not sufficient: for a sine of 3 Hz at 100 Hz they are 0.6 % too small,
-    which is more than the half width of the confidence interval of b.
+    Central differences are not accurate enough. For a sine of 3 Hz, sampled at 100 Hz, they are
+    0.6 % too small. This error is more than the half width of the confidence interval of b.
     """
     t = steps_of_time(rate, len(x) / rate)
     return np.asarray(CubicSpline(t, x)(t, 1))
 
 
 def measured(rng: Generator, x: Floats, f: Floats, resolution: float) -> tuple[Floats, Floats]:
-    """Return the measured position [m] and force [N], from the true position and force.
+    """Simulate the sensors: return the measured position [m] and force [N].
 
-    The position is rounded to the resolution of the encoder [m]. The force has sensor noise.
+    `x` [m] and `f` [N] are the true values. The measured position is rounded to `resolution` [m],
+    one encoder count. The measured force contains noise.
     """
     size = float(np.ptp(f))
     noise = size * 10.0 ** rng.uniform(-3.0, -2.0)
@@ -77,10 +79,10 @@ def measured(rng: Generator, x: Floats, f: Floats, resolution: float) -> tuple[F
 
 
 def smooth_ramps(t: Floats, times: Floats, levels: Floats, rounding: float) -> Floats:
-    """Return a piecewise linear motion with rounded corners [m] at the sample times t [s], (n,).
+    """Return a piecewise linear motion with rounded corners [m] at the n sample times t [s].
 
-    `times` [s] and `levels` [m] are the corners. `rounding` is the length of the Hann window that
-    rounds the corners [s].
+    `times` [s] and `levels` [m] are the times and positions of the corners. The corners are rounded
+    by a Hann window of length `rounding` [s].
     """
     x = np.interp(t, times, levels)
     n = max(1, round(rounding / (t[1] - t[0])))
@@ -90,15 +92,15 @@ def smooth_ramps(t: Floats, times: Floats, levels: Floats, rounding: float) -> F
 
 
 def specimen(rng: Generator) -> tuple[float, float]:
-    """Return a random stiffness k [N/m] and a random loss factor b omega / k.
+    """Return a random stiffness k [N/m] and a random loss factor.
 
-    omega is the angular frequency of the motion.
+    The loss factor is b omega / k, where omega is the angular frequency of the motion.
     """
     return 10.0 ** rng.uniform(2.3, 4.3), rng.uniform(0.03, 0.3)
 
 
 def sinusoid_with_drift(rng: Generator) -> TrueRecord:
-    """Return a sinusoidal palpation around a preload, with a slow drift of the position.
+    """Return a record of sinusoidal palpation around a preload, with a slow drift of the position.
 
     Such a drift occurs in a raster scan.
     """
@@ -125,9 +127,10 @@ def stiffening_force(x: Floats, k: float, k3: float) -> Floats:
 
 
 def mid_tangent(k: float, k3: float, lowest: float, highest: float) -> float:
-    """Return the tangent stiffness [N/m] of the body of `stiffening_force` at mid-force.
+    """Return the tangent stiffness [N/m] of a stiffening body where the force is at mid-range.
 
-    This is half of the range of the elastic force from position `lowest` to `highest` [m].
+    The force is that of `stiffening_force`. The range is that from the position `lowest` to the
+    position `highest` [m].
     """
     grid = np.linspace(lowest, highest, 20001)
     f = stiffening_force(grid, k, k3)
@@ -136,7 +139,7 @@ def mid_tangent(k: float, k3: float, lowest: float, highest: float) -> float:
 
 
 def ramp_hold_release(rng: Generator) -> TrueRecord:
-    """Return ramp, hold and release on a stiffening body. It begins and ends out of contact."""
+    """Return a ramp-hold-release record of a stiffening body. It starts and ends out of contact."""
     rate = rng.choice([100.0, 500.0, 1000.0])
     depth = 10.0 ** rng.uniform(-3.0, -2.0)
     k, loss = specimen(rng)
@@ -156,7 +159,7 @@ def ramp_hold_release(rng: Generator) -> TrueRecord:
 
 
 def intermittent_contact(rng: Generator) -> TrueRecord:
-    """Return a palpation that loses contact in every cycle, on a linear or stiffening body."""
+    """Return a record of a linear or stiffening body, with loss of contact in every cycle."""
     rate, seconds = rng.choice([200.0, 500.0, 1000.0]), rng.uniform(6.0, 30.0)
     frequency = rng.uniform(0.4, 2.0)
     depth = 10.0 ** rng.uniform(-3.0, -2.0)
@@ -176,7 +179,7 @@ def intermittent_contact(rng: Generator) -> TrueRecord:
 
 
 def sliding_palpation(rng: Generator) -> TrueRecord:
-    """Return palpation while sliding: friction adds a force with a 1/frequency spectrum."""
+    """Return a record of palpation while sliding: friction adds 1/frequency noise to the force."""
     rate, seconds = rng.choice([100.0, 200.0, 500.0]), rng.uniform(10.0, 40.0)
     frequency = rng.uniform(0.5, 3.0)
     k, loss = specimen(rng)
@@ -190,7 +193,6 @@ def sliding_palpation(rng: Generator) -> TrueRecord:
     b = k * loss / omega
     f = k * (x + 3.0 * amplitude) + b * derivative(x, rate)
     f += one_over_f(rng, len(t), rate, k * amplitude * rng.uniform(0.1, 0.8))
-    x = x + one_over_f(rng, len(t), rate, 0.02 * amplitude, 0.02) * (rng.uniform() < 0.0)
     measured_x, f = measured(rng, x + 3e-3, f, amplitude * 1e-3)
     return TrueRecord(t, measured_x, f, k, b)
 
@@ -198,9 +200,9 @@ def sliding_palpation(rng: Generator) -> TrueRecord:
 def relaxed(x: Floats, rate: float, time: float) -> Floats:
     """Return the solution z [m] of z' = x' - z / time with z = 0 at the start, shape (n,).
 
-    z is the stretch of the spring of a Maxwell element with the displacement x. The solution is
-    exact if x is linear between samples. `rate` is the sampling rate [Hz], `time` the time constant
-    of the relaxation [s].
+    z is the stretch of the spring in a Maxwell element whose displacement is x. The solution is
+    exact if x changes linearly between the samples. `rate` is the sampling rate [Hz], and `time` is
+    the time constant of the relaxation [s].
     """
     decay = math.exp(-1.0 / (rate * time))
     gain = time * rate * (1.0 - decay)
@@ -208,11 +210,11 @@ def relaxed(x: Floats, rate: float, time: float) -> Floats:
 
 
 def relaxing_body(rng: Generator) -> TrueRecord:
-    """Return a record of a standard linear solid, whose force relaxes.
+    """Return a record of palpation of a standard linear solid, whose force relaxes.
 
     The motion is one ramp and hold, three ramps with holds, or a sine. For ramps, the true
-    stiffness is the slope of force over displacement where the force first exceeds half of its
-    maximum. For a sine, the true stiffness is the storage stiffness.
+    stiffness is the slope of force over displacement at the sample where the force first exceeds
+    half of its maximum. For a sine, the true stiffness is the storage stiffness.
     """
     rate = rng.choice([100.0, 500.0])
     depth = 10.0 ** rng.uniform(-3.3, -2.3)
@@ -250,7 +252,7 @@ def relaxing_body(rng: Generator) -> TrueRecord:
 
 
 def free_motion(rng: Generator) -> TrueRecord:
-    """Return motion without contact: the force is sensor noise with an offset and a drift."""
+    """Return a record of motion without contact. The force is noise with an offset and a drift."""
     rate, seconds = rng.choice([100.0, 1000.0]), rng.uniform(3.0, 20.0)
     t = steps_of_time(rate, seconds)
     x = 5e-3 * np.sin(2.0 * np.pi * rng.uniform(0.3, 3.0) * t)
@@ -260,7 +262,7 @@ def free_motion(rng: Generator) -> TrueRecord:
 
 
 def rigid_stop(rng: Generator) -> TrueRecord:
-    """Return motion against a rigid stop: in contact the force changes at a constant position."""
+    """Return a record of motion against a rigid stop. In contact, only the force changes."""
     rate, seconds = rng.choice([500.0, 2000.0]), rng.uniform(5.0, 15.0)
     t = steps_of_time(rate, seconds)
     frequency = rng.uniform(0.5, 2.0)
@@ -272,7 +274,7 @@ def rigid_stop(rng: Generator) -> TrueRecord:
 
 
 def clipped_sensor(rng: Generator) -> TrueRecord:
-    """Return a sinusoidal palpation whose largest forces are above the range of the sensor."""
+    """Return a record of sinusoidal palpation whose largest forces exceed the sensor's range."""
     record = sinusoid_with_drift(rng)
     level = float(np.percentile(record.f, rng.uniform(70.0, 92.0)))
     return record._replace(f=np.minimum(record.f, level), k=math.nan, b=math.nan)
@@ -285,10 +287,10 @@ COVERAGE_KINDS: dict[str, Callable[[Generator], TrueRecord]] = {
     "sliding palpation": sliding_palpation,
     "relaxing body": relaxing_body,
 }
-"""Functions that return a record with a true stiffness, by the kind of record."""
+"""Functions that return a record with a known true stiffness, by the kind of record."""
 WITHOUT_STIFFNESS: dict[str, Callable[[Generator], TrueRecord]] = {
     "free motion": free_motion,
     "rigid stop": rigid_stop,
     "clipped sensor": clipped_sensor,
 }
-"""Functions that return a record without an estimable stiffness, by the kind of record."""
+"""Functions that return a record whose stiffness cannot be estimated, by the kind of record."""

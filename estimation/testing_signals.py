@@ -1,4 +1,4 @@
-"""Test signals for the checks in `estimation.testing`."""
+"""Make test signals for the checks in `estimation.testing`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Signals(NamedTuple):
     dt: Floats
     """Time since the previous sample [s], shape (n,)."""
     further: Floats | None = None
-    """Further regressors, shape (n, regressors - 2)."""
+    """The model's regressors besides v and x, shape (n, regressors - 2)."""
 
 
 def palpation(estimator: Estimator, n: int = 2000, noise: float = 0.1, seed: int = 0) -> Signals:
@@ -34,7 +34,7 @@ def palpation(estimator: Estimator, n: int = 2000, noise: float = 0.1, seed: int
     Parameters
     ----------
     estimator
-        The estimator whose model defines the further regressors.
+        Estimator whose model defines the regressors besides v and x.
     n
         Number of samples.
     noise
@@ -62,7 +62,7 @@ def further_regressors(estimator: Estimator, x: Floats, v: Floats, f: Floats) ->
 
 
 def degenerate(estimator: Estimator) -> Iterator[Signals]:
-    """Yield signals with zero, very small or very large sums, products or differences."""
+    """Yield signals whose sums, products or differences are zero, very small or very large."""
     rng = np.random.default_rng(0)
     n = 40
     zero, one, wave = np.zeros(n), np.ones(n), np.sin(np.arange(n))
@@ -89,7 +89,10 @@ def degenerate(estimator: Estimator) -> Iterator[Signals]:
 
 
 def held_and_gaps(s: Signals) -> Iterator[Signals]:
-    """Yield two variants of the signals: with a time at rest, and with gaps in time."""
+    """Yield two variants of the signals. In the first, x, v and f are zero for 200 samples.
+
+    In the second, there are gaps between some samples.
+    """
     moving = np.ones_like(s.x)
     moving[200:400] = 0.0
     yield Signals(s.x * moving, s.v * moving, s.f * moving, s.dt, s.further)

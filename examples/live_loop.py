@@ -11,8 +11,8 @@ The paper's RLS has no gate. Without contact, its estimate is that of a body wit
 # %%
 # The motion
 # ----------
-# The slave moves to and fro in the air, and then in contact. It rests in contact, moves to and fro
-# in contact again, and finally in the air again.
+# The slave moves to and fro in the air, and then in contact. It rests in contact for two seconds,
+# and moves to and fro in contact again. Finally, it moves to and fro in the air again.
 from dataclasses import replace
 
 import matplotlib.pyplot as plt
@@ -55,8 +55,9 @@ with SimulatedRig(Cube(k1=2100.0, k3=0.0, b=15.0, glued=False), clock.now, start
         log.append((x, f, rls.k, kalman.k, kalman.held))
 
 # %%
-# What happened
-# -------------
+# The result
+# ----------
+# Where the background is grey, the gate is closed and ``kalman`` holds its estimate.
 x, f, rls, k, held = np.array(log).T
 print(f"in the air again: kalman has {k[-1]:.0f} N/m, rls has {rls[-1]:.0f} N/m")
 figure, (signals, stiffness) = plt.subplots(

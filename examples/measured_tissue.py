@@ -11,9 +11,9 @@ compared here, the standard linear solid, in which the force relaxes, has the sm
 # %%
 # The data
 # --------
-# Displacement [m] and force [N], each minus its mean under preload. The first and the last second,
-# in which the machine rests, are left out. The source and the licence of the data are in
-# ``examples/data/mach1``.
+# The arrays contain the displacement [m] and the force [N], each minus its mean under preload. The
+# first and the last second, in which the machine rests, are omitted. The folder
+# ``examples/data/mach1`` contains the source and the licence of the data.
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -67,8 +67,8 @@ plt.show()
 # %%
 # Which model fits all three recordings best
 # ------------------------------------------
-# The root mean square of the force residual after a least-squares fit of each model to all three
-# recordings together:
+# Each model is fitted to all three recordings together by least squares. The root mean square of
+# the force residual is printed:
 for name, model in MODELS.items():
     parts = [MatchedFilter(BANDWIDTH, model=model).run(x, f, DT) for x, f in recordings.values()]
     phi = np.vstack([np.column_stack((part.v, part.x, part.further)) for part in parts])

@@ -4,14 +4,15 @@ A swapped cube: how each estimator follows a jump of the stiffness
 
 The stiffness changes suddenly from one sample to the next. An estimator that follows a change fast
 is also more sensitive to noise. Methods with the same memory differ in this compromise. A 95 %
-interval is valid only for constant parameters. It is therefore valid before the jump and after the
-estimate has converged, but not between these times.
+interval is valid only for constant parameters. The interval is therefore valid before the jump and
+after the estimate has converged, but not between these times.
 """
 
 # %%
 # The recording
 # -------------
-# Palpation at 500 Hz. After five seconds the cube of 2100 N/m is replaced by one of 6000 N/m.
+# The palpation is sampled at 500 Hz. After five seconds, the cube of 2100 N/m is replaced by a cube
+# of 6000 N/m.
 import matplotlib.pyplot as plt
 import numpy as np
 

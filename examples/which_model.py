@@ -2,12 +2,12 @@
 Which model: compare the error of the force predicted one sample ahead
 ======================================================================
 
-Five bodies are palpated with the same motion. Each body obeys another model of ``MODELS``.
+Five bodies are palpated with the same motion. Each body obeys a different model of ``MODELS``.
 Recursive least squares estimates the parameters of each body with each model. With a short memory,
-it finds values of b and k for every body, so that the estimates do not show whether the model is
-right. The error of the force that is predicted for the next sample shows this: only with the right
-model is it as small as the noise. If several models are equally good, use the model with the fewest
-parameters.
+this method finds values of b and k for every body, so that the estimates do not show whether the
+model is right. The error of the force that is predicted for the next sample shows this: the error
+is as small as the noise only with the right model. If several models are equally good, use the
+model with the fewest parameters.
 """
 
 # %%
@@ -40,9 +40,9 @@ noise = np.random.default_rng(0).normal(0.0, 0.02, t.size)
 # %%
 # Every body with every model
 # ---------------------------
-# Root mean square of the one-step error [mN], without the first two seconds. With the model
-# ``sls``, the error is larger than the noise, because one regressor of this model, the rate of
-# change of the force, is computed from the noisy force.
+# The root mean square of the one-step error [mN] is computed without the first two seconds. With
+# the model ``sls``, the error is larger than the noise, because one regressor of this model, the
+# rate of change of the force, is computed from the noisy force.
 errors = np.empty((len(bodies), len(MODELS)))
 for row, (body, force) in enumerate(bodies.items()):
     for column, model in enumerate(MODELS):

@@ -1,4 +1,4 @@
-"""Simulation of the telemanipulator: cubes, plant, sensors, operators, and the simulated rig."""
+"""Simulation of the telemanipulator, with models of specimens, drives, sensors and operators."""
 
 from sim_backend.bodies import AnyBody, Changing, Relaxing
 from sim_backend.body import Body, Law

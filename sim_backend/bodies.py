@@ -1,4 +1,4 @@
-"""Bodies that are not Kelvin-Voigt: they relax, or change while they are palpated.
+"""Bodies whose force relaxes, and bodies that change to another body during the trial.
 
 A body can contain other bodies. For example, a body with two relaxation times is a `Relaxing` that
 contains a `Relaxing`, and a `Changing` can change from a cube to a relaxing body.
@@ -17,14 +17,14 @@ from sim_backend.body import Body, Law
 from sim_backend.cube import Cube
 
 SHORTEST_RELAXATION = 0.01
-"""Shortest relaxation time [s]. During palpation, a faster branch would act as a damping."""
+"""Shortest relaxation time [s]. With a shorter time, the branch would only act as a damper."""
 LIFTED = 0.05
-"""A new contact is counted only after this time out of contact [s]. Tremor causes shorter times."""
+"""Shortest time between two contacts [s]. A shorter gap, caused by tremor, ends no contact."""
 
 
 @dataclass(frozen=True)
 class PreloadedLaw(Law):
-    """Law of the contact force of a body that is not relaxed."""
+    """Law of the contact force with a given preload, for a body that is not relaxed."""
 
     k1: float
     k3: float
@@ -48,17 +48,19 @@ class Branch(NamedTuple):
 class Relaxing(Body):
     """A body with a parallel Maxwell branch: a spring k in series with a dashpot k tau.
 
-    With a linear cube this is the standard linear solid [1]. The force of the branch is k (x - z),
-    where z is the displacement of the dashpot, with z' = (x - z) / tau. While x moves linearly, the
-    stretch e = x - z of the spring is
+    If the body is a cube of constant stiffness with negligible damping, this is the standard linear
+    solid [1]. The force of the branch is k (x - z). z is the displacement of the dashpot, with
+    z' = (x - z) / tau. While x moves linearly with velocity v, the stretch e = x - z of the spring
+    is
 
         e(t + dt) = e(t) exp(-dt / tau) + v tau (1 - exp(-dt / tau))
 
-    The state is advanced with this solution. In motion much slower than tau the branch acts as a
-    damping k tau, and in motion much faster than tau as a stiffness k.
+    The state is advanced with this solution. If the displacement changes little in the time tau,
+    the branch acts as a damper with the coefficient k tau. If the displacement changes in a much
+    shorter time than tau, the branch acts as a spring with the stiffness k.
 
-    If the body is not glued, its surface recovers without contact. The surface is then where the
-    total force of body and branch, without damping, is zero.
+    If the body is not glued, its surface recovers after the slave has left it. The surface then has
+    the displacement at which the static force of body and branch together is zero.
 
     Parameters
     ----------
@@ -105,7 +107,7 @@ class Relaxing(Body):
         return PreloadedLaw(law.k1 + self.k, law.k3, law.b, law.glued, preload)
 
     def advanced(self, state: Branch, surface: float, dt: float) -> Branch:
-        """Return the state after `dt` [s], in which the surface moves linearly to `surface` [m]."""
+        """Return the state after `dt` [s], while the surface moves linearly to `surface` [m]."""
         decay = math.exp(-dt / self.tau)
         speed = (surface - state.surface) / dt
         stretch = (state.surface - state.dashpot) * decay + speed * self.tau * (1.0 - decay)
@@ -119,13 +121,13 @@ class Relaxing(Body):
 
     @property
     def slow(self) -> Law:
-        """Law of the force in slow motion, in which the branch is a damping k tau."""
+        """Law of the force in slow motion. The branch acts as a damper with coefficient k tau."""
         law = self.body.slow
         return PreloadedLaw(law.k1, law.k3, law.b + self.k * self.tau, law.glued, law.preload)
 
     @property
     def further_laws(self) -> dict[str, Law]:
-        """Law in fast motion."""
+        """Law of the force in fast motion, with the name `fast`."""
         return {"fast": self.fast}
 
 
@@ -135,30 +137,30 @@ class Progress(NamedTuple):
     before: Any
     """State of the body `before`."""
     after: Any
-    """State of the body `after`. Its surface moves from the start of the trial, as for `before`."""
+    """State of the body `after`. Its surface moves with that of `before` during the whole trial."""
     contacts: int = 0
-    """Number of contacts so far."""
+    """Number of contacts since the start of the trial."""
     outside: float = math.inf
     """Time since the end of the last contact [s]."""
     elapsed: float = 0.0
-    """Time since the beginning of the contact after which the body changes [s]."""
+    """Time since the contact number `Changing.contact` began [s]; 0 before this contact."""
 
 
 @dataclass(frozen=True)
 class Changing(Body):
     """A body that becomes another body, for example a specimen that is replaced between two pokes.
 
-    The change is `delay` seconds after the beginning of a contact, whether or not the contact is
-    lost in the meantime. A contact begins when the slave enters the body after at least 0.05 s
-    outside of it. The two bodies have the same surface, so the force steps if the body changes
-    while it is indented. A change to a stiffer body then adds energy.
+    The change occurs `delay` seconds after the beginning of a contact, even if this contact has
+    ended by then. A contact begins when the slave enters the body after at least 0.05 s outside of
+    it. The change does not move the surface. If the body changes while it is indented, the force
+    therefore changes suddenly. A change to a stiffer body then adds energy.
 
     Parameters
     ----------
     before, after
         The body before and after the change. Both are glued, or both are not.
     contact
-        Number of the contact in or after which the body changes, >= 1. A glued body has only one
+        Number of the contact at whose beginning the delay starts, >= 1. A glued body has only one
         contact.
     delay
         Time from the beginning of this contact to the change [s], >= 0.
@@ -200,13 +202,13 @@ class Changing(Body):
         return state.contacts >= self.contact and state.elapsed >= self.delay
 
     def law(self, state: Progress) -> Law:
-        """Return the law of the body before or after the change."""
+        """Return the law of `after` if the body has changed, otherwise the law of `before`."""
         if self.changed(state):
             return self.after.law(state.after)
         return self.before.law(state.before)
 
     def advanced(self, state: Progress, surface: float, dt: float) -> Progress:
-        """Return the state after `dt` [s], in which the surface moves linearly to `surface` [m]."""
+        """Return the state after `dt` [s], while the surface moves linearly to `surface` [m]."""
         began = state.contacts >= self.contact
         touches = surface > self.law(state).rest
         return Progress(
@@ -229,13 +231,13 @@ class Changing(Body):
 
     @property
     def further_laws(self) -> dict[str, Law]:
-        """Law in fast motion before the change, and the laws after the change."""
+        """Further laws of `before`, and all laws of `after`, whose names begin with `changed`."""
         after = {f"changed, {name}": law for name, law in self.after.further_laws.items()}
         return {**self.before.further_laws, "changed": self.after.slow, **after}
 
 
 def kind_of_body(value: Any) -> str:
-    """Return the name of the class of a body, from the body or from its keys in a configuration."""
+    """Return the name of the class of a body. `value` is the body, or its configuration."""
     if isinstance(value, Body):
         return type(value).__name__
     keys = set(value) if isinstance(value, Mapping) else set()

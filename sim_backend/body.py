@@ -1,4 +1,8 @@
-"""Environment of the slave: laws of the contact force, and bodies whose law changes in time."""
+"""Base classes of the environment that the slave touches.
+
+A `Law` computes the contact force from displacement and velocity. A `Body` has a law at each time,
+which can depend on the deformation in the past.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,7 @@ from typing import Any
 
 
 class Law:
-    """Contact force as a function of displacement x and velocity v at one time.
+    """Contact force of a body at one instant, as a function of displacement x and velocity v.
 
         f = k1 x + k3 x^3 + b v - preload
 
@@ -19,17 +23,17 @@ class Law:
     k1: float
     """Stiffness at small displacement [N/m]."""
     k3: float
-    """Stiffening [N/m^3]."""
+    """Stiffening coefficient [N/m^3]."""
     b: float
     """Damping [N s/m]."""
     glued: bool
     """Whether the body is glued to the slave's plate."""
     preload: float
-    """Force by which deformation in the past reduces the present force [N]."""
+    """Reduction of the present force, caused by the deformation in the past [N]."""
 
     @property
     def rest(self) -> float:
-        """Displacement of the surface of the body without contact, where f(x, 0) = 0 [m]."""
+        """Displacement of the surface of the body without contact [m]. There, f(x, 0) = 0."""
         return root(self.k1, self.k3, self.preload) if self.preload else 0.0
 
     def surface(self, x: float) -> float:
@@ -46,9 +50,9 @@ class Law:
         return self.k1 + 3.0 * self.k3 * x * x if self.glued or x > self.rest else 0.0
 
     def compressed(self, x: float, compliance: float) -> float:
-        """Return the displacement y [m] of the body in series with a spring.
+        """Return the displacement y [m] of the body if a spring is connected in series.
 
-        y is the solution of x = y + c f(y, 0), with the force f(y, 0) of the body at rest.
+        y is the solution of x = y + c f(y, 0). f(y, 0) is the force of the body at zero velocity.
 
         Parameters
         ----------
@@ -70,11 +74,12 @@ def root(linear: float, cubic: float, value: float) -> float:
 
 
 class Body(ABC):
-    """A body: the law of its force at each time depends on its deformation in the past.
+    """Base class of bodies. The law of the contact force can depend on the deformation in the past.
 
-    The past is summarised by a state. A body has constant parameters and no state of its own.
-    `initial` is its state before the first contact, and `advanced` returns the next state, so that
-    any number of simulations can use one body. A state is a value that only the body can read.
+    A state contains everything that the law needs to know about the past. The object of the body
+    is constant and does not store the state, so that several simulations can use one object.
+    `initial` is the state before the first contact, and `advanced` returns the next state. The
+    simulation stores the state, but only the body can interpret it.
     """
 
     @property
@@ -88,7 +93,7 @@ class Body(ABC):
 
     @abstractmethod
     def advanced(self, state: Any, surface: float, dt: float) -> Any:
-        """Return the state after `dt` [s], in which the surface moves linearly to `surface` [m]."""
+        """Return the state after `dt` [s], while the surface moves linearly to `surface` [m]."""
 
     @property
     @abstractmethod
@@ -98,14 +103,14 @@ class Body(ABC):
     @property
     @abstractmethod
     def slow(self) -> Law:
-        """Law of the force in slow motion, before any change of the body."""
+        """Law of the force in slow motion. For a `Changing` body, the law before the change."""
 
     @property
     def fast(self) -> Law:
-        """Law of the force in fast motion, before any change of the body."""
+        """Law of the force in fast motion. For a `Changing` body, the law before the change."""
         return self.law(self.initial)
 
     @property
     @abstractmethod
     def further_laws(self) -> dict[str, Law]:
-        """Other laws than `slow` that are valid at some time or at some speed, by name."""
+        """Laws that are valid at other times or other speeds than `slow`, by name."""

@@ -33,9 +33,9 @@ class ChannelSettings:
     """
 
     delay: float = 0.0
-    """One-way delay of each direction [s]. The round trip is twice the delay, plus the jitter."""
+    """One-way delay of each direction [s]. The jitter is added to this delay."""
     jitter: float = 0.0
-    """Greatest random time that is added to the delay of a packet [s]; uniformly distributed."""
+    """Largest random time that is added to the delay of a packet [s]; uniformly distributed."""
     loss: float = 0.0
     """Probability that a packet is lost, 0 <= loss < 1."""
     max_silence: float = 0.1
@@ -56,7 +56,7 @@ class ChannelSettings:
 
     @property
     def text(self) -> str:
-        """The settings as `parse_channel` reads them, for example `delay=100ms,loss=5%`."""
+        """Settings as a text that `parse_channel` can read, for example `delay=100ms,loss=5%`."""
         loss = f",loss={self.loss * 100.0:g}%" if self.loss else ""
         jitter = f",jitter={self.jitter * 1e3:g}ms" if self.jitter else ""
         silence = "" if self.max_silence == 0.1 else f",max_silence={self.max_silence * 1e3:g}ms"
@@ -97,7 +97,7 @@ def parse_channel(text: str) -> ChannelSettings:
 
 
 class Direction(Generic[T]):
-    """One direction of the channel.
+    """One direction of the communication channel.
 
     Parameters
     ----------
@@ -116,13 +116,13 @@ class Direction(Generic[T]):
         self.reset(0.0, initial)
 
     def reset(self, now: float, initial: T) -> None:
-        """Discard all packets, and use an initial value from the time `now` [s] on."""
+        """Discard all packets. From the time `now` [s] on, the receiver uses `initial`."""
         self.value = initial
-        """Value of the packet in use, the newest packet that has arrived."""
+        """Value of the newest packet that has arrived."""
         self.sent = now
-        """Time at which the packet in use was sent [s]."""
+        """Time at which the newest packet that has arrived was sent [s]."""
         self.cut = False
-        """Whether the connection is interrupted; all packets are then lost."""
+        """Whether the connection is interrupted. All packets sent during this time are lost."""
         self._due = now + self._expected
         self._sequence = self._newest = 0
         self._queue: list[tuple[float, int, float, T]] = []
@@ -148,13 +148,13 @@ class Direction(Generic[T]):
         return self.value
 
     def age(self, now: float) -> float:
-        """Return the age of the newest packet that has arrived, since it was sent [s]."""
+        """Return the time since the newest packet that has arrived was sent [s]."""
         return now - self.sent
 
     def silence(self, now: float) -> float:
         """Return the time since the last packet arrived [s].
 
-        Before the first packet, it is the time since the first packet was expected. This time is
-        negative until then.
+        If no packet has arrived, return the time since the first packet was expected. The result is
+        negative if the first packet is expected later than `now` [s].
         """
         return now - self._due

@@ -1,4 +1,4 @@
-"""The simulated environment: a soft cube, by default glued to the slave's plate as in the paper."""
+"""A cube of soft material. By default it is glued to the slave's plate, as in the paper."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from sim_backend.body import Body, Law
 
 @dataclass(frozen=True)
 class Cube(Law, Body):
-    """Stiffening Kelvin-Voigt body, f = k1 x + k3 x^3 + b v.
+    """Kelvin-Voigt body whose stiffness increases with depth, f = k1 x + k3 x^3 + b v.
 
     Parameters
     ----------
     k1
         Stiffness at small displacement [N/m], > 0.
     k3
-        Stiffening [N/m^3], >= 0.
+        Stiffening coefficient [N/m^3], >= 0.
     b
         Damping [N s/m], > 0.
     glued
@@ -42,7 +42,7 @@ class Cube(Law, Body):
             raise ValueError(f"a cube needs k1 > 0, k3 >= 0 and b > 0, got {self}")
 
     def law(self, state: None) -> Law:
-        """Return the cube: its law never changes."""
+        """Return the cube itself, because its law never changes."""
         return self
 
     def advanced(self, state: None, surface: float, dt: float) -> None:
@@ -50,7 +50,7 @@ class Cube(Law, Body):
 
     @property
     def slow(self) -> Law:
-        """The cube: its law is the same in slow and in fast motion."""
+        """The cube itself, because its law is the same in slow and in fast motion."""
         return self
 
     @property

@@ -1,4 +1,4 @@
-"""Injection of sensor and drive faults between a rig and its controller."""
+"""Inject sensor and drive faults between a rig and its controller."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class RigFault(ABC):  # noqa: B024
 
 
 def with_channel(measurement: Measurement, channel: str, value: float) -> Measurement:
-    """Return a copy of the measurement with another value, in SI units, in one channel."""
+    """Return a copy of the measurement in which one channel has another value, in SI units."""
     changes: dict[str, Any] = {channel: value}
     return measurement._replace(**changes)
 
@@ -74,7 +74,7 @@ class Frozen(RigFault):
         Name of the channel.
     ageing
         Whether the age of the value increases, as after a cable was disconnected. If not, the age
-        is that of a sensor that sends the same value in each sample.
+        is not changed, as for a sensor that continues to send the same value.
     """
 
     def __init__(self, channel: str, ageing: bool) -> None:
@@ -82,7 +82,7 @@ class Frozen(RigFault):
         self._value = self._start = math.nan
 
     def read(self, measurement: Measurement) -> Measurement:
-        """Return the measurement with the first value of the channel since the fault began."""
+        """Return the measurement with the value that the channel had when the fault began."""
         if math.isnan(self._start):
             self._value, self._start = getattr(measurement, self._channel), measurement.time
         age = measurement.age
@@ -128,7 +128,7 @@ class Unplugged(RigFault):
 
 
 class FaultyRig(Rig):
-    """A rig with a fault, which is active from the call of `inject` on.
+    """A rig with a fault. The fault is active from the call of `inject` on.
 
     Parameters
     ----------

@@ -1,20 +1,20 @@
-"""A simulated operator who pokes until the felt force, or the depth, reaches an aim.
+"""A simulated operator who pokes until the felt force, or the depth, reaches an intended value.
 
 The hand has an intended position p, and the arm is a spring of stiffness K between p and the
 handle [1]. Before a movement, a person chooses p from an internal model of the object. After each
-contact, the person corrects this model by its error in this contact [2, 3]. The internal model is
-here the stiffness s of the object at the handle. For the displacement x = min(F / s, depth), with
-the aim F of the force, the intended position is
+contact, the person corrects the internal model by its error in this contact [2, 3]. Here the
+internal model is the stiffness s that the person expects at the handle. With the intended force F,
+the person wants to reach the displacement x = min(F / s, depth). The intended position is then
 
     p = x + s x / K
 
 After each poke, s changes by a fraction of the difference between the felt stiffness (felt force
-divided by displacement) and s. In the first poke s = 0, so that the aim is the depth.
+divided by displacement) and s. In the first poke s = 0, so that p is the depth.
 
 During a movement, a person reacts to a felt force after a simple reaction time [4], here 175 ms.
 The planned movement continues, and a second minimum-jerk movement is added to it [5]. Here the
-second movement returns the hand to its position at the time when the force, or the depth, reached
-its aim.
+second movement returns the intended position to its value at the time when the force, or the depth,
+reached the intended value.
 
 The fraction by which s is corrected, and the duration of the second movement, are assumptions
 without a source.
@@ -46,7 +46,7 @@ PERCEPTION = 0.175
 CORRECTION = 0.25
 """Duration of the movement that a felt force causes [s]."""
 LEARNING = 0.5
-"""Fraction of the error of the expected stiffness that is corrected after one poke."""
+"""Correction of the expected stiffness after one poke, divided by the error of this stiffness."""
 
 
 class Felt(NamedTuple):
@@ -55,7 +55,7 @@ class Felt(NamedTuple):
     time: float
     """Time after the first movement began [s]."""
     intended: float
-    """Intended position [m]."""
+    """Intended position of the hand [m]."""
     position: float
     """Position of the handle [m]."""
     force: float
@@ -63,7 +63,7 @@ class Felt(NamedTuple):
 
 
 class ForcePalpation(FreePalpation):
-    """Free palpation by pokes to a force or to a depth, whichever is reached first.
+    """Free palpation by pokes that end at a force or at a depth, whichever is reached first.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ class ForcePalpation(FreePalpation):
         self._correction: Stroke | None = None
 
     def movement(self, t: float) -> Intention:
-        """Return the planned movement, with its correction if force or depth reached the aim."""
+        """Return the planned movement, corrected if force or depth reached the intended value."""
         position, velocity = super().movement(t)
         if not self._correction:
             self._perceive(t)
@@ -126,7 +126,7 @@ class ForcePalpation(FreePalpation):
             self._held.append((position, force))
 
     def _perceive(self, t: float) -> None:
-        """Begin a correction if force or depth reached its aim one reaction time ago."""
+        """Begin a correction if force or depth reached the intended value `PERCEPTION` s ago."""
         while self._inwards and self._felt and self._felt[0].time <= t - PERCEPTION:
             felt = self._felt.popleft()
             if felt.force >= self._aim or felt.position >= self.depth:

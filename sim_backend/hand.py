@@ -1,4 +1,4 @@
-"""The hand on the handle of the simulated rig."""
+"""Base class of hands that move the handle of the simulated rig."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class Hand(ABC):
     def intention(self, t: float) -> Intention | None:
         """Return the intended motion at t [s] after the drives were enabled.
 
-        None if the hand does not hold the handle. t increases from one call to the next, except
-        when the drives are enabled again.
+        The result is None if the hand does not hold the handle. t increases from one call to the
+        next. When the drives are enabled again, t starts again at 0.
         """
 
     def feel(self, t: float, position: float, force: float) -> None:  # noqa: B027
         """Process the handle position [m] and the force [N] that the hand feels at t [s].
 
-        t is the time since the drives were enabled. Most hands do not react.
+        t is the time since the drives were enabled. This class does nothing.
         """

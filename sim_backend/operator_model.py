@@ -1,10 +1,10 @@
 """Parameters of the simulated operator.
 
-The stiffness of the hand depends on posture and on muscle activation; measured values are some
+The stiffness of the hand depends on posture and on muscle activation. Measured values are several
 hundred N/m [1, 2]. A relaxed arm has about 150 N/m and a tense arm about 1500 N/m. The damping D of
-the arm depends on its stiffness and inertia [3]. Here the damping ratio D / (2 sqrt(K m)) of an arm
-of constant mass m is the same for each stiffness K, so that D is proportional to sqrt(K). At
-K = 400 N/m, D is 12 N s/m, which is a damping ratio of 0.3 for m = 1 kg.
+the arm depends on its stiffness K and its mass m [3]. Here m is constant, and the damping ratio
+D / (2 sqrt(K m)) is the same for each K, so that D is proportional to sqrt(K). At K = 400 N/m, D is
+12 N s/m, which is a damping ratio of 0.3 for m = 1 kg.
 
 [1] F. A. Mussa-Ivaldi, N. Hogan, E. Bizzi, J. Neurosci. 5(10), 1985.
 [2] T. Tsuji, P. G. Morasso, K. Goto, K. Ito, Biol. Cybern. 72, 1995.
@@ -22,7 +22,7 @@ from sim_backend.plant import Arm
 STIFFNESS = (50.0, 2000.0)
 """Lowest and highest stiffness of the arm [N/m]."""
 WITHDRAWN = (-0.3, 0.8)
-"""Lowest and highest withdrawal, as multiples of the depth."""
+"""Lowest and highest value of `OperatorModel.withdrawal`."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,11 @@ class OperatorModel:
     arm_stiffness: float = ARM.stiffness
     """Stiffness of the arm [N/m], 50 to 2000. The damping is computed from the stiffness."""
     aim_force: float | None = None
-    """Force at the hand at which a poke ends if the depth is not reached before [N]. Default: each
-    poke ends at the depth, for any force. Only for the control condition `free`."""
+    """Force at the hand at which a poke ends if the depth is not reached before [N]. By default,
+    each poke ends at the depth, at any force. Only for the control condition `free`."""
     withdrawal: float = WITHDRAWAL
-    """Mean intended position between two pokes divided by the depth, -0.3 to 0.8. Negative: the
-    hand leaves a body that is not glued. Only for the control condition `free`."""
+    """Mean intended position between two pokes divided by the depth, -0.3 to 0.8. If the value is
+    negative, the hand leaves a body that is not glued. Only for the control condition `free`."""
 
     def __post_init__(self) -> None:
         for name, value, (low, high), unit in (

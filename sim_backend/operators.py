@@ -1,14 +1,14 @@
-"""Simulated operators: intended motion of a person's hand during palpation.
+"""Simulated operators. Each one computes the intended motion of a person's hand during palpation.
 
 A person acts on the handle through the impedance of the arm. The motion of the handle therefore
 depends on the intended motion, the arm, and the admittance of the controller.
 
-Sources of the values. Pokes are minimum-jerk movements [1]. The stiffness of the arm, 400 N/m, and
-its damping, 12 N s/m, are in the range measured at the hand [2, 3]. Physiological tremor has
-frequencies of 8 to 12 Hz. At the tool of a surgeon its amplitude is about 0.1 mm [4]; here the
-standard deviation is 0.12 mm. The following values are assumptions without a source. Depth and
-timing vary by 10 to 15 % from one poke or cycle to the next. The hand does not return completely
-after a poke. The first movement starts after 0.2 s.
+Pokes are minimum-jerk movements [1]. The stiffness of the arm, 400 N/m, and its damping, 12 N s/m,
+are in the range measured at the hand [2, 3]. Physiological tremor has frequencies of 8 to 12 Hz. At
+the tool of a surgeon, the amplitude of the tremor is about 0.1 mm [4]. Here the standard deviation
+is 0.12 mm. The following values are assumptions without a source. Depth and timing vary by 10 to
+15 % from one poke or cycle to the next. After a poke, the hand does not return to the start
+position, but only by a part of the depth. The first movement starts after 0.2 s.
 
 [1] T. Flash, N. Hogan, J. Neurosci. 5(7), 1985.
 [2] F. A. Mussa-Ivaldi, N. Hogan, E. Bizzi, J. Neurosci. 5(10), 1985.
@@ -21,8 +21,10 @@ from __future__ import annotations
 import math
 import random
 from abc import abstractmethod
+from math import cos, sin
 from typing import NamedTuple
 
+from drivers import new_tuple
 from sim_backend.hand import Hand
 from sim_backend.plant import Arm, Intention
 
@@ -30,10 +32,10 @@ ARM = Arm(stiffness=400.0, damping=12.0)
 TREMOR_AMPLITUDE = 0.1e-3
 """Amplitude of each of the three tremor components of the intended motion [m]."""
 MOVED = 0.35
-"""Handle position, divided by the depth, above which the rig and not the hand moves the handle.
+"""Largest handle position, divided by the depth, that a waiting hand can cause.
 
-The hand waits at 0.1 of the depth. Its tremor moves the handle by at most 0.1 mm, less than a tenth
-of the smallest depth of the paper.
+At a larger position, the rig moves the handle. The hand waits at 0.1 of the depth. Its tremor moves
+the handle by at most 0.1 mm, less than a tenth of the smallest depth of the condition `mimic`.
 """
 REACTION = 0.2
 """Time from the start of the trial to the first movement [s]."""
@@ -95,25 +97,28 @@ class Operator(Hand):
     def movement(self, t: float) -> Intention:
         """Return the voluntary motion at t [s] after the first movement began.
 
-        t increases from one call to the next, except when the drives are enabled again.
+        t increases from one call to the next. When the drives are enabled again, t starts again at
+        0.
         """
 
     def intention(self, t: float) -> Intention | None:
-        """Return the intended motion, with tremor, as `Hand.intention` does."""
+        """Return the intended motion with tremor, at t [s] after the drives were enabled."""
         if t < REACTION:
             return Intention(0.0, 0.0)
         t -= REACTION
         position, velocity = self.movement(t)
         onset, onset_rate = (t, 1.0) if t < 1.0 else (1.0, 0.0)
+        scale = TREMOR_AMPLITUDE * onset
         for omega, phase in self._tremor:
-            sine, cosine = math.sin(omega * t + phase), math.cos(omega * t + phase)
-            position += TREMOR_AMPLITUDE * onset * sine
+            angle = omega * t + phase
+            sine, cosine = sin(angle), cos(angle)
+            position += scale * sine
             velocity += TREMOR_AMPLITUDE * (onset_rate * sine + onset * omega * cosine)
-        return Intention(position, velocity)
+        return new_tuple(Intention, (position, velocity))
 
 
 class FreePalpation(Operator):
-    """Free palpation by pokes of about 1 s.
+    """Operator who palpates freely by pokes of about 1.2 s.
 
     A poke is a movement inwards, a short rest, a movement outwards, and a short rest.
 
@@ -137,13 +142,13 @@ class FreePalpation(Operator):
         self._inwards = False
 
     def movement(self, t: float) -> Intention:
-        """Return a minimum-jerk movement to the next turning point, followed by a short rest."""
+        """Return the voluntary motion: minimum-jerk movements, with a short rest after each one."""
         if t < self._stroke.start:  # the drives were enabled again
             self._to, self._inwards, self._end = 0.0, False, t
         while t >= self._end:
             self._next(self._end)
         travelled, velocity = self._stroke.at(t)
-        return Intention(self._from + travelled, velocity)
+        return new_tuple(Intention, (self._from + travelled, velocity))
 
     def _next(self, start: float) -> None:
         """Plan the next movement."""
@@ -165,9 +170,9 @@ class FreePalpation(Operator):
 
 
 class MimickedSine(Operator):
-    """Tracking of a sine of constant frequency and amplitude, with the errors of a person.
+    """Operator who tracks a sine of constant frequency and amplitude, with the errors of a person.
 
-    The amplitude varies slowly by about 10 %, and the phase by about 0.4 rad.
+    The amplitude of the hand varies slowly by about 10 %, and its phase by about 0.4 rad.
 
     Parameters
     ----------
@@ -198,9 +203,9 @@ class MimickedSine(Operator):
         ]
 
     def movement(self, t: float) -> Intention:
-        """Return a raised cosine between a small depth and about the intended depth.
+        """Return the voluntary motion between a small depth and about the intended depth.
 
-        Its amplitude and phase vary slowly.
+        The motion is a raised cosine, whose amplitude and phase vary slowly.
         """
         light, light_rate = (t, 1.0) if t < 1.0 else (1.0, 0.0)
         t = max(t - self._count_in, 0.0)
@@ -223,15 +228,15 @@ class MimickedSine(Operator):
 class AttentiveOperator(MimickedSine):
     """Operator for all control conditions, who does not know the condition of the trial.
 
-    The operator waits at a small depth for the time `count_in` and then tracks the sine. This
-    motion is also used as free palpation. If the handle moves away while the operator waits, the
-    condition is autonomous, and the operator releases the handle.
+    The operator waits at a small depth for the time `count_in` and then tracks the sine, also in
+    the condition `free`. If the handle moves away while the operator waits, the operator assumes
+    the condition `autonomous`, and releases the handle.
     """
 
     _released = False
 
     def intention(self, t: float) -> Intention | None:
-        """Return None after the handle has moved by itself while the operator waited."""
+        """Return the intended motion; None after the rig moved the handle of a waiting hand."""
         waits = t < REACTION + self._count_in
         if waits and self.handle and self.handle.x > MOVED * self.depth:
             self._released = True

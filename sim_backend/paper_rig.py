@@ -3,7 +3,7 @@
 The set-up consists of cubes, force channel, transmission with lost motion, and depths of palpation.
 The force channel and the slave are the same in all nine trials. The cubes stiffen with depth, the
 force channel has a lag tau, and the slave has lost motion delta. For a motion of amplitude A and
-angular frequency omega to the depth x, RLS then estimates about
+angular frequency omega to the depth x, the estimates of RLS are then about
 
     k_hat = k1 + k3 x^2
     b_hat = b - k_hat tau - 4 k_hat delta / (pi omega A)
@@ -56,7 +56,7 @@ DEPTH = {
 
 @dataclass(frozen=True)
 class Setup:
-    """Body, force channel, depth of palpation and transmission of a trial.
+    """Body, force channel, depth of palpation and transmission of a simulated trial.
 
     Raises
     ------
@@ -65,7 +65,7 @@ class Setup:
     """
 
     cube: AnyBody
-    """Environment: a cube, or a body that relaxes or changes."""
+    """Palpated body: a cube, a body whose force relaxes, or a body that changes to another body."""
     force_lag: float
     """Time constant of the contact force channel [s]."""
     depth: float
@@ -87,13 +87,13 @@ class Setup:
     def force(self, x: float) -> float:
         """Return the static force [N] of body and transmission in series.
 
-        x [m] is the displacement of body and transmission together. Friction, and any later change
-        of the body, are not included.
+        x [m] is the displacement of body and transmission together. The force does not include
+        friction. For a body that changes to another body, it is the force before the change.
         """
         return self.static_force(self.cube.slow, x)
 
     def static_force(self, law: Law, x: float) -> float:
-        """Return the static force [N] of a body with this law and the transmission in series."""
+        """Return the static force [N] at x [m] of a body with this law, as `force` does."""
         return law.force(law.compressed(x, self.transmission.compliance), 0.0)
 
     def __post_init__(self) -> None:

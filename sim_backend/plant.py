@@ -1,4 +1,4 @@
-"""Dynamics of the telemanipulator: handle, slave in contact with a cube, and force channels."""
+"""Dynamics of the telemanipulator: handle, slave in contact with a body, and force channels."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sim_backend.body import Body, Law
 from sim_backend.transmission import RIGID, Transmission
 
 MAX_STEP = 1e-3
-"""Longest integration step [s]. Half of this step gives the same readings of the sensors."""
+"""Longest integration step [s]. With half of this step, the sensors show the same values."""
 
 
 @dataclass(frozen=True)
@@ -21,11 +21,11 @@ class PlantParameters:
     Raises
     ------
     ValueError
-        A number is not positive.
+        A value is not positive.
     """
 
     handle_bandwidth: float = 40.0
-    """Bandwidth of the handle's velocity servo [Hz]. The force of the hand has no effect on it."""
+    """Bandwidth of the handle's velocity servo [Hz]. The hand's force does not move the handle."""
     slave_bandwidth: float = 80.0
     """Bandwidth of the proportional part of the slave's velocity servo [Hz]."""
     slave_integral: float = 25.0
@@ -63,7 +63,7 @@ class Handle:
         self.x = self.v = 0.0
 
     def advance(self, u: float, dt: float) -> None:
-        """Advance by `dt` [s] with a constant velocity command u [m/s]; the solution is exact."""
+        """Advance the handle by `dt` [s] with the velocity command u [m/s]. The result is exact."""
         slip = self.v - u
         left = slip * math.exp(-self._rate * dt)
         self.x += u * dt + (slip - left) / self._rate
@@ -74,9 +74,9 @@ class Slave:
     """The motor of the slave, which moves the tip.
 
     The attributes `x` and `v` are the position [m] and the velocity [m/s] of the motor. The
-    velocity servo has a proportional and an integral part. u is the velocity command and e the
-    integral of the velocity error. The load l is the force of the body on the tip plus the friction
-    at the tip:
+    velocity servo has a proportional part with gain K_p and an integral part with gain K_i. m is
+    the moving mass, u the velocity command, and e the integral of the velocity error. The load l is
+    the force of the body on the tip plus the friction at the tip:
 
         m x'' = m (K_p (u - x') + K_i e) - l(x, x'),    e' = u - x'
 
@@ -97,7 +97,7 @@ class Slave:
         self._integral = self._proportional * 2.0 * math.pi * parameters.slave_integral
 
     def palpate(self, body: Body) -> None:
-        """Replace the body by another body in its initial state."""
+        """Replace the palpated body by `body` in its initial state."""
         self._body, self._state = body, body.initial
 
     @property
@@ -108,27 +108,16 @@ class Slave:
     @property
     def force(self) -> float:
         """Force of the body on the tip [N]."""
-        return self._tip_force(self._transmission.play(self._played, self.x), self.x, self.v)
-
-    def _tip_force(self, played: float, x: float, v: float) -> float:
-        """Return the force of the body [N]; `played` is the output of the play operator [m]."""
-        lost, compliance = self._transmission.lost_motion, self._transmission.compliance
-        law = self.law
-        tip = law.compressed(played, compliance)
-        slips = played <= x - lost if v > 0.0 else played >= x + lost
-        speed = v / (1.0 + compliance * law.stiffness(tip)) if slips else 0.0
-        return law.force(tip, speed)
+        transmission = self._transmission
+        played = transmission.play(self._played, self.x)
+        return transmission.tip_force(self.law, played, self.x, self.v)
 
     def load(self, x: float, v: float) -> float:
-        """Return the load [N] at position x [m] and velocity v [m/s] of the motor.
+        """Return the load [N] if the motor is at position x [m] and has the velocity v [m/s].
 
-        The motor moves from its present position to x without reversal.
+        The motor is assumed to move from its present position to x without reversal.
         """
-        compliance = self._transmission.compliance
-        if compliance == 0.0:
-            return self.law.force(x, v)
-        played = self._transmission.play(self._played, x)
-        return self._tip_force(played, x, v) + (x - played) / compliance
+        return self._transmission.load(self.law, self._played, x, v)
 
     @property
     def motor_force(self) -> float:
@@ -142,27 +131,22 @@ class Slave:
         self.x, self.v = x, v
         self._played = self._transmission.play(self._played, x)
 
-    def acceleration(self, x: float, v: float, error: float, u: float) -> float:
-        """Return x'' [m/s^2] in the state (x, v, e) for the velocity command u [m/s]."""
-        servo = self._proportional * (u - v) + self._integral * error
-        return servo - self.load(x, v) / self._mass
-
     def advance(self, u: float, h: float) -> None:
-        """Advance by one Runge-Kutta step of h [s] with a constant velocity command u [m/s]."""
+        """Advance the slave by one Runge-Kutta step of h [s] with the velocity command u [m/s]."""
         self.command = u
-        x, v1, error = self.x, self.v, self._error
-        half = 0.5 * h
-        a1 = self.acceleration(x, v1, error, u)
-        v2 = v1 + half * a1
-        a2 = self.acceleration(x + half * v1, v2, error + half * (u - v1), u)
-        v3 = v1 + half * a2
-        a3 = self.acceleration(x + half * v2, v3, error + half * (u - v2), u)
-        v4 = v1 + h * a3
-        a4 = self.acceleration(x + h * v3, v4, error + h * (u - v3), u)
+        x, v1, error, played = self.x, self.v, self._error, self._played
+        proportional, integral, mass = self._proportional, self._integral, self._mass
+        law, load, half = self.law, self._transmission.load, 0.5 * h
+        a1 = proportional * (u - v1) + integral * error - load(law, played, x, v1) / mass
+        x2, v2, e2 = x + half * v1, v1 + half * a1, error + half * (u - v1)
+        a2 = proportional * (u - v2) + integral * e2 - load(law, played, x2, v2) / mass
+        x3, v3, e3 = x + half * v2, v1 + half * a2, error + half * (u - v2)
+        a3 = proportional * (u - v3) + integral * e3 - load(law, played, x3, v3) / mass
+        x4, v4, e4 = x + h * v3, v1 + h * a3, error + h * (u - v3)
+        a4 = proportional * (u - v4) + integral * e4 - load(law, played, x4, v4) / mass
         travel = h / 6.0 * (v1 + 2.0 * (v2 + v3) + v4)
         self.move_to(x + travel, v1 + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4))
         self._error = error + u * h - travel
-        law = self.law
         tip = law.compressed(self._played, self._transmission.compliance)
         self._state = self._body.advanced(self._state, law.surface(tip), h)
 
@@ -170,7 +154,7 @@ class Slave:
 class ForceChannel:
     """A force sensor with amplifier: a first-order lag tau y' = f - y.
 
-    The attribute `y` is the output [N], and `lag` is the time constant tau [s].
+    The attribute `y` is the output [N], and the parameter `lag` is the time constant tau [s].
     """
 
     def __init__(self, lag: float) -> None:
@@ -178,7 +162,7 @@ class ForceChannel:
         self._force = self.y = 0.0
 
     def advance(self, force: float, dt: float) -> None:
-        """Advance by `dt` [s]. The force changes linearly to `force` [N]; the solution is exact."""
+        """Advance by `dt` [s], while the force changes linearly to `force` [N]; exact solution."""
         behind = (force - self._force) / dt * self._lag
         decay = math.exp(-dt / self._lag)
         self.y = force - behind + (self.y - self._force + behind) * decay
@@ -250,7 +234,7 @@ class Plant:
         self._max_step = max_step
 
     def advance(self, dt: float, command: Command, intended: Intention | None = AT_REST) -> None:
-        """Advance by `dt` [s].
+        """Advance the simulation by `dt` [s].
 
         Parameters
         ----------

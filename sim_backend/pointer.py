@@ -1,9 +1,9 @@
 """An operator whose hand follows a pointer, such as the mouse in the live page.
 
-The pointer gives the wanted position of the hand, and whether the hand holds the handle. The
-position changes in steps. A critically damped filter of second order computes a smooth intended
-motion from it. The impedance of the arm then gives the force on the handle, as for the other
-operators.
+The pointer gives the wanted position of the hand, and whether the hand holds the handle. The wanted
+position changes in steps. From the wanted position, a critically damped filter of second order
+computes a smooth intended motion. The impedance of the arm then gives the force on the handle, as
+for the other operators.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ handle."""
 class PointerOperator(Hand):
     """Intended motion of a hand that follows a pointer.
 
-    When the hand takes hold of the handle, its intended motion begins at the position and with the
-    velocity of the handle, so that the force begins at zero.
+    When the hand grips the handle, the intended motion begins at the position and with the velocity
+    of the handle, so that the force begins at zero.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class PointerOperator(Hand):
         self._position = self._velocity = 0.0
 
     def intention(self, t: float) -> Intention | None:
-        """Return the filtered motion of the pointer, as `Hand.intention` does."""
+        """Return the filtered motion of the pointer; None if the hand does not hold the handle."""
         held, last = self.grip, self.time
         self.time = t
         self.depth, self.grip = self._pointer()
@@ -63,9 +63,10 @@ class PointerOperator(Hand):
         return Intention(self._position, self._velocity)
 
     def _follow(self, target: float, dt: float) -> None:
-        """Advance the filter by dt [s] with a constant target [m]; the solution is exact.
+        """Advance the filter by dt [s] with a constant target u [m]; the solution is exact.
 
-        With e = y - u and the natural angular frequency w, e'' + 2 w e' + w^2 e = 0.
+        y is the intended position, e = y - u the error, and w the natural angular frequency. The
+        filter has the equation e'' + 2 w e' + w^2 e = 0.
         """
         omega = 2.0 * math.pi * BANDWIDTH
         error, rate = self._position - target, self._velocity

@@ -18,7 +18,7 @@ class Sensors:
     """
 
     encoder_resolution: float = 1e-6
-    """Distance per encoder count [m]."""
+    """Distance per count of each encoder [m]."""
     force_noise: float = 0.02
     """Standard deviation of the noise of a force sample [N]."""
     master_zero: float = 0.0

@@ -6,7 +6,7 @@ import math
 import random
 from collections.abc import Callable
 
-from drivers import CHANNELS, STANDSTILL, Ages, Command, Measurement, Rig
+from drivers import CHANNELS, STANDSTILL, Ages, Command, Measurement, Rig, new_tuple
 from sim_backend.body import Body
 from sim_backend.hand import Hand
 from sim_backend.operators import ARM
@@ -29,7 +29,7 @@ class SimulatedRig(Rig):
     now
         Function that returns the time of the clock [s].
     operator
-        The person at the handle; None for nobody.
+        The hand that moves the handle; None if nobody holds it.
     parameters
         Parameters of drives and force channels.
     sensors
@@ -37,8 +37,9 @@ class SimulatedRig(Rig):
     max_velocity
         Largest velocity of the drives [m/s].
     watchdog
-        Watchdog time [s]. If enabled drives receive no command for a longer time, they stop, the
-        measurement contains the drive error `watchdog`, and the drives must be enabled again.
+        Watchdog time [s]. If enabled drives receive no command for a longer time, they stop. The
+        measurement then contains the drive error `watchdog`. The drives stay disabled until they
+        are enabled again.
     seed
         Seed of the sensor noise.
     start
@@ -109,16 +110,19 @@ class SimulatedRig(Rig):
                 handle, force = self.plant.handle, self.plant.master_force
                 self._operator.feel(now - self._start, handle.x, force.y)
         plant, sensors, noise = self.plant, self._sensors, self._noise
-        return Measurement(
-            time=now,
-            master_force=sensors.force(plant.master_force.y, noise) + sensors.master_zero,
-            master_position=sensors.position(plant.handle.x),
-            slave_position=sensors.position(plant.slave.x + sensors.contact_position),
-            contact_force=sensors.force(plant.contact_force.y, noise) + sensors.contact_zero,
-            slave_velocity=plant.slave.v,
-            age=FRESH,
-            drive_error=self._error,
+        slave = plant.slave
+        values = (
+            now,
+            sensors.force(plant.master_force.y, noise) + sensors.master_zero,
+            sensors.position(plant.handle.x),
+            sensors.position(slave.x + sensors.contact_position),
+            sensors.force(plant.contact_force.y, noise) + sensors.contact_zero,
+            slave.v,
+            FRESH,
+            self._error,
+            False,
         )
+        return new_tuple(Measurement, values)
 
     def rearm(self) -> None:
         """Clear the error of the watchdog."""
@@ -131,7 +135,7 @@ class SimulatedRig(Rig):
         return True
 
     def write(self, command: Command) -> Command:
-        """Command the drives; return the applied command.
+        """Send the command to the drives; return the command that they apply.
 
         Velocities are limited to the largest velocity of the drives. Drives that are not enabled
         do not move.
@@ -146,7 +150,9 @@ class SimulatedRig(Rig):
             raise ValueError(f"a velocity command must be finite, got {command}")
         if self._enabled:
             most = self._max_velocity
-            self._applied = Command(min(max(master, -most), most), min(max(slave, -most), most))
+            if not (-most <= master <= most and -most <= slave <= most):
+                command = Command(min(max(master, -most), most), min(max(slave, -most), most))
+            self._applied = command
             self._commanded = self._time
         return self._applied
 

@@ -1,8 +1,9 @@
 """The transmission between the slave's motor, with its encoder, and the tip.
 
-A transmission of compliance c moves a tip on which dry friction F_c acts. After a reversal, the tip
-does not move until the motor has moved by 2 delta, with delta = F_c c. This distance is called lost
-motion. With the spring force f_s(y) of the cube at the tip y, the equilibrium of the tip is
+A transmission of compliance c moves a tip on which dry friction F_c acts. The distance
+delta = F_c c is called lost motion. After a reversal, the tip does not move until the motor has
+moved by 2 delta. x is the position of the motor, y the position of the tip, f_s(y) the spring force
+of the cube, and phi the friction force. The equilibrium of the tip is
 
     (x - y) / c = f_s(y) + phi,    |phi| <= F_c,    phi y' >= 0
 
@@ -10,16 +11,16 @@ Since g(y) = y + c f_s(y) increases with y, this is equivalent to
 
     g(y) = p = play(x),    phi = (x - p) / c
 
-where x is the position of the motor, and play is the play operator of half width delta [1]: p is
-constant while |x - p| <= delta, and otherwise follows x at the distance delta. For a sine of
-amplitude A, the force of the cube has the amplitude and phase of the describing function of the
-play operator [2]. The phase has the same effect as a damping of
--4 k delta (A - delta) / (pi omega A^2), about -4 k delta / (pi omega A), where k is the stiffness
-of cube and transmission in series, and omega the angular frequency.
+play is the play operator of half width delta [1]: p is constant while |x - p| <= delta, and
+otherwise follows x at the distance delta. If x is a sine of amplitude A and angular frequency
+omega, the force of the cube has the amplitude and phase of the describing function of the play
+operator [2]. The phase has the same effect as a damping of -4 k delta (A - delta) / (pi omega A^2).
+k is the stiffness of cube and transmission in series. If delta is much smaller than A, this damping
+is about -4 k delta / (pi omega A).
 
 The damping force of the cube is computed from the speed of the tip according to these equations.
-The stretch of the transmission due to the damping force is neglected. Friction and damping always
-dissipate energy.
+The stretch of the transmission due to the damping force is neglected. Friction and damping of the
+model always dissipate energy.
 
 [1] M. Brokate, J. Sprekels, Hysteresis and Phase Transitions, Springer, 1996, section 2.1.
 [2] A. Gelb, W. E. Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design,
@@ -30,6 +31,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+
+from sim_backend.body import Law
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,36 @@ class Transmission:
         """Return the output of the play operator [m] for its last output p and its input x [m]."""
         low, high = x - self.lost_motion, x + self.lost_motion
         return low if p < low else high if p > high else p
+
+    def load(self, law: Law, played: float, x: float, v: float) -> float:
+        """Return the load [N] on the motor at position x [m] and velocity v [m/s].
+
+        The load is the force of the body on the tip plus the friction at the tip. The motor moved
+        to x without reversal.
+
+        Parameters
+        ----------
+        law
+            Law of the force of the body.
+        played
+            Output of the play operator before this motion [m].
+        x, v
+            Position [m] and velocity [m/s] of the motor.
+        """
+        compliance, lost = self.compliance, self.lost_motion
+        if compliance == 0.0:
+            return law.force(x, v)
+        low, high = x - lost, x + lost
+        played = low if played < low else high if played > high else played
+        return self.tip_force(law, played, x, v) + (x - played) / compliance
+
+    def tip_force(self, law: Law, played: float, x: float, v: float) -> float:
+        """Return the force of the body on the tip [N]; `played` is the play operator's output."""
+        compliance, lost = self.compliance, self.lost_motion
+        tip = law.compressed(played, compliance)
+        slips = played <= x - lost if v > 0.0 else played >= x + lost
+        speed = v / (1.0 + compliance * law.stiffness(tip)) if slips else 0.0
+        return law.force(tip, speed)
 
 
 RIGID = Transmission()

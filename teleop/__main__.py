@@ -7,9 +7,9 @@ def main() -> int:
     """Run the command line, and return its exit code.
 
     Ctrl-C ends the command without a traceback. After the command has ended, Ctrl-C is ignored, so
-    that the exit code does not change. Linear algebra uses one thread unless the environment
-    variable OMP_NUM_THREADS gives another number: the matrices are small, and on a busy machine
-    more threads take several times the processor time.
+    that the exit code does not change. Linear algebra uses one thread, unless the environment
+    variable OMP_NUM_THREADS sets another number of threads. The matrices are small, so that more
+    threads would only use more processor time.
     """
     import os
     import signal

@@ -1,4 +1,4 @@
-"""The command `teleop`: runs a subcommand, and converts errors to messages and exit codes."""
+"""The command `teleop`, which runs a subcommand and converts errors to messages and exit codes."""
 
 from __future__ import annotations
 
@@ -68,24 +68,23 @@ teleop palpates with a 1-DOF telemanipulator and estimates stiffness and damping
 
 All commands: teleop --help. Options of a command: teleop COMMAND --help.
 """
-"""Text that the command `teleop` prints if it has no arguments."""
+"""Text that the command `teleop` prints if it is called without arguments."""
 
 
 NARROWEST = 20
-"""Smallest width of the help text [characters]; the tables in this text need at least this
-width."""
+"""Smallest width of the help text [characters]. The tables in the help text need this width."""
 
 
 def prepare_streams() -> None:
     """Change standard output and standard error so that printing to them does not fail.
 
     A closed stream is replaced by the null device. Characters that the encoding of the stream does
-    not contain are printed as escapes. If the environment variable COLUMNS gives a width below
-    `NARROWEST`, it is ignored.
+    not contain are printed as escapes. The environment variable COLUMNS is ignored if it sets a
+    width below `NARROWEST`.
     """
     columns = os.environ.get("COLUMNS", "")
     if columns.isdecimal() and int(columns[:9]) < NARROWEST:
-        del os.environ["COLUMNS"]  # it may be 0 on a terminal of unknown size
+        del os.environ["COLUMNS"]  # its value is 0 on some terminals of unknown size
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115
@@ -94,12 +93,11 @@ def prepare_streams() -> None:
 
 
 def ignore_backend() -> None:
-    """Remove the effect of the environment variable MPLBACKEND.
+    """Remove the environment variable MPLBACKEND.
 
-    This variable selects the backend of matplotlib, which draws the windows. The commands open no
-    window and write the same figures with any backend. But if the variable contains an unknown
-    name, matplotlib cannot be imported, and no figure would be written, not even after a safety
-    stop.
+    This variable selects the backend of matplotlib, which draws windows. The commands open no
+    window, and write the same figures with any backend. If the variable contained an unknown name,
+    matplotlib could not be imported, and the commands could write no figure.
     """
     os.environ.pop("MPLBACKEND", None)
 
@@ -107,20 +105,20 @@ def ignore_backend() -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code.
 
-    The exit code is 0 for success, 2 for bad input, 3 for a safety stop, and 130 after Ctrl-C.
-    Bad input and a safety stop are reported without a traceback. Any other exception is a defect of
-    the program. It is raised, and ends the program with a traceback and exit code 1.
+    The exit code is 0 for success, 2 for bad input, 3 for a safety stop, and 130 if the command
+    handled Ctrl-C itself. Bad input and a safety stop are reported without a traceback. An
+    exception that is an error in the program (a bug) is raised again.
 
     Parameters
     ----------
     arguments
-        Arguments of the command line; None for those of the process.
+        Arguments of the command line. If None, the arguments of the process are used.
 
     Raises
     ------
     KeyboardInterrupt
-        Ctrl-C was pressed, or another signal that ends the program arrived, and the command does
-        not handle the signal.
+        The command does not handle Ctrl-C, or another signal that ends the program. The exit code
+        of the program is then 130 too.
     """
     prepare_streams()
     ignore_backend()

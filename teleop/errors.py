@@ -1,4 +1,7 @@
-"""Errors that are not defects of the program. They end a command with a one-line message."""
+"""Exceptions that are not caused by an error in the program, but by bad input or a safety stop.
+
+They end a command with a one-line message.
+"""
 
 from __future__ import annotations
 
@@ -13,27 +16,27 @@ if TYPE_CHECKING:
 
 
 class SafetyStop(Exception):
-    """The safety supervisor has stopped the rig; the message names the fault and its source."""
+    """The safety supervisor has stopped the rig. The message names the fault and its source."""
 
 
 class InputError(Exception):
-    """Bad input. The message states the problem, where it is, and what was expected."""
+    """The input is not valid. The message states what is wrong, where, and what was expected."""
 
 
 class MissingColumn(InputError, KeyError):
-    """A recording has no column of the requested name."""
+    """A recording has no column with the requested name."""
 
     __str__ = Exception.__str__
 
 
 @contextlib.contextmanager
 def as_input_error() -> Iterator[None]:
-    """Convert a ValueError that is raised within the block to an InputError with the same text.
+    """Convert a ValueError within a `with` block to an InputError with the same text.
 
     Raises
     ------
     InputError
-        A ValueError was raised within the block.
+        A ValueError was raised within the `with` block.
     """
     try:
         yield
@@ -42,7 +45,7 @@ def as_input_error() -> Iterator[None]:
 
 
 def reason(error: OSError) -> str:
-    """Return the operating system's description of an error, for use within a message."""
+    """Return the operating system's description of an error, as a part of a message."""
     text = error.strerror or str(error) or "unknown error"
     return text[:1].lower() + text[1:]
 

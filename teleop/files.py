@@ -1,6 +1,7 @@
-"""Output files: checked before a command starts its work, and overwritten only on request.
+"""Check and write output files, which are overwritten only on request.
 
-A new file appears at its path only when it is complete.
+The files are checked before a command starts its work. A new file appears at its path only when it
+is complete.
 """
 
 from __future__ import annotations
@@ -37,15 +38,15 @@ def check_outputs(
     pictures
         Picture files to be written; None for a picture that was not requested.
     sources
-        Files that the command reads, which no output may overwrite; None for an input that is not
+        Files that the command reads. No output may overwrite them. None for an input that is not
         used.
     overwrite
-        Whether an output may replace an existing file; recordings are never replaced.
+        Whether an output may replace an existing file. A recording is never replaced.
 
     Raises
     ------
     InputError
-        A file cannot be written, or would overwrite another file, or the ending of a picture is
+        A file cannot be written or would overwrite another file. The ending of a picture is
         unknown.
     """
     for picture in pictures:
@@ -107,19 +108,19 @@ def make_folder(path: Path) -> None:
 def new_file(path: Path, overwrite: bool = False) -> Iterator[BinaryIO]:
     """Write a file that appears at its path only when it is complete.
 
-    Until the end of the block, the data are in a temporary file in the same folder. An exception
-    in the block removes the temporary file, and no file appears.
+    Until the end of the `with` block, the data are in a temporary file in the same folder. After an
+    exception in the block, the temporary file is removed, and no file appears.
 
     Parameters
     ----------
     path
         The file.
     overwrite
-        Whether to replace an existing file; recordings are never replaced.
+        Whether to replace an existing file. A recording is never replaced.
 
     Yields
     ------
-    The temporary file, in binary mode; it can be written and read.
+    The temporary file, which can be written and read in binary mode.
 
     Raises
     ------
@@ -135,7 +136,7 @@ def new_file(path: Path, overwrite: bool = False) -> Iterator[BinaryIO]:
         if overwrite and target.exists():
             shutil.copymode(target, part)
         elif not overwrite:
-            with target.open("xb"):  # fails if another command has created the file meanwhile
+            with target.open("xb"):  # fails if another command has created the file in between
                 pass
         part.replace(target)
     except FileExistsError as error:
@@ -149,7 +150,7 @@ def new_file(path: Path, overwrite: bool = False) -> Iterator[BinaryIO]:
 
 
 def write_text(path: Path, text: str, overwrite: bool = False) -> None:
-    """Write a text file in UTF-8. It appears at its path only when it is complete, see `new_file`.
+    """Write a text file in UTF-8, which appears at its path only when it is complete.
 
     Raises
     ------
@@ -161,7 +162,7 @@ def write_text(path: Path, text: str, overwrite: bool = False) -> None:
 
 
 def check_new(path: Path, overwrite: bool) -> None:
-    """Check that a path is free for a new file, or that its file may be replaced.
+    """Check that no file exists at a path, or that the existing file may be replaced.
 
     Raises
     ------
@@ -180,7 +181,7 @@ def check_new(path: Path, overwrite: bool) -> None:
 
 
 def temporary_path(path: Path) -> Path:
-    """Return a path in the folder of `path` for the data of a file that is not yet complete."""
+    """Return the path of a temporary file in the folder of `path`."""
     return Path(os.path.realpath(path)).with_name(f".teleop-{secrets.token_hex(6)}.part")
 
 

@@ -1,4 +1,4 @@
-"""Handling of the signals that end a program: SIGINT (Ctrl-C), SIGTERM, SIGHUP and SIGQUIT."""
+"""Handle the signals that end a program: SIGINT (Ctrl-C), SIGTERM, SIGHUP and SIGQUIT."""
 
 from __future__ import annotations
 
@@ -24,16 +24,17 @@ CLEAN_UP = 2.0
 
 @contextlib.contextmanager
 def handle_signals(handler: Callable[[str], object]) -> Iterator[None]:
-    """Call a function for each signal of `SIGNALS` that arrives within the block.
+    """Call a function for each signal of `SIGNALS` that arrives within a `with` block.
 
-    A signal that is ignored on entry remains ignored: `nohup` ignores SIGHUP, and a shell script
-    ignores SIGINT in the processes that it starts with `&`. In a thread other than the main
-    thread, this function has no effect, because Python delivers signals to the main thread only.
+    A signal that is ignored before the block remains ignored. For example, `nohup` makes a process
+    ignore SIGHUP, and a shell script starts processes with `&` that ignore SIGINT. In a thread
+    other than the main thread, `handle_signals` has no effect, because Python delivers signals only
+    to the main thread.
 
     Parameters
     ----------
     handler
-        Function that is called with the reason of the signal, a value of `SIGNALS`.
+        Function that is called with the reason of the signal, which is a value of `SIGNALS`.
     """
 
     def on_signal(number: int, frame: FrameType | None) -> None:
@@ -55,20 +56,20 @@ def handle_signals(handler: Callable[[str], object]) -> Iterator[None]:
 class Interruption:
     """Counts the signals of `SIGNALS`, and interrupts a program that does not acknowledge them.
 
-    This class is a context manager, which handles the signals within its block. The program must
-    acknowledge each signal within the time `timeout`. If it does not, the next signal after this
-    time raises KeyboardInterrupt. The program then has `CLEAN_UP` seconds for its clean-up before
-    another signal can interrupt it.
+    This class is a context manager, which handles the signals within a `with` block. The program
+    must acknowledge each signal within the time `timeout`. If the program does not, the next signal
+    after this time raises KeyboardInterrupt. The program then has `CLEAN_UP` seconds for its
+    clean-up before another signal can interrupt it.
 
     Attributes
     ----------
     count
-        Number of signals so far.
+        Number of signals that have arrived.
     reason
-        Reason of the latest signal; empty before the first.
+        Reason of the latest signal; empty before the first signal.
     timeout
-        Time within which the program has to acknowledge a signal [s]. With the initial value 0,
-        each signal raises KeyboardInterrupt immediately.
+        Time within which the program must acknowledge a signal [s]. With the initial value 0, each
+        signal raises KeyboardInterrupt immediately.
     """
 
     def __init__(self) -> None:
@@ -79,11 +80,11 @@ class Interruption:
         self._handled = contextlib.ExitStack()
 
     def acknowledge(self) -> None:
-        """Acknowledge all signals so far. The program calls this when it begins to stop."""
+        """Acknowledge all signals so far. The program calls this method when it begins to stop."""
         self._unacknowledged_since = math.inf
 
     def clean_up(self) -> None:
-        """Start the clean-up; for `CLEAN_UP` seconds, no signal interrupts the program."""
+        """Start the clean-up. For `CLEAN_UP` seconds, no signal interrupts the program."""
         self.timeout = CLEAN_UP
         self._unacknowledged_since = time.monotonic()
 
@@ -113,7 +114,7 @@ class Interruption:
 
 @contextlib.contextmanager
 def stop_signals() -> Iterator[Callable[[], bool]]:
-    """Yield a function that returns whether a signal of `SIGNALS` has arrived within the block."""
+    """Yield a function that returns whether a signal of `SIGNALS` has arrived in a `with` block."""
     came = threading.Event()
     with handle_signals(lambda reason: came.set()):
         yield came.is_set

@@ -1,4 +1,4 @@
-"""Reads and writes JSON documents. Infinite numbers and NaN are written as null."""
+"""Read and write JSON documents. Infinite numbers and NaN are written as null."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic_core import from_json, to_jsonable_python
 
 
 def finite(value: Any) -> Any:
-    """Convert a value to JSON types, with None instead of each number that is infinite or NaN."""
+    """Convert a value to JSON types. Replace each infinite number and each NaN by None."""
     return to_jsonable_python(value, inf_nan_mode="null")
 
 

@@ -1,4 +1,4 @@
-"""Names that the settings and the options of a trial accept."""
+"""Define the names that the settings and the options of a trial accept."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Prints text safely on a terminal: control characters are printed as escapes."""
+"""Print text safely on a terminal, with control characters replaced by escapes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LONGEST = 2000
 CONTROL = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f"  # all except tab and newline; \x9b is CSI
     "\u200e\u200f\u2028-\u202e\u2066-\u2069"  # writing direction, line separators
-    "\ud800-\udfff]"  # bytes of a file name that are not valid text
+    "\ud800-\udfff]"  # bytes in a file name that are not valid text
 )
 """Pattern of one control character, except tab and newline."""
 
@@ -24,7 +24,7 @@ def printable(text: str) -> str:
 
 
 def one_line(text: str) -> str:
-    """Return a text in one line of at most `LONGEST` characters; a longer text is shortened."""
+    """Return a text as one line. A line longer than `LONGEST` characters is shortened."""
     line = printable(" ".join(text.split()))
     return line if len(line) <= LONGEST else f"{line[: LONGEST - 4]} ..."
 
@@ -37,12 +37,12 @@ def print_error(text: str) -> None:
 def discard_output(error: OSError) -> str:
     """Discard all further standard output, and return an error message.
 
-    Called after a write to standard output has failed.
+    Call this function after a write to standard output has failed.
 
     Parameters
     ----------
     error
-        Error of the write.
+        The error that the write raised.
     """
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return f"standard output: {reason(error)}"

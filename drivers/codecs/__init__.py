@@ -1,1 +1,1 @@
-"""Codecs: pure functions that convert the bytes of serial or CAN frames to values, and back."""
+"""Convert the frames of devices to values, and values to frames. Each file is for one protocol."""

@@ -1,7 +1,7 @@
-"""Messages of the serial protocol for microcontroller boards (docs/serial-protocol.md).
+"""Encode and decode messages of the serial protocol for boards (docs/serial-protocol.md).
 
-Values in the messages are counts of the board's converters and encoders. The rig file gives the
-scale of a count for each signal.
+A board is a microcontroller board. Values in the messages are counts of the board's converters and
+encoders. For each signal, the rig file contains the scale of a count.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ VERSION = 1
 FORCES = 2
 """Number of force inputs in the messages."""
 AXES = 2
-"""Number of velocity axes in the messages, and number of encoders."""
+"""Number of velocity axes in the messages. The number of encoders is the same."""
 ANALOGUES = 4
 """Number of analogue inputs in the messages."""
 
@@ -33,7 +33,7 @@ LONGEST = 64
 GREATEST = (1 << 31) - 1
 """Largest magnitude of a value [counts]."""
 HEAD = struct.Struct("<BH")
-"""Layout of the start of each message: type and sequence number."""
+"""Layout of the first bytes of each message: type and sequence number."""
 CHECKSUM = struct.Struct("<H")
 SETTINGS = struct.Struct("<HH")
 AXIS_MASK = struct.Struct("<B")
@@ -45,7 +45,7 @@ SAMPLE_FRAME = struct.Struct(f"<BHIBBBHH{FORCES + 2 * AXES + ANALOGUES}i")
 
 
 class State(IntEnum):
-    """State of the board. All states except IDLE and ENABLED remain until a DISABLE message."""
+    """State of the board. A state other than IDLE and ENABLED remains until a DISABLE message."""
 
     IDLE = 0
     ENABLED = 1
@@ -56,16 +56,16 @@ class State(IntEnum):
 
 
 class Input(IntEnum):
-    """Bits of the digital inputs in a sample."""
+    """Bits that represent the digital inputs in a sample."""
 
     EMERGENCY_STOP = 1
     DRIVE_FAULT = 2
 
 
 class Identity(NamedTuple):
-    """Answer of the board to HELLO.
+    """Answer of the board to a HELLO message.
 
-    If the board has another version of the protocol, only the first three fields are known.
+    If the board uses another version of the protocol, only the first three fields are known.
     """
 
     sequence: int
@@ -75,7 +75,7 @@ class Identity(NamedTuple):
     """Version of the protocol."""
     firmware: tuple[int, int] = (0, 0)
     boot: int = 0
-    """Number that differs after each start of the board."""
+    """Number that is different after each start of the board."""
     forces: int = 0
     encoders: int = 0
     axes: int = 0
@@ -83,7 +83,7 @@ class Identity(NamedTuple):
 
 
 class Configured(NamedTuple):
-    """Answer of the board to CONFIGURE, with the settings that the board uses."""
+    """Answer of the board to a CONFIGURE message, with the settings that the board uses."""
 
     sequence: int
     time: int
@@ -95,7 +95,7 @@ class Configured(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """Measurements of the board, all taken at one time, and the state of the board."""
+    """Measurements of the board, all taken at the same time, and the state of the board."""
 
     sequence: int
     time: int
@@ -109,7 +109,7 @@ class Sample(NamedTuple):
     acknowledged: int
     """Sequence number of the last frame that the board accepted."""
     rejected: int
-    """Number of frames that the board rejected since HELLO, modulo 2^16."""
+    """Number of frames that the board has rejected since HELLO, modulo 2^16."""
     counts: tuple[int, ...]
     """Counts of the forces, positions, velocities and analogue inputs, in this order."""
 
@@ -118,7 +118,7 @@ Message = Identity | Configured | Sample
 
 
 def frame(kind: int, sequence: int, payload: bytes = b"") -> bytes:
-    """Return the bytes of a message on the serial line, with the delimiter at the end.
+    """Return the bytes of a message as sent on the serial line, including the delimiter.
 
     Parameters
     ----------
@@ -139,35 +139,36 @@ def configure(watchdog: int, sample_rate: int) -> bytes:
 
 
 def enable(axis: int) -> bytes:
-    """Return the payload of ENABLE for the axis of this index."""
+    """Return the payload of ENABLE for the axis with this index."""
     return AXIS_MASK.pack(1 << axis)
 
 
 def command(*velocities: int) -> bytes:
-    """Return the payload of COMMAND, with one velocity per axis [counts]."""
+    """Return the payload of COMMAND. The arguments are one velocity per axis [counts]."""
     return VELOCITIES.pack(*velocities)
 
 
 def to_counts(value: float, scale: float) -> int:
-    """Convert a value to counts, rounded and limited to the range of the protocol.
+    """Return a value in counts, rounded and limited to the range of the protocol.
 
     Parameters
     ----------
     value
         The value, in SI units.
     scale
-        SI unit per count.
+        Value of one count, in SI units.
     """
     return round(min(max(value / scale, -GREATEST), GREATEST))
 
 
 def decode(body: bytes) -> Message | None:
-    """Return the message in a decoded frame; None for an unknown message.
+    """Return the message that a decoded frame contains; None for an unknown message.
 
     Parameters
     ----------
     body
-        Bytes of the frame after COBS decoding, without the checksum, which must be correct.
+        Bytes of the frame after COBS decoding, without the checksum. The caller must have checked
+        the checksum.
     """
     kind, length = body[0], len(body)
     if kind == SAMPLE and length == SAMPLE_FRAME.size:
@@ -197,8 +198,8 @@ class MessageReader:
     Parameters
     ----------
     rejected
-        Counter of rejected frames, by the reason: `length` (too long or too short), `framing` (not
-        valid COBS), `checksum` (wrong checksum) or `message` (unknown message).
+        Counter of rejected frames, by the reason: `length` (too long or too short), `framing`
+        (invalid COBS code), `checksum` (wrong checksum) or `message` (unknown message).
     """
 
     def __init__(self, rejected: Counter[str] | None = None) -> None:
@@ -206,7 +207,7 @@ class MessageReader:
         self._frames = cobs.CobsReader(LONGEST, self.rejected)
 
     def feed(self, data: bytes) -> list[Message]:
-        """Process the next bytes of the stream; return the messages that these bytes complete."""
+        """Process the next bytes of the stream; return the messages that end in these bytes."""
         messages: list[Message] = []
         for body in self._frames.feed(data):
             if len(body) < HEAD.size + CHECKSUM.size:

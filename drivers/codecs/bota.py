@@ -1,7 +1,8 @@
-"""Serial frames of the force-torque sensors of Bota Systems (Rokubi, SensONE, MegaONE).
+"""Decode the serial frames of force-torque sensors of Bota Systems (Rokubi, SensONE, MegaONE).
 
-A frame is a header byte, 34 bytes of data and their CRC-16/X.25, all little-endian. See `RxFrame`
-and `DataStatus` of Bota Systems' driver `rokubimini_serial`, RokubiminiSerialImpl.hpp.
+A frame consists of a header byte, 34 bytes of data, and the CRC-16/X.25 of the data. All values are
+little-endian. The source is `RxFrame` and `DataStatus` in RokubiminiSerialImpl.hpp, a file of the
+driver `rokubimini_serial` of Bota Systems.
 """
 
 from __future__ import annotations
@@ -15,19 +16,19 @@ from drivers.framing.fixed_frames import FixedFrameParser
 HEADER = b"\xaa"
 FRAME = struct.Struct("<xH6fIfH")
 CHECKED = FRAME.size - 2
-"""Length of a frame without the checksum [bytes]."""
+"""Length of a frame without its checksum [bytes]."""
 
 THROTTLED = 1 << 0
-"""Status bit: the sensor skipped a measurement, because its line rate is too low."""
+"""Status bit. It is set if the sensor skipped a measurement because its line rate is too low."""
 FAULTS = {
     1 << 1: "overrange",
     1 << 2: "invalid measurements: saturation, or a short or open circuit",
     1 << 3: "raw measurements: strain gauges instead of forces",
 }
-"""Meaning of each status bit that is set in a frame whose measurements are invalid."""
+"""Status bits that mark the measurements of a frame as invalid, with the reason."""
 
 RUN = b"R"
-"""Command that ends the configuration mode, in which the sensor sends no frames."""
+"""Command that ends the configuration mode. In this mode the sensor sends no frames."""
 
 
 class BotaFrame(NamedTuple):
@@ -44,13 +45,13 @@ class BotaFrame(NamedTuple):
     my: float
     mz: float
     timestamp_us: int
-    """Time stamp of the sensor's clock [us], which wraps after 71.6 minutes."""
+    """Time stamp of the sensor's clock [us]. It wraps to zero after 71.6 minutes."""
     temperature: float
     """Temperature of the sensor [degC]."""
 
 
 def fault(status: int) -> str:
-    """Return why the measurements of a frame are invalid; empty if they are valid.
+    """Return the reason why the measurements of a frame are invalid; empty if they are valid.
 
     Parameters
     ----------

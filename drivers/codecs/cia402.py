@@ -1,7 +1,7 @@
-"""Conversion of the messages of CANopen drives with profile CiA 402 to SI units, and back.
+"""Convert the messages of CANopen drives with the profile CiA 402 to SI units, and back.
 
-CiA 301 defines the services (NMT, SYNC, EMCY, heartbeat). CiA 402-2 defines the state machine and
-the objects in these process data objects (PDO):
+CiA 301 defines the services NMT, SYNC, EMCY and heartbeat. CiA 402-2 defines the state machine, and
+the objects that the following process data objects (PDO) contain:
 
 - RPDO1: controlword 6040h, target velocity 60FFh
 - TPDO1: statusword 6041h, position actual value 6064h
@@ -46,7 +46,7 @@ class NmtCommand(IntEnum):
 
 
 class NmtState(IntEnum):
-    """State of network management (NMT) that a node sends in its heartbeat, CiA 301 7.2.8.3.2."""
+    """States of network management (NMT), sent in the heartbeat of a node, CiA 301 7.2.8.3.2."""
 
     BOOT_UP = 0x00
     STOPPED = 0x04
@@ -55,14 +55,15 @@ class NmtState(IntEnum):
 
     @property
     def words(self) -> str:
-        """Name of the state as the standard writes it, for example `pre-operational`."""
+        """Name of the state as in the standard, for example `pre-operational`."""
         return self.name.lower().replace("_", "-")
 
 
 class State(Enum):
     """States of the power drive system, CiA 402-2 table 30.
 
-    The value of a member is a pair: a mask, and the value of the statusword after this mask.
+    The value of a member is a pair of numbers: a mask, and the value of statusword & mask in this
+    state.
     """
 
     NOT_READY_TO_SWITCH_ON = (0x4F, 0x00)
@@ -76,7 +77,7 @@ class State(Enum):
 
     @property
     def words(self) -> str:
-        """Name of the state as the profile writes it, for example `operation enabled`."""
+        """Name of the state as in the profile, for example `operation enabled`."""
         return self.name.lower().replace("_", " ")
 
 
@@ -98,9 +99,9 @@ TOWARDS_OPERATION: dict[State | None, Control] = {
     State.OPERATION_ENABLED: Control.ENABLE_OPERATION,
     State.FAULT: Control.FAULT_RESET,
 }
-"""Controlword that brings the drive from a state to the next state on the way to operation.
+"""Controlword that changes a state to the next state on the way to operation.
 
-The drive leaves the other states by itself.
+In all other states, the drive changes to a next state without a command.
 """
 
 
@@ -110,7 +111,7 @@ def nmt(command: NmtCommand, node: int) -> bytes:
 
 
 def state_of(statusword: int) -> State | None:
-    """Return the state that a statusword contains; None if the profile does not define it."""
+    """Return the state that a statusword contains; None if the profile defines no such state."""
     return next((s for s in State if statusword & s.value[0] == s.value[1]), None)
 
 
@@ -152,7 +153,7 @@ class Units:
         return 1e-3 * self.rated_torque * 2.0 * math.pi / self.travel_per_turn
 
     def target(self, velocity: float) -> int:
-        """Return the value of the object 60FFh (target velocity) nearest to a velocity [m/s]."""
+        """Return the value of the object 60FFh (target velocity) for a velocity [m/s], rounded."""
         return round(max(-INT32, min(INT32, velocity / self.metres_per_second)))
 
     def position(self, data: bytes) -> float:
@@ -178,7 +179,7 @@ class Units:
 
 
 def command(control: Control, target: int) -> bytes:
-    """Return the data of RPDO1: controlword, and target velocity in the unit of object 60FFh."""
+    """Return the data of RPDO1. `target` is the target velocity, in the unit of object 60FFh."""
     return COMMAND.pack(control, target)
 
 
@@ -194,9 +195,9 @@ def statusword(data: bytes) -> int:
 
 
 def emergency(data: bytes) -> str:
-    """Return the error that the data of an EMCY message contain, as text.
+    """Return as text the error that the data of an EMCY message contain.
 
-    The text is empty if the message states that an error has ended.
+    The text is empty if the message reports the end of an error.
 
     Raises
     ------

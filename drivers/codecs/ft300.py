@@ -1,9 +1,9 @@
-"""Data stream of Robotiq's FT 300 force-torque sensor.
+"""Decode the data stream of Robotiq's FT 300 force-torque sensor.
 
-A frame is 0x20 0x4E, six 16-bit integers and the CRC-16/MODBUS of these bytes, little-endian. The
-sensor sends 100 frames per second. See Robotiq's FT 300 instruction manual, section 4.4, "Data
-Stream". A Modbus RTU request with function 16 starts the stream (Modbus application protocol
-1.1b3, section 6.12).
+A frame consists of the bytes 0x20 0x4E, six 16-bit integers, and the CRC-16/MODBUS of all these
+bytes. All values are little-endian. The sensor sends 100 frames per second. The source is Robotiq's
+FT 300 instruction manual, section 4.4, "Data Stream". A Modbus RTU request with function 16 starts
+the stream (Modbus application protocol 1.1b3, section 6.12).
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from drivers.framing.fixed_frames import FixedFrameParser
 HEADER = b"\x20\x4e"
 FRAME = struct.Struct("<2x6hH")
 CHECKED = FRAME.size - 2
-"""Length of a frame without the checksum [bytes]."""
+"""Length of a frame without its checksum [bytes]."""
 NEWTON = 0.01
 """Force per count [N]."""
 NEWTON_METRE = 0.001
 """Moment per count [N m]."""
 
 START_STREAM = bytes.fromhex("09 10 019A 0001 02 0200 CDCA")
-"""Modbus request that starts the stream: slave 9, write 0x0200 to register 410."""
+"""Modbus request that starts the stream. It writes 0x0200 to register 410 of slave 9."""
 STOP_STREAM = 50 * b"\xff"
-"""Bytes that end the stream. Their transmission takes longer than two frame periods."""
+"""Bytes that stop the stream. Their transmission takes longer than two frame periods."""
 
 
 class Ft300Frame(NamedTuple):

@@ -1,8 +1,9 @@
-"""CAN frames of the protocol ODrive CANSimple for velocity control, firmware 0.5 and 0.6.
+"""Encode and decode CAN frames of the protocol ODrive CANSimple, firmware 0.5 and 0.6.
 
-The 11-bit identifier of a frame is node << 5 | command. Data are little-endian, with 32-bit IEEE
-754 floats. Turns [rev] are turns of the motor. Sources: ODrive documentation, "CAN Protocol", of
-the two firmware versions, and the vendor's odrive-cansimple-0.5.6.dbc and -0.6.10.dbc.
+Only the frames for velocity control are supported. The 11-bit identifier of a frame is
+node << 5 | command. Data are little-endian, and floats are 32-bit floats of IEEE 754. Turns [rev]
+are turns of the motor. The sources are "CAN Protocol" in the ODrive documentation of both firmware
+versions, and the vendor's files odrive-cansimple-0.5.6.dbc and odrive-cansimple-0.6.10.dbc.
 """
 
 from __future__ import annotations
@@ -56,9 +57,9 @@ class AxisState(IntEnum):
 
 STATES = {state.value: state.name for state in AxisState}
 VELOCITY_CONTROL = 2
-"""Control mode: velocity."""
+"""Number of the control mode for velocity control."""
 PASSTHROUGH = 1
-"""Input mode: the ODrive uses the commanded velocity without a filter or ramp."""
+"""Number of the input mode in which the commanded velocity is used without a filter or ramp."""
 
 AXIS_ERRORS: dict[Firmware, dict[int, str]] = {
     "0.5": {
@@ -114,9 +115,10 @@ REFUSALS = {
     14: "NOT_CALIBRATED",
     15: "NOT_CONVERGING",
 }
-"""Name of each procedure result, in a heartbeat of firmware 0.6, that is a refusal.
+"""Names of the procedure results with which an axis refuses a requested state, by number.
 
-The results success, busy, cancelled and disarmed are not refusals.
+Heartbeats of firmware 0.6 contain a procedure result. The results success, busy, cancelled and
+disarmed are not refusals.
 """
 
 TWO_FLOATS = struct.Struct("<ff")
@@ -126,18 +128,18 @@ HEARTBEAT_06 = struct.Struct("<IBB2x")
 
 
 class Heartbeat(NamedTuple):
-    """State and errors that an axis sends in its heartbeat."""
+    """State and errors of an axis, as sent in its heartbeat."""
 
     state: int
     """One of `AxisState`, or an unknown state of a later firmware."""
     errors: tuple[str, ...]
     """Names of the active errors and of the errors that disarmed the axis."""
     refusal: str = ""
-    """Why the axis did not enter the requested state; empty if not reported (firmware 0.5)."""
+    """Reason why the axis refused a requested state; empty if it did not, and for firmware 0.5."""
 
 
 class Version(NamedTuple):
-    """Version of a firmware."""
+    """Version numbers of a firmware."""
 
     major: int
     minor: int
@@ -145,7 +147,7 @@ class Version(NamedTuple):
 
 
 def identifier(node: int, command: Command) -> int:
-    """Return the 11-bit identifier of the frame with a command to or from a node."""
+    """Return the 11-bit identifier of the frames with this command, to a node or from a node."""
     return node << 5 | command
 
 
@@ -172,8 +174,8 @@ def set_limits(velocity: float, current: float) -> bytes:
 def clear_errors(firmware: Firmware) -> bytes:
     """Return the data of Clear_Errors.
 
-    With firmware 0.6 the data have one byte. Its value 0 switches off the identification of the
-    device by a blinking light.
+    With firmware 0.6 the data are one byte. The value 0 of this byte switches off the blinking
+    light that identifies a device.
     """
     return b"" if firmware == "0.5" else b"\0"
 
@@ -208,7 +210,7 @@ def encoder_estimates(data: bytes) -> tuple[float, float]:
 
 
 def iq(data: bytes) -> tuple[float, float]:
-    """Return the current setpoint and the measured current [A] in the data of Get_Iq.
+    """Return setpoint and measured value of the motor current [A] in the data of Get_Iq.
 
     Raises
     ------
@@ -243,7 +245,7 @@ def version(data: bytes) -> Version:
 
 
 def error_names(firmware: Firmware, errors: int) -> tuple[str, ...]:
-    """Return the name of each error whose bit is set; an unknown bit is given by its value."""
+    """Return the name of each error whose bit is set. The name of an unknown bit is its value."""
     if not errors:
         return ()
     names = AXIS_ERRORS[firmware]
@@ -252,5 +254,5 @@ def error_names(firmware: Firmware, errors: int) -> tuple[str, ...]:
 
 
 def state_name(state: int) -> str:
-    """Return the name of a state of an axis; an unknown state is given by its number."""
+    """Return the name of a state of an axis. The name of an unknown state contains its number."""
     return STATES.get(state, f"state {state}")

@@ -1,1 +1,1 @@
-"""Devices, one per file. `drivers.registry` returns the class of a device for its kind."""
+"""The devices of a rig, one kind per file. `drivers.registry` finds the class of a kind."""

@@ -1,6 +1,6 @@
-"""A microcontroller board with force channels, encoders, velocity axes and analogue inputs.
+"""Driver of a microcontroller board with force inputs, encoders, velocity axes, analogue inputs.
 
-The protocol is described in docs/serial-protocol.md; drivers/firmware has the code for the board.
+The protocol is described in docs/serial-protocol.md. The code for the board is in drivers/firmware.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from drivers.transports.serial_port import SerialPort
 PATIENCE = 4.0
 """Longest wait for an answer [s]. Many boards reset when their port is opened."""
 ASKING = 0.25
-"""Time after which a request without an answer is repeated [s]."""
+"""If a request has no answer after this time [s], the request is repeated."""
 STOPPED: dict[int, str] = {
     State.WATCHDOG: "watchdog: the board missed the commands",
     State.DRIVE_FAULT: "drive fault input",
@@ -37,11 +37,11 @@ class Axis(VelocityDrive):
         self._scale = scale
 
     def enable(self) -> bool:
-        """Request operation of this axis; return whether the board reports it in its samples."""
+        """Request operation of this axis; return whether the board reports it as enabled."""
         return self._board.enable_axis(self._index)
 
     def command(self, velocity: float) -> float:
-        """Set the velocity in the next COMMAND [m/s]. Return it rounded to whole counts [m/s]."""
+        """Set the velocity [m/s] for the next COMMAND; return it rounded to whole counts [m/s]."""
         self.velocity = codec.to_counts(velocity, self._scale)
         return self.velocity * self._scale
 
@@ -53,12 +53,12 @@ class Axis(VelocityDrive):
 class Board(SerialDevice):
     """A microcontroller board on a serial port.
 
-    Its signals are `force_0` [N], `position_0` [m], `velocity_0` [m/s], `analogue_0` [V] and so
-    on. Its drives are `axis_0` and `axis_1`. All values of a sample have the same time: the time
-    stamp of the board's clock, converted to the controller's clock.
+    The signals are `force_0` [N], `position_0` [m], `velocity_0` [m/s], `analogue_0` [V] and so
+    on. The drives are `axis_0` and `axis_1`. All values in a sample have the same time, which is
+    the time stamp of the board, converted to the controller's clock.
 
     After a reset, the board counts positions from a new zero, so that the datum of the positions
-    is lost. The error of a reset therefore remains until the rig is opened again.
+    is lost. The error that reports a reset therefore remains until the rig is opened again.
     """
 
     Settings = BoardSettings
@@ -72,7 +72,7 @@ class Board(SerialDevice):
         ]
         self.drives = {f"axis_{i}": axis for i, axis in enumerate(self.axes)}
         self.identity: Identity | None = None
-        """Answer of the board to HELLO."""
+        """Answer of the board to HELLO, None before the answer."""
         self._port: SerialPort | None = None
         self._reader = MessageReader(self.rejected)
         self._clock = DeviceClock()
@@ -86,7 +86,7 @@ class Board(SerialDevice):
         self._asked = 0
         """Sequence number of the first frame that requested operation."""
         self._acknowledged = False
-        """Whether the board accepted this frame. If so, its state is the answer to the request."""
+        """Whether the board accepted the frame `_asked`. If so, its state answers the request."""
         self._pinged = 0
         self._ping_answered = False
         self._enabled = 0
@@ -105,7 +105,7 @@ class Board(SerialDevice):
         }
 
     def start(self, port: SerialPort) -> None:
-        """Check the identity of the board and configure it; the board then sends samples."""
+        """Check the identity of the board and configure the board, which then sends samples."""
         self._port = port
         self._started = False
         self.identity = self._configured = None
@@ -127,7 +127,7 @@ class Board(SerialDevice):
         self._started = True
 
     def _ask(self, kind: int, payload: bytes, answer: Callable[[], object]) -> bool:
-        """Repeat a request until it is answered; return whether it was answered in time."""
+        """Send a request repeatedly until there is an answer; return False if there is none."""
         assert self._port
         for _ in range(round(PATIENCE / ASKING)):
             self._send(kind, payload)
@@ -150,7 +150,7 @@ class Board(SerialDevice):
                 raise RigError(f"{where}: {key} has {wanted} entries, expected at most {has}")
 
     def _instead(self) -> str:
-        """Return what was received instead of an answer, as text."""
+        """Return a text that describes what was received instead of an answer."""
         assert self._port
         if not self._port.received:
             return "expected a board with running firmware"
@@ -179,7 +179,7 @@ class Board(SerialDevice):
                 self.samples[signal] = Sample(gain * newest.counts[index], time)
 
     def _in_order(self, sample: codec.Sample) -> bool:
-        """Return whether a sample is newer than all previous samples; count lost samples."""
+        """Return whether a sample is newer than all earlier samples, and count lost samples."""
         if self._received is not None:
             ahead = signed(sample.sequence - self._received, 16)
             if ahead <= 0:
@@ -194,7 +194,7 @@ class Board(SerialDevice):
         return True
 
     def _update_identity(self, board: Identity) -> None:
-        """Store the identity of the board. If it changes after the set-up, the board was reset."""
+        """Store the identity of the board, or detect a reset by the boot number or the clock."""
         if not self._started or self.identity is None:
             self.identity = board
         elif board.boot != self.identity.boot:
@@ -210,7 +210,7 @@ class Board(SerialDevice):
         self.error = self._reset
 
     def _update_state(self, sample: codec.Sample) -> None:
-        """Update the error from a sample. While operation is requested, the error is latched."""
+        """Update the error from a sample. The error is latched while operation is requested."""
         stopped = sample.state == State.EMERGENCY_STOP
         self.emergency_stop = stopped or bool(sample.inputs & Input.EMERGENCY_STOP)
         self._enabled = sample.axes if sample.state == State.ENABLED else 0
@@ -229,7 +229,7 @@ class Board(SerialDevice):
         self.error = self._reset or self._latched or error
 
     def ping(self) -> bool:
-        """If no operation is requested, send DISABLE, which a later message acknowledges."""
+        """If no operation is requested, send DISABLE. A later sample acknowledges this message."""
         if self._wanted:
             return False
         self._pinged, self._ping_answered = self._sequence, False
@@ -266,13 +266,13 @@ class Board(SerialDevice):
             self._send(codec.DISABLE)
 
     def transmit(self) -> None:
-        """Send the velocities, which also resets the board's watchdog timer."""
+        """Send the velocities. This message also resets the watchdog timer of the board."""
         if self._wanted:
             rest = [0] * (codec.AXES - len(self.axes))
             self._send(codec.COMMAND, codec.command(*(axis.velocity for axis in self.axes), *rest))
 
     def stop(self) -> None:
-        """Send HELLO, after which the board sends no more samples."""
+        """Send HELLO. After this message the board sends no more samples."""
         if self._started:
             with contextlib.suppress(RigError):
                 self._send(codec.HELLO)
@@ -285,6 +285,6 @@ class Board(SerialDevice):
 
 
 def signed(difference: int, bits: int) -> int:
-    """Return the difference of two counters that have this number of bits, as a signed number."""
+    """Return the difference of two counters as a signed number. `bits` is the size of a counter."""
     half = 1 << bits - 1
     return (difference + half) % (2 * half) - half

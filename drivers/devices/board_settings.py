@@ -1,4 +1,4 @@
-"""Section of the rig file for a microcontroller board, and the signals of the board."""
+"""Define the section of the rig file for a microcontroller board, and the signals of the board."""
 
 from __future__ import annotations
 
@@ -20,34 +20,34 @@ QUANTITIES = (
 )
 """Groups of signals, in the order of the counts in a sample of the board.
 
-Each group has: its name, its SI unit, the factor from the unit of the setting to the SI unit, the
-name of the setting that contains the scales, and the number of counts in a sample.
+For each group, the entries are: the name, the SI unit, the factor from the unit of the setting to
+the SI unit, the name of the setting that contains the scales, and the number of counts in a sample.
 """
 
 
 class BoardSettings(DeviceSettings):
     """Section of the rig file for a microcontroller board.
 
-    Each list of scales has one entry per input or axis in use, starting with the first input or
-    axis of the board.
+    A list of scales has one entry for each input or axis in use. The first entry is for the first
+    input or axis of the board.
     """
 
     kind: Literal["board"]
     bus: str
     sample_rate_hz: Annotated[int, Field(ge=50, le=4000)] = 1000
     watchdog_ms: Annotated[int, Field(ge=5, le=500)] = 50
-    """Time without a command after which the board stops the axes [ms]."""
+    """If the board receives no command during this time [ms], it stops the axes."""
     force_n_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.FORCES)] = ()
     position_um_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.AXES)] = ()
     velocity_um_per_s_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.AXES)] = ()
-    """Scale of the velocity commands and of the measured velocities."""
+    """Scales of the velocity commands and of the measured velocities."""
     analogue_mv_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.ANALOGUES)] = ()
 
 
 def gains(settings: BoardSettings) -> Iterator[tuple[int, str, float]]:
-    """Yield, for each signal, its index in the counts of a sample, its name and its scale.
+    """Yield three values per signal: the index in the counts of a sample, the name, and the scale.
 
-    The scale is the SI unit per count.
+    The scale is the value of one count, in the SI unit of the signal.
     """
     first = 0
     for name, _, unit, key, number in QUANTITIES:

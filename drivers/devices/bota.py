@@ -1,4 +1,4 @@
-"""Force-torque sensors of Bota Systems with a serial port (Rokubi, SensONE, MegaONE)."""
+"""Driver of force-torque sensors of Bota Systems with a serial port (Rokubi, SensONE, MegaONE)."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from drivers.transports.serial_port import SerialPort
 BAUD = 460800
 """Factory setting of the sensor's line rate [bit/s]."""
 STREAMING = 0.25
-"""Longest wait for a frame; then the sensor is assumed to be in the configuration mode [s]."""
+"""If no frame arrives in this time, the sensor is assumed to be in the configuration mode [s]."""
 FIRST_FRAME = 1.0
 """Longest wait for the first frame [s]."""
 CLOCK_JUMP = 1.0
-"""Smallest jump of the sensor's clock against the controller's clock that means a restart [s]."""
+"""If the sensor's clock jumps by more than this time [s], it is assumed to be restarted."""
 
 
 class BotaSettings(DeviceSettings):
     """Section of the rig file for a sensor of Bota Systems.
 
-    The filter of the sensor, which determines its sample rate, must be set on the sensor.
+    The filter of the sensor must be set on the sensor. This filter determines the sample rate.
     """
 
     kind: Literal["bota"]
@@ -34,12 +34,11 @@ class BotaSettings(DeviceSettings):
 class Bota(SerialDevice):
     """A force-torque sensor of Bota Systems.
 
-    Its signals are `fx`, `fy`, `fz` [N], `mx`, `my`, `mz` [N m] and `temperature` [degC]. The
-    sampling time of a frame is the time stamp of the sensor's clock, converted to the
-    controller's clock, minus the transmission time of a frame. Measurements that the sensor
-    reports as invalid are not used, and `error` gives the reason. A restart of the sensor may
-    change its zero offsets. The error of a restart therefore remains until the rig is opened
-    again.
+    The signals are `fx`, `fy`, `fz` [N], `mx`, `my`, `mz` [N m] and `temperature` [degC]. The
+    sampling time of a frame is the time stamp of the sensor, converted to the controller's clock,
+    minus the transmission time of a frame. If the sensor reports that measurements are invalid,
+    they are not used, and `error` gives the reason. A restart of the sensor may change its zero
+    offsets. The error that reports a restart therefore remains until the rig is opened again.
     """
 
     Settings = BotaSettings
@@ -53,15 +52,15 @@ class Bota(SerialDevice):
         self._started = False
         self._restarted = ""
         self._seen: tuple[int, float] | None = None
-        """Time stamp of the latest frame [us], and its time of arrival [s]."""
+        """Time stamp [us] and time of arrival [s] of the latest frame."""
 
     def signals(self) -> dict[str, str]:
-        """Return the units of the forces, the moments and the temperature of the sensor."""
+        """Return the units of the forces, the moments and the temperature."""
         forces = dict.fromkeys(("fx", "fy", "fz"), "N")
         return forces | dict.fromkeys(("mx", "my", "mz"), "N m") | {"temperature": "degC"}
 
     def start(self, port: SerialPort) -> None:
-        """Wait for frames of the sensor; if there are none, end the configuration mode.
+        """Wait for frames of the sensor. If no frame arrives, end the configuration mode.
 
         Raises
         ------
@@ -110,7 +109,7 @@ class Bota(SerialDevice):
             self.samples[signal] = Sample(getattr(frame, signal), time)
 
     def _watch_clock(self, stamp: int, now: float) -> None:
-        """Detect a restart of the sensor by a jump of its clock."""
+        """Detect a restart of the sensor, which causes a jump of its clock."""
         if self._seen:
             before, then = self._seen
             passed = (stamp - before) % WRAP * MICROSECOND

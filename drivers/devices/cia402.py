@@ -1,4 +1,4 @@
-"""CANopen drive with profile CiA 402, in cyclic synchronous velocity mode."""
+"""Driver of a CANopen drive with the profile CiA 402, in the cyclic synchronous velocity mode."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 BOOTING = 5.0
 """Longest time from a reset of the drive to its boot-up message [s]."""
 STARTING = 1.0
-"""Longest wait for NMT state operational, and then for the first samples [s]."""
+"""Longest wait for the NMT state operational [s], and also for the first samples."""
 RESETTING = 0.5
 """Longest time that the drive may take to reset a fault [s]."""
 FAULTS = (State.FAULT, State.FAULT_REACTION_ACTIVE)
@@ -51,13 +51,13 @@ FAULTS = (State.FAULT, State.FAULT_REACTION_ACTIVE)
 class Cia402(CanDevice, VelocityDrive):
     """A CiA 402 drive with one axis.
 
-    `start` sets up the drive over SDO. Then, at each SYNC, the drive applies the latest command
-    and takes its samples. The drive stops on its quick stop ramp if the controller's heartbeat or
-    commands are missing for `watchdog_ms` (CiA 402-2, 6007h). `error` stores each error that the
-    drive reports, and each exit from operation without a request. The drive then remains out of
-    operation until it is enabled again.
+    `start` sets up the drive over SDO. After that, at each SYNC, the drive applies the latest
+    command and takes its samples. If the controller's heartbeat or commands are missing for
+    `watchdog_ms`, the drive stops on its quick stop ramp (CiA 402-2, 6007h). If the drive reports
+    an error, or leaves operation without a request, `error` stores this. The drive then remains out
+    of operation until it is enabled again.
 
-    Sources: CiA 301 4.2, CiA 402-2 3.0.
+    The sources are CiA 301 version 4.2 and CiA 402-2 version 3.0.
     """
 
     Settings = Cia402Settings
@@ -92,7 +92,7 @@ class Cia402(CanDevice, VelocityDrive):
         return Units(s.counts_per_turn, s.travel_mm_per_turn * 1e-3, s.velocity_unit, rated_torque)
 
     def signals(self) -> Mapping[str, str]:
-        """Return the SI units of position, velocity, and motor force along the axis."""
+        """Return the SI units of position, velocity, and force of the motor along the axis."""
         return {"position": "m", "velocity": "m/s", "force": "N"}
 
     def identifiers(self) -> Iterable[int]:
@@ -100,7 +100,7 @@ class Cia402(CanDevice, VelocityDrive):
         return (*self._handlers, SDO_ANSWER + self.settings.node_id)
 
     def start(self, bus: CanBus) -> None:
-        """Reset the drive's communication and set up the drive, which stays out of operation.
+        """Reset the communication of the drive and set up the drive. It remains out of operation.
 
         Raises
         ------
@@ -176,7 +176,7 @@ class Cia402(CanDevice, VelocityDrive):
         self.samples["force"] = Sample(force, sampled)
 
     def _sampled(self, arrival: float) -> float:
-        """Return the sampling time of a TPDO [s]: the time of the last SYNC before its arrival."""
+        """Return the sampling time of a TPDO [s], the time of the last SYNC before its arrival."""
         synchronised = self._master.synchronised
         return synchronised if synchronised <= arrival else arrival
 
@@ -212,7 +212,7 @@ class Cia402(CanDevice, VelocityDrive):
             return
         self._master.keep_sampling(self._bus, now)
         if now - self._updated > 0.5 * self._watchdog:
-            self._heard = now  # no heartbeat could be received: the bus was not read
+            self._heard = now  # the bus was not read, so no heartbeat could be received
         self._updated = now
         if now - self._heard > self._watchdog:
             self._fail(f"no heartbeat for {self.settings.watchdog_ms} ms")
@@ -220,7 +220,7 @@ class Cia402(CanDevice, VelocityDrive):
             self._fail("the fault is not cleared by a reset")
 
     def ping(self) -> bool:
-        """Send a SYNC, which the drive answers with TPDO1. Before the set-up, return False."""
+        """Send a SYNC, which the drive answers with TPDO1. Return False before the set-up."""
         if self._bus and self._running:
             self._answered = False
             self._master.synchronise(self._bus)
@@ -231,7 +231,7 @@ class Cia402(CanDevice, VelocityDrive):
         return self._answered
 
     def rearm(self) -> None:
-        """Clear the error, unless the drive no longer has its set-up."""
+        """Clear the error. The error remains if the drive has lost its set-up."""
         self.error = self._lost
 
     def enable(self) -> bool:
@@ -242,7 +242,7 @@ class Cia402(CanDevice, VelocityDrive):
         Raises
         ------
         RigError
-            The drive no longer has its set-up.
+            The drive has lost its set-up.
         """
         assert self._bus
         if self._lost:
@@ -258,12 +258,12 @@ class Cia402(CanDevice, VelocityDrive):
         return self._enabled
 
     def command(self, velocity: float) -> float:
-        """Set the velocity [m/s]. Return it rounded to the unit of object 60FFh [m/s]."""
+        """Set the velocity [m/s], and return it rounded to the unit of object 60FFh [m/s]."""
         self._target = self._units.target(velocity)
         return self._target * self._units.metres_per_second
 
     def transmit(self) -> None:
-        """Send RPDO1 if a drive on the bus was enabled; the last drive on the bus sends SYNC."""
+        """Send RPDO1 if a drive on the bus was enabled. After the last drive, SYNC is sent."""
         if self._bus and self._running:
             if self._master.armed:
                 self._send()
@@ -284,7 +284,7 @@ class Cia402(CanDevice, VelocityDrive):
         self._bus.send(RPDO1 + self.settings.node_id, command(self._control, target))
 
     def stop(self) -> None:
-        """Reset the drive's communication, so that the drive reports no missing heartbeat later."""
+        """Reset the communication of the drive, so that it reports no missing heartbeat later."""
         if self._bus and self._running:
             with contextlib.suppress(RigError):
                 self._bus.send(NMT, nmt(NmtCommand.RESET_COMMUNICATION, self.settings.node_id))

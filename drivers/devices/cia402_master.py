@@ -1,4 +1,4 @@
-"""CANopen master: sends SYNC and the controller's heartbeat, once for all drives on a bus."""
+"""CANopen master of a bus. It sends SYNC and the controller's heartbeat for all drives."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from drivers.transports.can_bus import CanBus
 NODE = 127
 """Node id of the controller."""
 LONGEST = 8e-3
-"""Time without a SYNC after which `keep_sampling` sends a SYNC [s]."""
+"""`keep_sampling` sends a SYNC if there was no SYNC during this time [s]."""
 
 
 class Master:
-    """CANopen master of a bus, which all drives on the bus share.
+    """CANopen master. All drives on a bus share one master.
 
     At the end of a tick, after the command of the last drive, the master sends SYNC. All drives
-    then apply their commands and take their samples. The drives send their commands in the order
-    in which they were started, so the last drive is the drive that was started last.
+    then apply their commands and take their samples. Commands are sent to the drives in the order
+    in which the drives were started, so the last drive is the drive that was started last.
 
     Attributes
     ----------
     synchronised
         Time of the latest SYNC on the controller's clock [s].
     armed
-        Whether a drive was enabled. If so, the controller's heartbeat is sent at the end of a
-        tick when it is due. From the first heartbeat on, the drives monitor the heartbeat, and so
-        detect missing ticks.
+        Whether a drive was enabled. If so, the controller's heartbeat is sent periodically, at the
+        end of a tick. After the first heartbeat, the drives monitor the heartbeat, and so detect
+        missing ticks.
     """
 
     def __init__(self) -> None:
@@ -46,18 +46,18 @@ class Master:
         drive
             Name of the device.
         heartbeat_period
-            Longest period of the controller's heartbeat that the drive allows [s].
+            Longest period of the controller's heartbeat that the drive permits [s].
         """
         self._last, self.armed = drive, False
         self._period = min(self._period, heartbeat_period)
 
     def end_tick(self, drive: str, bus: CanBus) -> None:
-        """If this drive is the last on the bus, send SYNC, and the heartbeat if it is due.
+        """If this drive is the last drive on the bus, send SYNC, and the heartbeat if it is due.
 
         Parameters
         ----------
         drive
-            Name of the device that has sent its command.
+            Name of the device whose command has been sent.
         bus
             The bus.
         """
@@ -75,7 +75,7 @@ class Master:
             self.synchronise(bus)
 
     def synchronise(self, bus: CanBus) -> None:
-        """Send a SYNC, and store its time."""
+        """Send a SYNC, and store the time."""
         self.synchronised = bus.now()
         bus.send(SYNC, b"")
 
@@ -84,5 +84,5 @@ _masters: WeakKeyDictionary[CanBus, Master] = WeakKeyDictionary()
 
 
 def master_of(bus: CanBus) -> Master:
-    """Return the CANopen master of a bus; it is created at the first call."""
+    """Return the CANopen master of a bus. The first call for a bus creates the master."""
     return _masters.setdefault(bus, Master())

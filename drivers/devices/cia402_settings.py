@@ -1,4 +1,4 @@
-"""Section of the rig file for a CiA 402 drive."""
+"""Define the section of the rig file for a CiA 402 drive."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Cia402Settings(DeviceSettings):
     kind: Literal["cia402"]
     bus: str
     node_id: Annotated[int, Field(ge=1, le=126)]
-    """Node id of the drive. Node id 127 is the controller."""
+    """Node id of the drive. The controller has the node id 127."""
     counts_per_turn: Positive
     """Increments of the object 6064h (position actual value) per turn of the motor."""
     travel_mm_per_turn: Positive
@@ -25,8 +25,8 @@ class Cia402Settings(DeviceSettings):
     velocity_unit: Literal["counts_per_s", "rpm"] = "counts_per_s"
     """Unit of the objects 60FFh (target velocity) and 606Ch (velocity actual value)."""
     watchdog_ms: Annotated[int, Field(ge=40, le=1000)] = 100
-    """Time without communication after which the drive stops and the rig reports an error [ms]."""
+    """If there is no communication for this time [ms], the drive stops and an error is reported."""
     vendor_id: Annotated[int, Field(ge=0, le=0xFFFFFFFF)] | None = None
-    """Required value of the object 1018h:01; None for any value."""
+    """Required value of the object 1018h:01 (vendor ID); None if any value is permitted."""
     product_code: Annotated[int, Field(ge=0, le=0xFFFFFFFF)] | None = None
-    """Required value of the object 1018h:02; None for any value."""
+    """Required value of the object 1018h:02 (product code); None if any value is permitted."""

@@ -1,4 +1,4 @@
-"""Set-up of a CiA 402 drive over SDO: identity, monitoring, mode and process data."""
+"""Set up a CiA 402 drive over SDO: check its identity, set monitoring, mode and process data."""
 
 from __future__ import annotations
 
@@ -31,25 +31,25 @@ from drivers.transports.can_bus import CanBus
 logging.getLogger("canopen").addHandler(logging.NullHandler())
 
 PROFILE = 402
-"""Low word of object 1000h: the drive has the profile CiA 402."""
+"""Low word of object 1000h for a drive with the profile CiA 402."""
 CYCLIC_SYNCHRONOUS_VELOCITY = 9
-"""Value of objects 6060h and 6061h: cyclic synchronous velocity mode."""
+"""Value of objects 6060h and 6061h for the cyclic synchronous velocity mode."""
 SUPPORTS_IT = 1 << 8
-"""Bit of object 6502h: the drive supports the cyclic synchronous velocity mode."""
+"""Bit of object 6502h. It is set if the drive supports the cyclic synchronous velocity mode."""
 QUICK_STOP_IF_MASTER_LOST = 3
-"""Value of object 6007h: quick stop if the communication with the controller is lost."""
+"""Value of object 6007h for a quick stop if the communication with the controller is lost."""
 RAMP_THEN_DISABLE = 2
-"""Value of object 605Ah: decelerate on the quick stop ramp, then go to switch on disabled."""
+"""Value of object 605Ah: decelerate on the quick stop ramp, then enter `switch on disabled`."""
 KEEP_NMT_STATE = 1
 """Value of object 1029h: after a communication error, keep the NMT state and continue to send."""
 EVERY_SYNC = 1
-"""Transmission type of a PDO: at every SYNC."""
+"""Transmission type of a PDO that is sent or applied at every SYNC."""
 VELOCITY_UNITS = {"counts_per_s": 0x00B50300, "rpm": 0x00B44700}
-"""Value of object 60A9h (velocity unit) for each setting, CiA 402-2 and CiA 303-2."""
+"""Value of object 60A9h for each value of `velocity_unit`, CiA 402-2 and CiA 303-2."""
 INVALID = 1 << 31
-"""Bit of a PDO's COB-ID: the PDO is not used."""
+"""Bit of the COB-ID of a PDO. It is set if the PDO is not used."""
 NO_OBJECT = (0x06020000, 0x06090011)
-"""Abort codes: no such object, or no such sub-index."""
+"""Abort codes for an object or a sub-index that does not exist."""
 MODE_CHANGE = 0.5
 """Longest time for a change of the mode of operation [s]."""
 
@@ -70,7 +70,7 @@ VARIABLES = {
     0x60FF: INTEGER32,
     0x6502: UNSIGNED32,
 }
-"""Type of each object without sub-indices."""
+"""Data type of each object without sub-indices."""
 COMMUNICATION = {0: UNSIGNED8, 1: UNSIGNED32, 2: UNSIGNED8, 5: UNSIGNED16}
 MAPPING = {0: UNSIGNED8, 1: UNSIGNED32, 2: UNSIGNED32}
 RECORDS = {
@@ -80,14 +80,14 @@ RECORDS = {
     **dict.fromkeys((0x1400, 0x1800, 0x1801, 0x1802, 0x1803), COMMUNICATION),
     **dict.fromkeys((0x1600, 0x1A00, 0x1A01, 0x1A02, 0x1A03), MAPPING),
 }
-"""Types of the sub-indices of each object with sub-indices.
+"""Data types of the sub-indices of each object with sub-indices.
 
-PDO mappings are declared as records, because canopen does not write mappings that are arrays.
+PDO mappings are declared as records, because canopen cannot write mappings that are arrays.
 """
 
 
 def object_dictionary() -> ObjectDictionary:
-    """Return canopen's dictionary of the objects of CiA 301 and CiA 402-2 in this file."""
+    """Return an object dictionary of canopen that contains the objects in this file."""
     dictionary = ObjectDictionary()  # type: ignore[no-untyped-call]
     for index, kind in VARIABLES.items():
         dictionary.add_object(variable(index, 0, kind))
@@ -100,21 +100,21 @@ def object_dictionary() -> ObjectDictionary:
 
 
 def variable(index: int, sub: int, kind: int) -> ODVariable:
-    """Return an entry for an object dictionary: index, sub-index and data type of an object."""
+    """Return the entry of an object dictionary for an index, a sub-index and a data type."""
     entry = ODVariable(f"{index:04X}h:{sub:02X}", index, sub)
     entry.data_type = kind
     return entry
 
 
 class Setup:
-    """Set-up of one drive over SDO. canopen implements the protocol; a `CanBus` sends the frames.
+    """Sets up one drive over SDO. canopen implements the protocol, and a `CanBus` sends the frames.
 
     Parameters
     ----------
     where
         Text that names the drive in error messages.
     bus
-        The bus. `Setup` reads it while it waits for an answer.
+        The bus. `Setup` reads the bus while it waits for an answer.
     settings
         The drive's section of the rig file.
     """
@@ -128,11 +128,11 @@ class Setup:
         self._network[settings.node_id] = self._node
 
     def receive(self, frame: can.Message, time: float) -> None:
-        """Process the CAN frame of an SDO answer; `time` is its time of arrival [s]."""
+        """Process the CAN frame of an SDO answer that arrived at `time` [s]."""
         self._network.notify(frame.arbitration_id, frame.data, time)
 
     def run(self) -> float:
-        """Set up the drive; return its rated torque [N m], NaN if it is unknown.
+        """Set up the drive; return its rated torque [N m], or NaN if the torque is unknown.
 
         Raises
         ------
@@ -163,7 +163,7 @@ class Setup:
             self._write(0x60A9, 0, unit)
 
     def _monitor(self) -> None:
-        """Set up both heartbeats, and the reaction of the drive to a missing heartbeat."""
+        """Set up the heartbeats of both sides, and the drive's reaction to a missing heartbeat."""
         watchdog = self._settings.watchdog_ms
         self._write(0x1017, 0, watchdog // 4)
         self._write(0x1016, 1, NODE << 16 | watchdog)
@@ -228,7 +228,7 @@ class Setup:
         self._ask(f"writing 0x{value:X} to object {index:04X}h:{sub:02X}", write, optional)
 
     def _ask(self, what: str, request: Callable[[], Any], optional: bool = False) -> Any:
-        """Return the answer to an SDO request; None if an optional object does not exist."""
+        """Return the answer to an SDO request; None for an optional object that does not exist."""
         try:
             return request()
         except SdoAbortedError as error:
@@ -240,7 +240,7 @@ class Setup:
 
 
 class BusNetwork(Network):
-    """Network of canopen that sends its frames on a `CanBus`."""
+    """canopen network that sends its frames on a `CanBus`."""
 
     def __init__(self, bus: CanBus) -> None:
         super().__init__()
@@ -252,14 +252,14 @@ class BusNetwork(Network):
 
 
 class PumpedNode(RemoteNode):
-    """Remote node of canopen. Its SDO client reads a `CanBus` while it waits for an answer."""
+    """canopen remote node whose SDO client reads a `CanBus` while it waits for an answer."""
 
     def __init__(self, node: int, bus: CanBus) -> None:
         self._carrier = bus
         super().__init__(node, object_dictionary())
 
     def add_sdo(self, rx_cobid: int, tx_cobid: int) -> SdoClient:
-        """Return a new SDO client for the node, and add the client to `sdo_channels`.
+        """Return a new SDO client for the node. The client is also added to `sdo_channels`.
 
         Parameters
         ----------
@@ -272,7 +272,7 @@ class PumpedNode(RemoteNode):
 
 
 class PumpedSdo(SdoClient):
-    """SDO client of canopen that reads a `CanBus` while it waits for an answer."""
+    """canopen SDO client that reads a `CanBus` while it waits for an answer."""
 
     RESPONSE_TIMEOUT = 1.0
     """Longest wait for an answer [s]."""

@@ -1,4 +1,4 @@
-"""Devices that send CAN frames without a request. A DBC file describes the frames."""
+"""Driver of a device that sends CAN frames without a request. A DBC file describes the frames."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class DbcSettings(DeviceSettings):
     file: Path
     """Path of the DBC file, relative to the folder of the rig file."""
     messages: tuple[str, ...] = ()
-    """Names of the messages that the device sends; empty for all messages of the DBC file."""
+    """Names of the messages that the device sends; if empty, all messages in the DBC file."""
     timeout_ms: Annotated[FiniteFloat, Field(gt=0, le=60_000)] = 1000.0
     """Longest wait for the first frames at the start [ms]."""
 
@@ -55,8 +55,8 @@ class DbcSettings(DeviceSettings):
         Raises
         ------
         ValueError
-            The file cannot be read or is not a DBC file, a message is missing from it, or a
-            signal has the scale 0.
+            The file cannot be read, is not a DBC file, or does not contain one of the messages; or
+            a signal has the scale 0.
         """
         try:
             logging.getLogger("cantools").setLevel(logging.ERROR)
@@ -89,9 +89,9 @@ class DbcDevice(CanDevice):
     """A device on a CAN bus whose messages a DBC file describes.
 
     The device has all signals of its messages, in the units of the DBC file. If several messages
-    have a signal of the same name, the signal is called `Message.signal` here. A multiplexed
-    signal gets a new sample from each frame that contains the signal. Frames that are too short
-    or have an unknown multiplexer are rejected.
+    have a signal with the same name, the name used here is `Message.signal`. A multiplexed signal
+    gets a new sample from each frame that contains the signal. A frame is rejected if it is too
+    short or if its multiplexer value is unknown.
     """
 
     Settings = DbcSettings
@@ -115,14 +115,14 @@ class DbcDevice(CanDevice):
     def identifiers(self) -> list[int]:
         """Return the identifiers of the device's messages.
 
-        Bit 31 is set in an identifier of 29 bits.
+        In an identifier of 29 bits, bit 31 is set.
         """
         return list(self._messages)
 
     def start(self, bus: CanBus) -> None:
-        """Wait for a frame of each message that the settings name.
+        """Wait for one frame of each message that is listed in the settings.
 
-        If the settings name no message, wait for any frame of the device.
+        If the settings list no message, wait for any frame of the device.
 
         Raises
         ------
@@ -168,15 +168,16 @@ class DbcDevice(CanDevice):
 
 
 def identifier(message: Message) -> int:
-    """Return the identifier of a message; bit 31 is set in an identifier of 29 bits."""
+    """Return the identifier of a message. In an identifier of 29 bits, bit 31 is set."""
     return message.frame_id | message.is_extended_frame * EXTENDED
 
 
 def signal_names(messages: list[Message]) -> dict[tuple[str, str], str]:
     """Return a unique name for each signal.
 
-    The keys are the name of the message and the name of the signal in the DBC file. The unique
-    name is the name of the signal, or `Message.signal` if several messages have such a signal.
+    A key is a pair: the name of the message, and the name of the signal in the DBC file. The unique
+    name is the name of the signal, or `Message.signal` if several messages have a signal with this
+    name.
     """
     count = Counter(signal.name for message in messages for signal in message.signals)
 

@@ -1,4 +1,4 @@
-"""Robotiq's FT 300 force-torque sensor on a serial port."""
+"""Driver of Robotiq's FT 300 force-torque sensor on a serial port."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from drivers.transports.serial_port import SerialPort
 BAUD = 19200
 """Line rate of the sensor [bit/s]."""
 STREAMING = 0.1
-"""Longest wait for a frame; then the driver assumes that the stream is off, and starts it [s]."""
+"""If no frame arrives in this time [s], the driver starts the data stream of the sensor."""
 FIRST_FRAME = 1.0
 """Longest wait for the first frame [s]."""
 
@@ -26,12 +26,12 @@ class Ft300Settings(DeviceSettings):
 
 
 class Ft300(SerialDevice):
-    """An FT 300 force-torque sensor, with 100 samples per second.
+    """An FT 300 force-torque sensor, which sends 100 samples per second.
 
-    Its signals are `fx`, `fy`, `fz` [N] and `mx`, `my`, `mz` [N m]. Its frames contain no time
-    stamp. The time of a sample is the time of arrival minus the transmission time of a frame, 8.3
-    ms. Its frames contain no status, so the sensor does not report saturation. The rig file must
-    therefore give the range of the channel (300 N, 30 N m).
+    The signals are `fx`, `fy`, `fz` [N] and `mx`, `my`, `mz` [N m]. The frames contain no time
+    stamp. The time of a sample is the time of arrival minus the transmission time of a frame, which
+    is 8.3 ms. The frames contain no status, so the sensor does not report saturation. The rig file
+    must therefore give the range of the channel. The sensor measures up to 300 N and 30 N m.
     """
 
     Settings = Ft300Settings

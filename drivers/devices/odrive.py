@@ -1,4 +1,4 @@
-"""Axis of an ODrive motor controller on a CAN bus, with velocity control, firmware 0.5 or 0.6."""
+"""Driver of an axis of an ODrive motor controller on a CAN bus, in velocity control."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from drivers.transports.can_bus import CanBus
 
 FIRST_HEARTBEAT = 1.0
-"""Longest wait for the first heartbeat [s], ten times the default period."""
+"""Longest wait for the first heartbeat [s]. This is ten times the default period."""
 ANSWER = 0.25
 """Longest wait for the firmware version [s]."""
 IQ_PERIOD = 2e-3
@@ -35,13 +35,13 @@ class ODriveSettings(DeviceSettings):
     travel_mm_per_turn: Annotated[FiniteFloat, Field(gt=0)]
     """Displacement of the carriage per turn of the motor [mm]."""
     torque_constant_nm_per_a: Annotated[FiniteFloat, Field(ge=-100, le=100)] | None = None
-    """Torque constant of the motor [N m/A], only for firmware 0.5, which reports the current but
-    not the torque. Give a negative constant if `encoder.config.direction` is -1, because the
-    reported current then has the opposite sign."""
+    """Torque constant of the motor [N m/A]. It is needed only for firmware 0.5, which reports the
+    current but not the torque. If `encoder.config.direction` is -1, the reported current has the
+    opposite sign. In this case, give a negative constant."""
     max_velocity_mm_per_s: Annotated[FiniteFloat, Field(gt=0)]
     max_current_a: Annotated[FiniteFloat, Field(gt=0)]
     watchdog_ms: Annotated[FiniteFloat, Field(gt=0, le=1000)]
-    """Watchdog time that is set on the ODrive [ms]. It cannot be set or read over CAN."""
+    """Watchdog time that is set on the ODrive [ms]. This time cannot be set or read over CAN."""
     heartbeat_timeout_ms: Annotated[FiniteFloat, Field(gt=0, le=10_000)] = 300.0
 
     @model_validator(mode="after")
@@ -56,14 +56,14 @@ class ODriveSettings(DeviceSettings):
 class ODrive(CanDevice, VelocityDrive):
     """An axis of an ODrive.
 
-    The signals are `position` [m], `velocity` [m/s] and `force` [N], the motor force along the
-    travel: 2 pi (motor torque) / (travel per turn). The ODrive sends encoder estimates, torques
-    (firmware 0.6) and heartbeats at periods that are set on the ODrive. With firmware 0.5, the
-    controller requests the motor current instead of the torque.
+    The signals are `position` [m], `velocity` [m/s] and `force` [N]. The force is that of the motor
+    along the travel, 2 pi (motor torque) / (travel per turn). The firmware must be 0.5 or 0.6. The
+    ODrive sends encoder estimates, torques (firmware 0.6) and heartbeats at periods that are set on
+    the ODrive. With firmware 0.5, this class requests the motor current instead of the torque.
 
     The device has one drive, `axis`, which is the device itself. An error is stored until the
     axis is enabled again. The watchdog must be set on the ODrive. Velocity commands reset the
-    watchdog timer; with firmware 0.5, every frame to the axis resets it.
+    watchdog timer. With firmware 0.5, every frame to the axis resets the watchdog timer.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class ODrive(CanDevice, VelocityDrive):
         self._wanted = False
         """Whether operation of the axis is requested."""
         self._settling = False
-        """Whether the next heartbeat may have been sent before the request for operation."""
+        """Whether the next heartbeat can be one that was sent before the request for operation."""
         self._ready = False
         """Whether the axis is in operation."""
         self._velocity = 0.0
@@ -97,13 +97,13 @@ class ODrive(CanDevice, VelocityDrive):
         """Times of this tick, the latest heartbeat, and the latest request for the current [s].
 
         These are times of ticks, not times of arrival. After a delay of the control loop, frames
-        that waited in the buffer have earlier times of arrival.
+        that were waiting in the buffer have earlier times of arrival.
         """
         self._question = Command.GET_IQ if settings.firmware == "0.5" else Command.GET_VERSION
         self._answered = False
 
     def signals(self) -> Mapping[str, str]:
-        """Return the SI units of position and velocity, and of force if the torque is known."""
+        """Return the SI unit of each signal; force is a signal if the ODrive reports the torque."""
         units = {"position": "m", "velocity": "m/s"}
         if self.settings.firmware == "0.6" or self.settings.torque_constant_nm_per_a is not None:
             units["force"] = "N"
@@ -126,7 +126,7 @@ class ODrive(CanDevice, VelocityDrive):
         Raises
         ------
         RigError
-            There is no heartbeat, or the firmware has not the expected version.
+            There is no heartbeat, or the firmware does not have the expected version.
         """
         self._bus = bus
         wanted = self.settings.firmware
@@ -198,7 +198,7 @@ class ODrive(CanDevice, VelocityDrive):
         self._ready = operates
 
     def update(self, now: float) -> None:
-        """Detect missing heartbeats; request the current while the axis is out of operation."""
+        """Detect missing heartbeats. While the axis is out of operation, request the current."""
         self._now = now
         if self._heard:
             self._heard, self._heartbeat = False, now
@@ -209,7 +209,7 @@ class ODrive(CanDevice, VelocityDrive):
             self._ask_for_current()
 
     def ping(self) -> bool:
-        """Request the firmware version, or, with firmware 0.5, the motor current."""
+        """Request the firmware version. With firmware 0.5, request the motor current instead."""
         self._answered = False
         self._ask(self._question)
         return True
@@ -221,8 +221,8 @@ class ODrive(CanDevice, VelocityDrive):
     def enable(self) -> bool:
         """Request operation at standstill; return whether the axis is in operation.
 
-        The first call after `idle` clears all errors. Zero velocity is sent before the request
-        for operation, because this command resets a watchdog that may have expired.
+        The first call after `idle` clears all errors. A command of zero velocity is sent before the
+        request for operation. This command resets the watchdog, which may have expired.
         """
         if not self._wanted:
             self._wanted, self._settling, self.error = True, True, ""
@@ -236,27 +236,27 @@ class ODrive(CanDevice, VelocityDrive):
         return self._ready and not self.error
 
     def command(self, velocity: float) -> float:
-        """Set the velocity [m/s]. Return it limited to the range of the axis [m/s].
+        """Set the velocity [m/s], and return it limited to the range of the axis [m/s].
 
-        If the axis is not in operation, the velocity is 0.
+        If the axis is not in operation, the velocity is set to 0.
         """
         operates = self._ready and not self.error
         self._velocity = min(max(velocity, -self._most), self._most) if operates else 0.0
         return self._velocity
 
     def transmit(self) -> None:
-        """If operation is requested, send the velocity, which resets the watchdog timer.
+        """If operation is requested, send the velocity. This also resets the watchdog timer.
 
-        With firmware 0.5, a request for the motor current also resets the watchdog timer, but the
-        watchdog must expire when no velocity is sent. While operation is requested, the current is
-        therefore requested only here.
+        With firmware 0.5, a request for the motor current also resets the watchdog timer. But the
+        watchdog must expire if no velocity is sent. So, while operation is requested, the current
+        is requested only together with a velocity.
         """
         if self._wanted:
             self._send(Command.SET_INPUT_VEL, codec.set_input_vel(self._velocity / self._travel))
             self._ask_for_current()
 
     def idle(self) -> None:
-        """Command zero velocity and leave operation."""
+        """Command zero velocity, and take the axis out of operation."""
         self._wanted, self._ready, self._velocity = False, False, 0.0
         self._send(Command.SET_INPUT_VEL, codec.set_input_vel(0.0))
         self._request(AxisState.IDLE)

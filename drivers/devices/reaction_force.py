@@ -1,4 +1,4 @@
-"""Reaction force observer: estimates the contact force of a drive without a force sensor."""
+"""Estimate the contact force of a drive without a force sensor, by a reaction force observer."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ class ReactionForceSettings(DeviceSettings):
     drive: str
     """Name of the device that has the signals `force` and `velocity` of the drive."""
     moving_mass_kg: Annotated[FiniteFloat, Field(ge=0)]
-    """Total mass that moves with the drive, including the equivalent mass of the rotor [kg]."""
+    """Total mass that moves with the drive [kg], including the equivalent mass of the rotor."""
     bandwidth_hz: Annotated[FiniteFloat, Field(gt=0, le=500)]
     coulomb_friction_n: Annotated[FiniteFloat, Field(ge=0)] = 0.0
     viscous_friction_n_s_per_m: Annotated[FiniteFloat, Field(ge=0)] = 0.0
 
 
 class ReactionForceObserver(DerivedDevice):
-    """Estimates the external force on a moving mass from the force and velocity of its drive.
+    """Estimates the external force on a mass, from the force and velocity of the mass's drive.
 
     The equation of motion is m dv/dt = F_motor - F_friction - F, with the moving mass m, its
     velocity v and the external force F. The disturbance observer
@@ -38,27 +38,27 @@ class ReactionForceObserver(DerivedDevice):
 
         F_hat = LPF(F_motor - F_friction + g m v) - g m v,    LPF = g / (s + g),
 
-    where g is the bandwidth [1/s]. This equals LPF(F_motor - F_friction - m dv/dt), the force F
-    after a first-order lag. From one sample of the drive to the next, after the time dt, the
-    update is
+    where LPF is a first-order low-pass filter with the bandwidth g [1/s]. F_hat is equal to
+    LPF(F_motor - F_friction - m dv/dt), which is F after a first-order lag. Let dt be the time
+    between two samples of the drive. The update is
 
-        F_hat' = F_hat + (1 - exp(-g dt)) (mean(F_motor - F_friction) - m (v' - v) / dt - F_hat)
+        F_hat' = F_hat + (1 - exp(-g dt)) (mean(F_motor - F_friction) - m (v' - v) / dt - F_hat),
 
-    with the mean of the two samples. v' is the new velocity and F_hat' the new estimate. The update
-    is exact for constant forces and every dt.
+    where the mean is over the two samples, v' is the new velocity, and F_hat' is the new estimate.
+    The update is exact for constant forces and every dt.
 
-    The signal is `force` [N], positive if F acts against the positive direction of the drive. F
-    is not measured at the contact. An error of the mass causes a force error proportional to the
-    acceleration. Friction that the settings do not include is part of the estimate. At
-    standstill, external forces up to the static friction cannot be detected. The time of a
-    sample of the estimate is the time of the drive's sample. The estimate has an additional delay
-    of `lag`, which must be included in `lag_ms` of the channel.
+    The signal is `force` [N]. It is positive if F acts against the positive direction of the drive.
+    F is not measured at the contact. An error of the mass causes a force error proportional to the
+    acceleration. Friction that the settings do not include is part of the estimate. At standstill,
+    external forces up to the static friction cannot be detected. The time of an estimate is the
+    time of the drive's sample. The estimate also has a delay `lag`, which must be included in the
+    setting `lag_ms` of the channel.
     """
 
     Settings = ReactionForceSettings
     settings: ReactionForceSettings
     estimated: ClassVar[bool] = True
-    """Whether the signals are estimated, not measured."""
+    """Whether the signals are estimated and not measured."""
 
     def __init__(self, name: str, settings: ReactionForceSettings) -> None:
         super().__init__(name, settings)
@@ -72,7 +72,7 @@ class ReactionForceObserver(DerivedDevice):
 
     @property
     def lag(self) -> float:
-        """Delay of the estimate for frequencies well below the bandwidth [s]."""
+        """Delay of the estimate [s], for frequencies well below the bandwidth."""
         return 1.0 / self.rate
 
     def signals(self) -> dict[str, str]:
@@ -80,7 +80,7 @@ class ReactionForceObserver(DerivedDevice):
         return {"force": "N"}
 
     def start(self, devices: Mapping[str, Device]) -> None:
-        """Find the device of the drive that the settings name.
+        """Find the device that has the signals of the drive. The settings give its name.
 
         Raises
         ------
@@ -124,7 +124,7 @@ class ReactionForceObserver(DerivedDevice):
         self.samples["force"] = Sample(estimate, time)
 
     def _driving(self, force: float, velocity: float) -> float:
-        """Return motor force minus modelled friction [N] at a velocity [m/s]."""
+        """Return the motor force minus the friction that the settings describe [N]."""
         s = self.settings
         coulomb = math.copysign(s.coulomb_friction_n, velocity) if velocity else 0.0
         return force - coulomb - s.viscous_friction_n_s_per_m * velocity

@@ -1,12 +1,12 @@
-// Board with one force channel, one encoder and one axis. Copy teleop_board.h and .c to this folder.
-// Replace the names in capitals: the pins, the converter, the encoder and the motor.
+// Board with one force input, one encoder, one analogue input and one axis. Copy teleop_board.h and
+// teleop_board.c to this folder. Replace the names in capitals: pins, converter, encoder and motor.
 #include "teleop_board.h"
 
 teleop_board board;
 
 void setup() {
   Serial.begin(921600);  // a board with native USB ignores the baud rate
-  pinMode(EMERGENCY_STOP_PIN, INPUT_PULLUP);  // closed to ground: a broken wire stops too
+  pinMode(EMERGENCY_STOP_PIN, INPUT_PULLUP);  // closed to ground, so a broken wire also stops
   pinMode(DRIVE_FAULT_PIN, INPUT_PULLUP);
   teleop_identity identity = {};
   identity.firmware_major = 1;
@@ -21,7 +21,7 @@ void loop() {
 
   teleop_inputs inputs = {};
   inputs.time_us = micros();
-  inputs.force[0] = LATEST_OF_THE_CONVERTER();  // filled by its interrupt; do not wait here
+  inputs.force[0] = LATEST_OF_THE_CONVERTER();  // its interrupt stores the value; do not wait here
   inputs.position[0] = ENCODER_COUNTS();
   inputs.velocity[0] = ENCODER_COUNTS_PER_SECOND();
   inputs.analogue[0] = LATEST_OF_ANALOGUE_INPUT();

@@ -1,11 +1,12 @@
-/* Sends malformed input to the board, and checks invariants.
+/* Test program that sends malformed input to the board, and checks invariants.
  *
  *     cc -std=c99 -g -O1 -fsanitize=address,undefined fuzz.c teleop_board.c -o fuzz
  *     ./fuzz [INPUTS [SEED]]
  *
- * An input is a sequence of random bytes, or a frame of the host with bytes changed, removed,
- * duplicated or truncated. One in eight is unchanged, so that the board reaches all of its states.
- * Prints the number of accepted frames and the states; aborts if an invariant is violated.
+ * An input is a sequence of random bytes, or a frame of the host. In most frames, bytes are changed
+ * or duplicated, or the end is removed. One in eight inputs is an unchanged frame, so that the
+ * board reaches all of its states. The program prints the number of accepted frames, and how
+ * often each state occurred. It aborts if an invariant is violated.
  */
 #include "teleop_board.h"
 

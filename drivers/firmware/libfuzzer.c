@@ -1,4 +1,4 @@
-/* Test of the board with libFuzzer, which searches for inputs by code coverage.
+/* Test of the board with libFuzzer. libFuzzer uses code coverage to search for new inputs.
  *
  *     clang -g -O1 -fsanitize=fuzzer,address,undefined libfuzzer.c teleop_board.c -o fuzz
  *     ./fuzz -max_total_time=60

@@ -1,10 +1,11 @@
-/* A board in software on a file descriptor, for example the master of a pseudo-terminal.
+/* Simulated board on a file descriptor, for example on the master of a pseudo-terminal.
  *
  *     posix_main FD
  *
  * One count is 1 um. The positions are integrals of the velocities. The forces are 100 and 200
- * counts, the analogue inputs 10 to 40 counts. On standard input, e toggles the emergency stop, f
- * toggles the drive fault, and r resets the board. The program ends at the end of standard input.
+ * counts. The analogue inputs are 10, 20, 30 and 40 counts. On standard input, the letter e toggles
+ * the emergency stop, f toggles the drive fault, and r resets the board. The program ends at the
+ * end of standard input.
  */
 #define _POSIX_C_SOURCE 200809L
 #include "teleop_board.h"

@@ -47,7 +47,7 @@ static void put_counts(message *to, const int32_t *counts, size_t number)
     }
 }
 
-/* CRC-16/IBM-SDLC (X.25), half a byte at a time. */
+/* Returns the CRC-16/IBM-SDLC (X.25), computed for half a byte at a time. */
 static uint16_t checksum(const uint8_t *bytes, size_t length)
 {
     static const uint16_t step[16] = {
@@ -62,9 +62,9 @@ static uint16_t checksum(const uint8_t *bytes, size_t length)
     return (uint16_t)~crc;
 }
 
-/* ---- framing: COBS of fewer than 254 bytes, so that no code is 0xFF ---- */
+/* ---- framing: COBS. Frames have fewer than 254 bytes, so no code byte is 0xFF. ---- */
 
-/* Decodes in place; returns the length, 0 if the frame is malformed. */
+/* Decodes a frame in place. Returns the length of the data, 0 if the frame is malformed. */
 static size_t cobs_decode(uint8_t *bytes, size_t length)
 {
     size_t from = 0, to = 0;

@@ -1,11 +1,11 @@
-/* Board part of the protocol in docs/serial-protocol.md, for any microcontroller.
+/* The board's side of the protocol in docs/serial-protocol.md, for any microcontroller.
  *
- * Portable C99 without heap, clock or operating system. In the main loop, pass each received byte
- * to teleop_board_receive, then pass the inputs to teleop_board_poll, send the frame that it
- * returns, and set the axes according to `enabled` and `velocity`. See example.ino.
+ * The code is portable C99. It needs no heap, clock or operating system. In the main loop, pass
+ * each received byte to teleop_board_receive. Then pass the inputs to teleop_board_poll, send the
+ * frames that it returns, and set the axes according to `enabled` and `velocity`. See example.ino.
  *
- * Call teleop_board_poll at least ten times per shortest watchdog time. Do not call these functions
- * from an interrupt and from the main loop.
+ * Call teleop_board_poll at least ten times during the shortest watchdog time. Call these functions
+ * either from the main loop or from an interrupt, not from both.
  */
 #ifndef TELEOP_BOARD_H
 #define TELEOP_BOARD_H
@@ -30,7 +30,7 @@ enum {
 typedef enum {
     TELEOP_IDLE = 0,
     TELEOP_ENABLED = 1,
-    TELEOP_WATCHDOG = 2,        /* no command in time; this and the next are latched until DISABLE */
+    TELEOP_WATCHDOG = 2,        /* no command in time. States 2, 3 and 4 remain until DISABLE */
     TELEOP_EMERGENCY_STOP = 3,
     TELEOP_DRIVE_FAULT = 4
 } teleop_state;
@@ -39,17 +39,17 @@ typedef enum {
 typedef struct {
     uint8_t firmware_major;
     uint8_t firmware_minor;
-    uint32_t boot;      /* different after each start: a counter in EEPROM, or random */
-    uint8_t forces;     /* number of connected inputs or axes of each kind, from the first on */
+    uint32_t boot;      /* different after each start: a counter in EEPROM, or a random number */
+    uint8_t forces;     /* numbers of connected inputs and axes, counted from the first of a kind */
     uint8_t encoders;
     uint8_t axes;
     uint8_t analogues;
     uint16_t max_sample_rate_hz;
 } teleop_identity;
 
-/* Simultaneous readings of all inputs of the board. */
+/* Readings of all inputs of the board at the same time. */
 typedef struct {
-    uint32_t time_us;  /* time of the readings, on the clock of now_us below */
+    uint32_t time_us;  /* time of the readings, on the same clock as now_us below */
     int32_t force[TELEOP_FORCES];
     int32_t position[TELEOP_AXES];
     int32_t velocity[TELEOP_AXES];
@@ -59,9 +59,9 @@ typedef struct {
 } teleop_inputs;
 
 typedef struct {
-    /* Commands for the axes. All fields after `state` are private to the protocol. */
-    bool enabled[TELEOP_AXES];     /* false: brake, or switch off the power */
-    int32_t velocity[TELEOP_AXES]; /* [counts]; 0 unless enabled */
+    /* Commands for the axes. Do not use the fields after `state`: they are private. */
+    bool enabled[TELEOP_AXES];     /* if false: brake, or switch off the power */
+    int32_t velocity[TELEOP_AXES]; /* [counts]; 0 if not enabled */
     teleop_state state;
 
     teleop_identity identity;
@@ -83,14 +83,14 @@ typedef struct {
     bool drive_fault;
 } teleop_board;
 
-/* Call once at start. The axes are idle, and the identity is sent to the host. */
+/* Call this function once at the start. The axes are idle, and the identity is sent to the host. */
 void teleop_board_init(teleop_board *board, const teleop_identity *identity);
 
 /* Processes one byte from the host, which may have any value. now_us wraps at 2^32. */
 void teleop_board_receive(teleop_board *board, uint8_t byte, uint32_t now_us);
 
-/* Checks the inputs and the watchdog, and writes the next frame that is due.
- * Returns the length of the frame, 0 for none. Call it again until it returns 0. */
+/* Checks the inputs and the watchdog, and writes the next frame that must be sent.
+ * Returns the length of the frame, 0 for none. Call the function again until it returns 0. */
 size_t teleop_board_poll(teleop_board *board, const teleop_inputs *inputs, uint32_t now_us,
                          uint8_t frame[TELEOP_FRAME_MAX]);
 

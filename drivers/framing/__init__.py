@@ -1,1 +1,1 @@
-"""Framing: separation of a stream of bytes into frames, and checksums."""
+"""Separate a stream of bytes into frames, and compute the checksums of frames."""

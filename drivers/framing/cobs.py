@@ -1,7 +1,7 @@
-"""Framing of a stream of bytes by Consistent Overhead Byte Stuffing (COBS).
+"""Separate a stream of bytes into frames by Consistent Overhead Byte Stuffing (COBS).
 
-A frame is encoded into non-zero bytes and ends with a zero byte. A receiver that starts in the
-middle of a frame or loses bytes finds the start of the next frame after the next zero byte.
+A frame is encoded into non-zero bytes, and ends with a zero byte. If a receiver starts in the
+middle of a frame or loses bytes, it finds the start of the next frame after the next zero byte.
 
 S. Cheshire and M. Baker, "Consistent Overhead Byte Stuffing", IEEE/ACM Transactions on
 Networking 7(2), 1999.
@@ -17,9 +17,9 @@ RUN = 254
 
 
 def encode(data: bytes) -> bytes:
-    """Encode the data of a frame into non-zero bytes, without the delimiter.
+    """Return the data of a frame encoded into non-zero bytes, without the delimiter.
 
-    The result is longer than the data by one byte, plus at most one byte for each 254 bytes.
+    The result is longer than the data by one byte, and by at most one more byte for each 254 bytes.
     """
     parts = []
     runs = data.split(b"\0")
@@ -34,10 +34,11 @@ def encode(data: bytes) -> bytes:
 
 
 def decode(encoded: bytes) -> bytes:
-    """Return the data of an encoded frame, which is given without its delimiter.
+    """Return the data of an encoded frame. The argument must not contain the delimiter.
 
-    Each code byte states the distance to the next code byte. The code bytes are replaced by zero
-    bytes. The first code byte, and each code byte that follows 254 non-zero bytes, is removed.
+    The value of each code byte is the distance to the next code byte. The code bytes are replaced
+    by zero bytes, with two exceptions. The first code byte is removed. Each code byte that follows
+    254 non-zero bytes is also removed.
 
     Raises
     ------
@@ -69,8 +70,8 @@ class CobsReader:
         Largest length of an encoded frame without its delimiter [bytes]. Longer frames are
         rejected.
     rejected
-        Counter of the rejected frames: `length` counts frames that are too long, `framing` counts
-        frames that cannot be decoded.
+        Counter of the rejected frames. `length` counts frames that are too long, and `framing`
+        counts frames that cannot be decoded.
     """
 
     def __init__(self, longest: int, rejected: Counter[str]) -> None:
@@ -80,9 +81,10 @@ class CobsReader:
         self._skipping = False
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Process the next bytes of the stream; return the decoded frames that they complete.
+        """Process the next bytes of the stream, and return the frames that end in these bytes.
 
-        Empty frames are omitted. An incomplete frame at the end is kept for the next call.
+        The frames are decoded. Empty frames are omitted. An incomplete frame at the end is stored
+        for the next call.
         """
         *ended, begun = (self._begun + data).split(DELIMITER)
         frames = []

@@ -1,7 +1,8 @@
-"""Checksums of serial frames: two cyclic redundancy checks (CRC) of 16 bits.
+"""Compute checksums of serial frames: two cyclic redundancy checks (CRC) of 16 bits.
 
-Both functions are fast enough for a loop at 1 kHz. The X.25 CRC uses C code of the standard
-library, with the bits of each byte reversed. The Modbus CRC uses one table look-up per byte.
+Both functions are fast enough for a loop at 1 kHz. The X.25 CRC is computed by C code of the
+standard library, for which the bits of each byte are reversed. The Modbus CRC is computed with one
+table look-up per byte.
 """
 
 from __future__ import annotations
@@ -9,11 +10,11 @@ from __future__ import annotations
 from binascii import crc_hqx
 
 MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
-"""Each byte value with its bits reversed."""
+"""Table of reversed bits. The byte at index i is i with its bits reversed."""
 
 
 def crc16_x25(data: bytes) -> int:
-    """Return the CRC-16/IBM-SDLC of data, also called X.25 (0x906E for the text `123456789`).
+    """Return the CRC-16/IBM-SDLC (X.25) of data. For the text `123456789` it is 0x906E.
 
     The polynomial is 0x1021, least significant bit first. The initial value and the final mask are
     0xFFFF (ITU-T X.25, section 2.2.7.4). In a frame, the CRC follows the data as two bytes, the
@@ -24,7 +25,7 @@ def crc16_x25(data: bytes) -> int:
 
 
 def modbus_step(byte: int) -> int:
-    """Return the Modbus CRC of one byte for the initial value 0, an entry of `MODBUS_STEPS`."""
+    """Return the Modbus CRC of one byte for the initial value 0."""
     for _ in range(8):
         byte = byte >> 1 ^ (0xA001 if byte & 1 else 0)
     return byte
@@ -35,7 +36,7 @@ MODBUS_STEPS = tuple(modbus_step(byte) for byte in range(256))
 
 
 def crc16_modbus(data: bytes) -> int:
-    """Return the CRC-16/MODBUS of data (0x4B37 for the text `123456789`).
+    """Return the CRC-16/MODBUS of data. For the text `123456789` it is 0x4B37.
 
     The polynomial is 0x8005, least significant bit first, with the initial value 0xFFFF (MODBUS
     over Serial Line 1.02, section 6.2.2). In a frame, the CRC follows the data as two bytes, the

@@ -1,4 +1,4 @@
-"""Serial frames of fixed length that start with a header and end with a checksum."""
+"""Find serial frames of fixed length that start with a header and end with a checksum."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class FixedFrameParser(ABC, Generic[Frame]):
     Parameters
     ----------
     rejected
-        Counter: `checksum` counts the frames with a wrong checksum, `noise` counts the skipped
-        bytes.
+        Counter of rejected data. `checksum` counts the frames with a wrong checksum, and `noise`
+        counts the skipped bytes.
     """
 
     header: ClassVar[bytes]
@@ -35,9 +35,9 @@ class FixedFrameParser(ABC, Generic[Frame]):
         """Return the content of a frame of `size` bytes; None if its checksum is wrong."""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Process the next bytes of the stream; return the frames that they complete.
+        """Process the next bytes of the stream, and return the frames that end in these bytes.
 
-        The oldest frame is the first. An incomplete frame at the end is kept for the next call.
+        The oldest frame is the first. An incomplete frame at the end is stored for the next call.
         """
         frames: list[Frame] = []
         buffer, at = self._rest + data, 0
@@ -57,10 +57,10 @@ class FixedFrameParser(ABC, Generic[Frame]):
                 at = start + self.size
 
     def _header_from(self, buffer: bytes, at: int) -> int:
-        """Return the index of the first header from index `at` on.
+        """Return the index of the first header that starts at index `at` or later.
 
-        If there is none, return the index of the incomplete header at the end of the buffer, or
-        the length of the buffer.
+        If there is no header, return the index of an incomplete header at the end of the buffer. If
+        there is no incomplete header either, return the length of the buffer.
         """
         found = buffer.find(self.header, at)
         if found >= 0:

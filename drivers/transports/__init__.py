@@ -1,1 +1,1 @@
-"""Transports: serial ports and CAN buses between the controller and the devices."""
+"""Send and receive bytes and frames on serial ports and CAN buses."""

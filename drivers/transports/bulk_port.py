@@ -1,4 +1,4 @@
-"""Serial port from which all waiting bytes are read at once, by system calls or by pyserial."""
+"""Read all waiting bytes of a serial port at once, by system calls or by pyserial."""
 
 from __future__ import annotations
 
@@ -11,24 +11,25 @@ import time
 import serial
 
 CHUNK = 65_536
-"""Largest number of bytes per read, more than the operating system buffers for a port."""
+"""Largest number of bytes per read. The operating system stores fewer bytes for a port."""
 POLL_PERIOD = 1e-3
-"""Time between two checks for bytes, for a port that offers no function to wait for them [s]."""
+"""Time between two checks for bytes [s], for a port without a function that waits for bytes."""
 
 
 class PortablePort:
-    """Serial port for every operating system and pyserial URL; uses only functions of pyserial."""
+    """Serial port that uses only pyserial, for every operating system and every pyserial URL."""
 
     def __init__(self, port: serial.Serial) -> None:
         self._port = port
 
     def read(self, timeout: float | None) -> bytes:
-        """Return all bytes that have arrived; if there are none, wait for the first.
+        """Return all bytes that have arrived. If there are none, wait for the first byte.
 
         Parameters
         ----------
         timeout
-            Longest wait [s]; None for no limit. If no byte arrives, the result is empty.
+            Longest wait [s]; None for no limit. If no byte arrives in this time, the result is
+            empty.
 
         Raises
         ------
@@ -43,7 +44,7 @@ class PortablePort:
         return bytes(self._port.read(waiting))
 
     def write(self, data: bytes, timeout: float) -> int:
-        """Write as many bytes as the port accepts; return their number.
+        """Write as many bytes as the port accepts, and return the number of written bytes.
 
         Parameters
         ----------
@@ -84,14 +85,14 @@ class PortablePort:
 
 
 class DescriptorPort(PortablePort):
-    """Serial port that uses POSIX calls on its file descriptor, five times as fast as pyserial."""
+    """Serial port that uses POSIX calls. They are five times as fast as the calls of pyserial."""
 
     def __init__(self, port: serial.Serial) -> None:
         super().__init__(port)
         self._descriptor: int = port.fileno()
 
     def read(self, timeout: float | None) -> bytes:
-        """Return all bytes that have arrived; if there are none, wait for the first.
+        """Return all bytes that have arrived. If there are none, wait for the first byte.
 
         See `PortablePort.read` for the timeout and the errors.
         """
@@ -105,7 +106,7 @@ class DescriptorPort(PortablePort):
     def close(self) -> None:
         """Close the port, and discard the number of its file descriptor.
 
-        After that, the operating system may give this number to another file.
+        This is necessary because the operating system may give the number to another file later.
         """
         self._descriptor = -1
         super().close()

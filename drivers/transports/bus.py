@@ -1,4 +1,4 @@
-"""Base class of serial ports and CAN buses. Each is read once per tick of the control loop."""
+"""Base class of serial ports and CAN buses, which are read once per tick of the control loop."""
 
 from __future__ import annotations
 
@@ -51,17 +51,17 @@ class Bus(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Disconnect, also after an `open` that failed."""
+        """Disconnect. This method may also be called after `open` failed."""
 
     def wait_for(self, condition: Callable[[], object], seconds: float) -> bool:
-        """Read the bus until a condition is true; return False if this takes too long.
+        """Read the bus repeatedly until a condition is true; return False if this takes too long.
 
-        This method is only for the set-up of devices before the control loop starts.
+        This method waits. Call it only to set up devices, before the control loop starts.
 
         Parameters
         ----------
         condition
-            Function that returns a true value when the wait is to end.
+            Function that returns a true value when the wait must end.
         seconds
             Longest wait [s].
 

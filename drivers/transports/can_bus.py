@@ -1,4 +1,4 @@
-"""CAN bus that is read once per tick of the control loop."""
+"""Use a CAN bus in a control loop. The bus is read once per tick."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from drivers.transports.bus import Bus
 from drivers.transports.slcan import SlcanBus, StatusFlags
 
 LATEST = 1.0
-"""Largest age of a frame's time stamp if it is a time of the system clock [s].
+"""Largest age of a frame's time stamp on the system clock [s].
 
-If a time stamp seems older, it is a time of another clock, and is not used.
+If a time stamp is older, it must be from another clock. Such a time stamp is not used.
 """
 STATUS_EVERY = 0.01
 """Period of the status requests to an slcan adapter [s]."""
 MOST = 4096
-"""Largest number of frames per reading."""
+"""Largest number of frames that one reading of the bus returns."""
 BUS_OFF = 0x40
-"""Bit in the identifier of an error frame of Linux: the CAN controller is in the state bus-off."""
+"""Bit in the identifier of a Linux error frame. It is set if the CAN controller is bus-off."""
 EXTENDED = 1 << 31
-"""Bit that marks an identifier of 29 bits, as in DBC files."""
+"""Bit that is set in an identifier of 29 bits, as in DBC files."""
 
 
 class CanBus(Bus):
-    """A CAN bus. Each received frame is passed to the function attached for its identifier.
+    """A CAN bus. Each received frame is passed to the function registered for its identifier.
 
     Parameters
     ----------
@@ -39,13 +39,13 @@ class CanBus(Bus):
     now
         Function that returns the time of the controller's clock [s].
     interface
-        python-can's name of the interface of the adapter. For `slcan`, `SlcanBus` is used.
+        Name of the adapter's interface in python-can. For `slcan`, `SlcanBus` is used.
     channel
         Name of the bus in the interface, for example `can0` or `/dev/ttyACM0`.
     bitrate
-        Bit rate [bit/s]; None to leave it unchanged.
+        Bit rate [bit/s]; None to leave the bit rate unchanged.
     options
-        Further arguments for python-can's interface.
+        Further arguments for the interface of python-can.
     """
 
     def __init__(
@@ -75,12 +75,12 @@ class CanBus(Bus):
     def attach(
         self, identifiers: Iterable[int], receive: Callable[[can.Message, float], object]
     ) -> None:
-        """Register a function for the frames with some identifiers.
+        """Register a function for the frames with the given identifiers.
 
         Parameters
         ----------
         identifiers
-            Identifiers of the frames. Bit 31 is set in an identifier of 29 bits.
+            Identifiers of the frames. In an identifier of 29 bits, bit 31 is set.
         receive
             Function that `poll` calls with each of these frames and its arrival time [s].
         """
@@ -112,10 +112,11 @@ class CanBus(Bus):
         self._polled = self.now()
 
     def poll(self) -> None:
-        """Pass each received frame to the function attached for its identifier.
+        """Pass each received frame to the function registered for its identifier.
 
-        The arrival time is the time stamp that the interface gives. Without a time stamp, it is
-        estimated by the mean of the times of this reading and of the previous reading.
+        The arrival time is the time stamp that the interface gives. If there is no time stamp, or
+        if the adapter is an slcan adapter, the arrival time is estimated. The estimate is the mean
+        of the time of this reading and the time of the previous reading.
 
         Raises
         ------
@@ -148,7 +149,7 @@ class CanBus(Bus):
                 receive(frame, now - age if stamped else middle)
 
     def _watch_adapter(self, bus: SlcanBus) -> None:
-        """Check the status flags of an slcan adapter. Such an adapter sends no error frames."""
+        """Check the status flags of an slcan adapter, because it sends no error frames."""
         flags = bus.status()
         if flags and flags & StatusFlags.BUS_ERROR:
             raise RigError(
@@ -170,12 +171,12 @@ class CanBus(Bus):
         )
 
     def request(self, identifier: int, length: int = 8) -> None:
-        """Send a remote frame, which requests the data frame with the same 11-bit identifier.
+        """Send a remote frame. It requests the data frame with the same 11-bit identifier.
 
         Parameters
         ----------
         identifier
-            The identifier.
+            Identifier of both frames.
         length
             Length of the requested data [bytes].
 

@@ -1,4 +1,4 @@
-"""Serial port that is read once per tick of the control loop."""
+"""Use a serial port in a control loop. The port is read once per tick."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from drivers.transports.bulk_port import PortablePort, open_port
 from drivers.transports.bus import Bus
 
 BITS = 10
-"""Bits on the line per byte, including one start bit and one stop bit."""
+"""Number of bits on the line per byte, including one start bit and one stop bit."""
 
 
 class SerialPort(Bus):
@@ -39,7 +39,7 @@ class SerialPort(Bus):
         self._polled = now()
 
     def attach(self, receive: Callable[[bytes, float], object]) -> None:
-        """Register the function that `poll` calls with the bytes and their arrival time [s]."""
+        """Register the function that `poll` calls with the bytes and their time of arrival [s]."""
         self._receive = receive
 
     def open(self) -> None:
@@ -63,8 +63,8 @@ class SerialPort(Bus):
     def poll(self) -> None:
         """Pass all received bytes to the attached function.
 
-        The arrival time of the bytes is estimated by the mean of the times of this reading and of
-        the previous reading.
+        Their arrival time is estimated as the mean of the time of this reading and the time of the
+        previous reading.
 
         Raises
         ------
@@ -119,7 +119,7 @@ class SerialPort(Bus):
         seconds
             Time without a valid frame [s].
         device
-            Name of the expected device, with its article.
+            Name of the expected device, with an article, for example `a Bota sensor`.
         baud
             Line rate of the expected device [bit/s].
         """

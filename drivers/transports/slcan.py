@@ -1,10 +1,11 @@
-"""slcan (Lawicel) CAN adapter on a serial port, for control loops at 1 kHz and more.
+"""Communicate with an slcan (Lawicel) CAN adapter on a serial port, in a loop of 1 kHz or more.
 
-The adapter sends and receives lines of text that end with CR. `t1812A5B0` is a data frame with
-identifier 0x181 and two bytes. `T` is a data frame with a 29-bit identifier. `r` and `R` are remote
-frames. The adapter answers an accepted frame with `z` or `Z` and CR, another accepted command
-with CR, and a refused command with BEL. Frames from the CAN bus may come between the answers.
-Protocol: Lawicel, CANUSB Manual 1.0.
+The adapter sends and receives lines of text that end with CR. `t1812A5B0` is a data frame with the
+identifier 0x181 and two bytes, 0xA5 and 0xB0. A line that starts with `T` is a data frame with a
+29-bit identifier. Lines that start with `r` and `R` are remote frames. The adapter answers an
+accepted frame with `z` or `Z` and CR, another accepted command with CR, and a refused command with
+BEL. Frames from the CAN bus may be received between the answers. The protocol is described in
+Lawicel, CANUSB Manual 1.0.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ ACKNOWLEDGEMENTS = (b"", b"z", b"Z")
 FRAMES = (b"t", b"T", b"r", b"R")
 """First bytes of the lines that contain a CAN frame."""
 BARE = re.compile(rb"(?<![^\r\a])[\r\a]")
-"""CR or BEL with no text before it on its line: the answer to a set-up command."""
+"""Pattern of CR or BEL on a line without other text, which is the answer to a set-up command."""
 BITRATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
 """Bit rates [bit/s] of the commands S0 to S8."""
 LINE_LIMIT = 64
-"""Number of bytes of an incomplete line that are stored, twice the length of the longest line."""
+"""Largest number of stored bytes of an incomplete line, twice the length of the longest line."""
 IN_FLIGHT_LIMIT = 1000
 """Largest number of stored unanswered commands."""
 BOOT = 2.0
@@ -39,8 +40,8 @@ BOOT = 2.0
 ANSWER = 0.25
 """Longest answer time of an adapter during set-up [s]."""
 QUIET = 0.05
-"""Time without a byte after which all bytes sent earlier have arrived [s]. USB adapters can delay
-bytes by 16 ms."""
+"""If no byte arrives during this time [s], all bytes that were sent before have arrived. USB
+adapters can delay bytes by 16 ms."""
 
 
 class StatusFlags(IntFlag):
@@ -59,10 +60,10 @@ class SlcanBus(can.BusABC):
     """A CAN bus with an slcan adapter, as an interface of python-can.
 
     `recv` and `drain` read all waiting bytes of the port. Invalid lines, for example frames
-    changed by noise, are counted and skipped. `send` does not wait for the adapter's answer. If
-    the adapter refused a frame, the `recv` or `drain` that reads this answer raises
-    CanOperationError once; the next call returns the frames that this call received. Call `recv`
-    or `drain` about as often as `send`, because an adapter may stop if its answers are not read.
+    changed by noise, are counted and skipped. `send` does not wait for the adapter's answer. If the
+    adapter refused a frame, the call of `recv` or `drain` that reads this answer raises
+    CanOperationError. The frames that this call read are returned by the next call. Call `recv` or
+    `drain` about as often as `send`, because an adapter may stop if its answers are not read.
     There is no `fileno`, because received frames may be waiting in this object while the port is
     empty. Without `fileno`, python-can's Notifier uses a thread.
 
@@ -73,9 +74,9 @@ class SlcanBus(can.BusABC):
     bitrate
         Bit rate of the bus [bit/s]; None to keep the present setting of the adapter.
     tty_baudrate
-        Line rate [bit/s]; USB adapters ignore it. 115200 bit/s are enough for 500 frames/s.
+        Line rate [bit/s]; ignored by USB adapters. 115200 bit/s is enough for 500 frames/s.
     can_filters
-        python-can's filters of received frames.
+        Filters of received frames, as python-can defines them.
 
     Raises
     ------
@@ -97,7 +98,7 @@ class SlcanBus(can.BusABC):
             raise ValueError(f"{channel}: slcan bit rate {bitrate}: expected one of {rates}")
         self.channel_info = f"slcan adapter on {channel}"
         self.flags: StatusFlags | None = None
-        """Flags in the adapter's last answer to `status`."""
+        """Flags in the adapter's last answer to a status request."""
         self.acknowledged = 0
         """Number of commands that the adapter accepted."""
         self.refused = 0
@@ -167,7 +168,7 @@ class SlcanBus(can.BusABC):
         Returns
         -------
         StatusFlags or None
-            Flags of the latest answer to an earlier request; None if there is none yet.
+            Flags of the latest answer to an earlier request; None if there is no answer yet.
 
         Raises
         ------
@@ -178,7 +179,7 @@ class SlcanBus(can.BusABC):
         return self.flags
 
     def shutdown(self) -> None:
-        """Close the adapter's CAN channel and the port; may be called repeatedly."""
+        """Close the adapter's CAN channel and the port. This method may be called repeatedly."""
         if not self._is_shutdown:
             super().shutdown()
             with contextlib.suppress(can.CanOperationError):
@@ -217,7 +218,7 @@ class SlcanBus(can.BusABC):
             )
 
     def _ask(self, command: bytes) -> bytes:
-        """Send a set-up command; return the answer CR or BEL, empty if none arrived in time."""
+        """Send a set-up command. Return the answer, CR or BEL, or no bytes if it is late."""
         self._port.write(command + CR, ANSWER)
         deadline = time.monotonic() + ANSWER
         text = b""
@@ -283,7 +284,7 @@ class SlcanBus(can.BusABC):
             self.unassigned += 1
 
     def _process_refusal(self, line: bytes) -> None:
-        """Process the refusal of the oldest unanswered command; adapters answer in order."""
+        """Process a refusal of the oldest unanswered command, because adapters answer in order."""
         if not self._in_flight:
             self.unassigned += 1
         else:

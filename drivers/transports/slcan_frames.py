@@ -1,4 +1,4 @@
-"""Conversion of CAN frames to the lines of text of the slcan protocol, and back."""
+"""Convert CAN frames to lines of text of the slcan protocol, and lines to frames."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import can
 
 
 def encode(msg: can.Message) -> bytes:
-    """Return the slcan line of a CAN frame, with the CR at its end.
+    """Return a CAN frame as a line of the slcan protocol, with the CR at the end.
 
     Raises
     ------
@@ -34,19 +34,20 @@ def encode(msg: can.Message) -> bytes:
 
 
 def decode(line: bytes, timestamp: float) -> can.Message:
-    """Return the CAN frame of an slcan line.
+    """Return the CAN frame that a line of the slcan protocol contains.
 
     Parameters
     ----------
     line
-        The line without its CR. A time stamp of the adapter at its end is ignored.
+        The line without its CR. If it ends with a time stamp of the adapter, this time stamp is
+        ignored.
     timestamp
-        Time of arrival [s], the time stamp of the returned frame.
+        Time of arrival [s]. The returned frame gets this time stamp.
 
     Raises
     ------
     ValueError
-        The line is not a valid frame.
+        The line does not contain a valid frame.
     """
     extended, remote = line[:1] in b"TR", line[:1] in b"rR"
     place = 9 if extended else 4

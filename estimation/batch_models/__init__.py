@@ -1,4 +1,4 @@
-"""Batch fits of models of the environment, with confidence intervals and goodness of fit."""
+"""Fit models of the environment to a record, with confidence intervals and goodness of fit."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ MODELS = (*COLUMNS, "hunt-crossley", "standard linear solid")
 
 
 def compare_models(data: BatchData) -> list[BatchFit]:
-    """Return the fits of all models, sorted by the Bayesian information criterion, best first."""
+    """Return the fits of all models, sorted by Bayesian information criterion, best first."""
     fits = [fit_linear(name, data) for name in COLUMNS]
     fits += [fit_hunt_crossley(data), fit_standard_linear_solid(data)]
     return sorted(fits, key=lambda fit: fit.bic)

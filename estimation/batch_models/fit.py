@@ -1,10 +1,10 @@
-"""Data and result of a batch fit: parameters with confidence intervals, and goodness of fit.
+"""Define the data and the result of a batch fit, and compute intervals and goodness of fit.
 
-Position and force are smoothed by the same kernel. A model is fitted to samples that are far enough
-apart for their noise to be independent. The information criteria and the autocorrelation are
-computed from the residuals of these samples. R^2 and the root mean square residual are computed
-from the measured force of all samples in contact. The confidence intervals use the Jacobian of the
-model at the fitted parameters, and are valid for residuals of any autocorrelation
+Position and force are smoothed by the same kernel. A model is fitted to samples whose distance in
+time is so large that their noise is independent. The information criteria and the autocorrelation
+are computed from the residuals of these samples. R^2 and the root mean square residual are computed
+from the measured force of all samples in contact. The confidence intervals are computed with the
+Jacobian of the model at the fitted parameters. They are valid for residuals of any autocorrelation
 (`estimation.robust_error`).
 """
 
@@ -22,7 +22,7 @@ from estimation.robust_error import RobustFit
 
 
 class BatchData(NamedTuple):
-    """A record of n samples with constant period; arrays have shape (n,) unless stated."""
+    """A record of n samples with a constant period. Arrays have the shape (n,) unless stated."""
 
     t: Floats
     """Time [s]."""
@@ -43,10 +43,10 @@ class BatchData(NamedTuple):
     width: float = 0.0
     """Standard deviation of the smoothing kernel [s]."""
     contact: float | None = None
-    """Contact point [m]; None if it is not known."""
+    """Position of the contact point [m]; None if it is not known."""
     unloaded: float = 0.0
-    """Force out of contact, relative to the datum [N]. If it is not known, a sensor reading of 0
-    is taken as the force out of contact."""
+    """Force out of contact, relative to the datum [N]. If this force is not known, it is assumed
+    that the sensor reads 0 out of contact."""
 
 
 class Parameter(NamedTuple):
@@ -61,19 +61,20 @@ class Parameter(NamedTuple):
     unit: str
     """Unit of the parameter."""
     identifiable: bool
-    """True if the value is in its plausible range and the interval does not contain zero. For
-    some parameters the interval may contain zero, see `FittedParameter.may_vanish`."""
+    """True if the record determines the parameter: the value is in its plausible range, and the
+    interval does not contain zero. For some parameters the interval may contain zero, see
+    `FittedParameter.may_vanish`."""
 
 
 class BatchFit(NamedTuple):
-    """One model fitted to a record."""
+    """Result of the fit of one model to a record."""
 
     name: str
     """Name of the model."""
     parameters: dict[str, Parameter]
     """Parameters by name."""
     r2: float
-    """Coefficient of determination R^2 of the measured force."""
+    """Coefficient of determination R^2, for the measured force."""
     rms: float
     """Root mean square of the residual of the measured force [N]."""
     aic: float
@@ -87,7 +88,10 @@ class BatchFit(NamedTuple):
 
     @property
     def identifiable(self) -> bool:
-        """Whether all parameters are identifiable, except `f1`, a force at the start of a piece."""
+        """Whether all parameters except `f1` are identifiable.
+
+        `f1` is a force at the start of a piece of the record, see `fit_standard_linear_solid`.
+        """
         return all(one.identifiable for name, one in self.parameters.items() if name != "f1")
 
     def summary(self) -> dict[str, object]:
@@ -116,18 +120,19 @@ class FittedParameter(NamedTuple):
     jacobian: Floats
     """Derivative of the model's force with respect to the parameter, shape (rows,)."""
     plausible: tuple[float, float] = (-math.inf, math.inf)
-    """Range in which the value must be for the parameter to be identifiable."""
+    """Plausible range of the value. Outside of this range the parameter is not identifiable."""
     may_vanish: bool = False
-    """Whether the parameter is also identifiable if its confidence interval contains zero.
+    """Whether the parameter can be identifiable although its confidence interval contains zero.
 
-    The interval must then change the force by less than the range of the force.
+    In this case, the half width of the interval must change the force by less than the range of the
+    force.
     """
 
 
 def with_intervals(
     name: str, data: BatchData, fitted: list[FittedParameter], predicted: Floats
 ) -> BatchFit:
-    """Return a fit with confidence intervals and goodness of fit.
+    """Return the result of a fit, with confidence intervals and goodness of fit.
 
     Parameters
     ----------
@@ -176,9 +181,9 @@ def with_intervals(
 
 
 def linear_solution(columns: Floats, f: Floats) -> Floats:
-    """Return the least-squares parameters, shape (m,).
+    """Return the parameters of a least-squares fit, shape (m,).
 
-    The columns are scaled to equal size first, which makes the solution more accurate.
+    The columns are first scaled to equal size, which makes the solution more accurate.
 
     Parameters
     ----------

@@ -1,11 +1,12 @@
-"""Fit of the Hunt-Crossley model f = K d^n + B d^n v, d = x - xc, with unknown contact point xc.
+"""Fit the Hunt-Crossley model f = K d^n + B d^n v, d = x - xc, with unknown contact point xc.
 
-For a given contact point xc and exponent n the force is linear in K and B. Therefore only xc and n
-are found by a nonlinear search, and K and B by linear least squares (variable projection). The
-estimates of K and n are strongly correlated, and the unit of K depends on n. In the search, d is
-therefore divided by its largest value D, because K D^n has a much smaller error than K. The record
-does not determine n or xc if its estimate is at an end of the search range, for example because no
-sample is near the contact point.
+For a given contact point xc and exponent n the force is linear in K and B. Only xc and n are
+therefore found by a nonlinear search. K and B are found by linear least squares (variable
+projection). The estimates of K and n are strongly correlated, and the unit of K depends on n. In
+the search, d is therefore divided by its largest value D. Then K D^n is estimated, whose error is
+much smaller than that of K. If the estimate of n or of xc is at an end of the search range, the
+record does not determine this parameter. An example is a record with no sample near the contact
+point.
 
 References
 ----------
@@ -31,10 +32,10 @@ from estimation.compiled import Floats
 EXPONENT = (0.5, 5.0)
 """Range of the exponent n in the search."""
 PLAUSIBLE = (0.8, 4.5)
-"""Range in which the estimated exponent n must be to be identifiable."""
+"""Range of plausible estimates of n. Outside of this range n is not identifiable."""
 BEFORE = 2.0
-"""Largest distance from the contact point to the smallest fitted position, relative to the range of
-the fitted positions."""
+"""Largest distance in the search from the contact point to the smallest fitted position, relative
+to the range of the fitted positions."""
 
 
 def fit_hunt_crossley(data: BatchData) -> BatchFit:

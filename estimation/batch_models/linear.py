@@ -1,8 +1,10 @@
-"""Models that are linear in their parameters, fitted by least squares.
+"""Fit models that are linear in their parameters by least squares.
+
+The models are
 
 - Kelvin-Voigt: f = k x + b v, with x and f relative to the datum;
-- Kelvin-Voigt with datum: f = k x + b v + f0. Here k and b do not depend on the datum;
-- stiffening: f = k x + k3 x^3 + b v + f0. Here k is the stiffness at the datum.
+- Kelvin-Voigt with datum: f = k x + b v + f0. The estimates of k and b do not depend on the datum;
+- stiffening: f = k x + k3 x^3 + b v + f0. k is the stiffness at the datum.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ UNITS = {"k": "N/m", "b": "N s/m", "f0": "N", "k3": "N/m^3"}
 
 
 def fit_linear(name: str, data: BatchData) -> BatchFit:
-    """Return the fit of a linear model; `name` is a key of `COLUMNS`."""
+    """Return the fit of the linear model with this name, a key of `COLUMNS`."""
     parameters = COLUMNS[name]
     columns = np.column_stack([regressor(parameter, data) for parameter in parameters])
     theta = linear_solution(columns[data.rows], data.f[data.rows])
@@ -45,5 +47,5 @@ def fit_linear(name: str, data: BatchData) -> BatchFit:
 
 
 def regressor(parameter: str, data: BatchData) -> Floats:
-    """Return the regressor of the parameter k, b, f0 or k3, shape (n,)."""
+    """Return the regressor of a parameter (k, b, f0 or k3), shape (n,)."""
     return {"k": data.x, "b": data.v, "f0": np.ones(len(data.x)), "k3": data.x**3}[parameter]

@@ -1,10 +1,10 @@
-"""Fit of the force relaxation in a hold by a Prony series.
+"""Fit a Prony series to the force relaxation in a hold.
 
     f(t) = f_inf + sum_j f_j exp(-t / tau_j)
 
-The Bayesian information criterion selects one or two terms. The time constants tau_j are found by a
-nonlinear search, and the forces f_j by linear least squares. A time constant longer than the hold
-is not identifiable.
+The Bayesian information criterion selects one or two exponential terms. The time constants tau_j
+are found by a nonlinear search, and the forces f_j by linear least squares. A time constant that is
+longer than the hold is not identifiable.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ class Relaxation(NamedTuple):
     """A Prony series that was fitted to the force in a hold."""
 
     parameters: dict[str, Parameter]
-    """`f_inf`, `f1`, `tau1`, and with a second term `f2` and `tau2`."""
+    """`f_inf`, `f1` and `tau1`; also `f2` and `tau2` if there is a second exponential term."""
     rms: float
     """Root mean square of the residual [N]."""
 
 
 def fit_prony(t: Floats, f: Floats) -> Relaxation | None:
-    """Return the Prony series of the force in a hold; None if the force does not relax.
+    """Return the Prony series fitted to the force in a hold; None if the force does not relax.
 
     Parameters
     ----------
     t
-        Time since the start of the hold [s], shape (n,). The noise of the samples must be
+        Time since the start of the hold [s], shape (n,). The noise of successive samples must be
         independent.
     f
         Force [N], shape (n,).

@@ -7,22 +7,27 @@ evaluation of a short record.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 
 from estimation.compiled import Floats
 
+START = 8
+"""Number of samples at the start of a piece from which the value at its start is computed: two
+kernel widths."""
 
-def relaxing_part(y: Floats, starts: Sequence[int], period: float, tau: float) -> Floats:
-    """Solve z' = y' - z / tau, with z = 0 at the start of each piece; return z, shape (n,).
+
+def relaxing_part(pieces: Iterable[Floats], period: float, tau: float) -> Floats:
+    """Return the relaxing part of an elastic force y, shape (n,).
+
+    The relaxing part is the solution z of z' = y' - z / tau, with z = 0 at the start of each piece
+    between gaps.
 
     Parameters
     ----------
-    y
-        Elastic force at a constant sample period, shape (n,).
-    starts
-        Index of the first sample of each piece of the record.
+    pieces
+        y minus its value at the start of the piece, for the samples of each piece.
     period
         Sample period [s].
     tau
@@ -31,11 +36,20 @@ def relaxing_part(y: Floats, starts: Sequence[int], period: float, tau: float) -
     decay = math.exp(-period / tau)
     gain = tau / period * (1.0 - decay)
     values: list[float] = []
-    for piece in np.split(y, starts[1:]):
-        scaled = (gain * (piece - piece[0])).tolist()
+    for piece in pieces:
+        scaled = (gain * piece).tolist()
         z = last = 0.0
         for present in scaled:
             z = present + (decay * z - last)
             values.append(z)
             last = present
     return np.array(values)
+
+
+def value_at_start(y: Floats) -> float:
+    """Return the value half a sample before the first, from a line through the first samples.
+
+    This is the value at the start of a piece whose samples are means over a period.
+    """
+    first = y[:START]
+    return float(np.polyfit(np.arange(len(first)) + 0.5, first, 1)[1])

@@ -1,14 +1,14 @@
-"""Fit of the standard linear solid.
+"""Fit the model of the standard linear solid.
 
 The body is a spring k in parallel with a Maxwell element: a spring k1 in series with a damper
 k1 tau. z is the stretch of the spring k1.
 
     f = k x + k1 z + f0,    z' = x' - z / tau
 
-For a given tau, f is linear in k, k1, f0 and the initial value of z. tau is found by a nonlinear
-search (variable projection), from four widths of the smoothing kernel to ten times the length of
-the record. tau is not identifiable if it is near the lower end of this range or longer than half of
-the record.
+For a given tau, f is linear in k, k1, f0 and the initial value of k1 z. So tau is found by a
+nonlinear search, and the other parameters by linear least squares (variable projection). The search
+range of tau is from four widths of the smoothing kernel to ten times the length of the record. tau
+is not identifiable if it is near the lower end of this range or longer than half of the record.
 """
 
 from __future__ import annotations
@@ -30,11 +30,13 @@ from estimation.compiled import Floats
 
 
 def relaxing(data: BatchData, tau: float) -> tuple[Floats, Floats]:
-    """Return z for z = 0 at the start of each piece, and exp(-t / tau), each of shape (n,).
+    """Return z and exp(-t / tau), each of shape (n,).
 
-    A piece is a part of the record without gaps, and t is the time since the start of the piece.
+    A piece is a part of the record without gaps. t is the time since the start of the piece. z is
+    computed with the initial value 0 for each piece.
     """
-    z = relaxing_part(data.x, data.starts, float(data.t[1] - data.t[0]), tau)
+    pieces = [piece - piece[0] for piece in np.split(data.x, data.starts[1:])]
+    z = relaxing_part(pieces, float(data.t[1] - data.t[0]), tau)
     start = [np.exp(-(t - t[0]) / tau) for t in np.split(data.t, data.starts[1:])]
     return z, np.concatenate(start)
 
@@ -42,7 +44,7 @@ def relaxing(data: BatchData, tau: float) -> tuple[Floats, Floats]:
 def fit_standard_linear_solid(data: BatchData) -> BatchFit:
     """Return the fit of the standard linear solid, with the parameters k, k1, tau, f0 and f1.
 
-    f1 is the force k1 z at the start of each piece of the record.
+    f1 is the force k1 z at the start of a piece of the record. f1 is the same for all pieces.
     """
     seconds = len(data.t) * float(data.t[1] - data.t[0])
     shortest = max(4.0 * data.width, 2.0 * float(data.t[1] - data.t[0]))

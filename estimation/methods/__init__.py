@@ -1,1 +1,1 @@
-"""Online estimators, one per file."""
+"""The online estimators. Each file contains one estimator or functions for several of them."""

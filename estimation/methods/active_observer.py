@@ -1,4 +1,4 @@
-"""Kalman active observer of the parameters and of a disturbance force (AOB)."""
+"""Kalman active observer (AOB) of the parameters of an environment and of a disturbance force."""
 
 from __future__ import annotations
 
@@ -7,33 +7,36 @@ from estimation.model import KELVIN_VOIGT, Model
 
 
 class ActiveObserver(RandomWalkKalman):
-    """Kalman filter of the parameters and of an active state p, f = phi' theta + p.
+    """Kalman filter of the parameters theta and of an active state p, with f = phi' theta + p.
 
     The method is based on R. Cortesao, J. Park, O. Khatib, "Real-time adaptive control for haptic
     telemanipulation with Kalman active observers", IEEE Trans. Robotics 22(5), 2006, and
     R. Cortesao, "On Kalman active observers", J. Intelligent and Robotic Systems 48(2), 2007.
-    Two parts of these papers are used. The first is the active state p, an additional state for
-    the force that phi' theta does not describe, with the first-order stochastic equation
+    Two parts of these papers are used. The first part is the active state p, an additional state
+    for the force that phi' theta does not describe. p follows the first-order stochastic equation
 
         p(n) - p(n-1) = w,    var w = Qp dt var e,
 
-    where e is the force noise. The second is the Kalman filter of the augmented state. The
-    controller is not used. In the papers the observer is part of a robot under force control, p
-    acts at the input of the robot, and stiffness is adapted from force errors. This estimator has
-    no input: p is a force at the surface [N], and the other states are the parameters, random walks
-    as in `RandomWalkKalman`.
+    where e is the force noise. The second part is the Kalman filter of the augmented state. The
+    controller is not used. In these papers the observer is part of a robot under force control. p
+    acts at the input of the robot, and the stiffness is adapted from force errors. This estimator
+    has no input. Here p is a force at the surface [N]. The other states are the parameters, which
+    are random walks as in `RandomWalkKalman`.
 
-    An error of the datum, friction and slow relaxation all contribute to p. In a hold, p cannot be
-    distinguished from k x. If Qp is small, p has nearly its initial value for a long time, and the
-    standard deviations of k and p are too large during several time constants of p.
+    p contains the force due to friction, to slow relaxation, and to an error of the datum. In a
+    hold, p cannot be distinguished from k x. If Qp is small, p has nearly its initial value for a
+    long time. The standard deviations of k and p are then too large during several time constants
+    of p.
 
     Parameters
     ----------
     process_noise, initial_covariance, ceiling
-        As in `RandomWalkKalman`, with one more value for p at the end: Qp [N^2/s], and the initial
-        and the largest variance [N^2] of p, for force noise with a variance of 1 N^2.
+        As in `RandomWalkKalman`, with one more value for p at the end. The three values for p are
+        Qp [N^2/s], the initial variance and the largest variance [N^2], for force noise with a
+        variance of 1 N^2.
     model
-        Model that defines the regressors phi. The regressor 1 of p is not part of the model.
+        Model that defines the regressors phi. The state p and its regressor 1 are not part of the
+        model.
     correlation
         Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 

@@ -19,11 +19,16 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, below
 
 RK4_LIMIT = 2.785293563405282
-"""Stability limit of r dt for RK4 of y' = -r y: root of |1 - z + z^2/2 - z^3/6 + z^4/24| = 1."""
+"""Stability limit of z = r dt if y' = -r y is integrated by Runge-Kutta 4 (RK4).
+
+This is the root of |1 - z + z^2/2 - z^3/6 + z^4/24| = 1.
+"""
 
 GUESS = 1.0
-"""Initial variance of a parameter for noise of variance 1 N^2, divided by the adaptation gain of
-the parameter [s]."""
+"""Initial variance of a parameter, divided by the adaptation gain of the parameter [s].
+
+The variance is for force noise with a variance of 1 N^2.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +36,7 @@ class GradientParameters(LinearGainParameters):
     """Constant settings of the function `step`."""
 
     rk4: bool
-    """Whether the gradient law is integrated by Runge-Kutta 4 (RK4) where RK4 is stable."""
+    """Whether the gradient law is integrated by Runge-Kutta 4 (RK4) if RK4 is stable."""
     Gamma: tuple[float, ...]
     """Diagonal of the adaptation gain Gamma, (m,)."""
 
@@ -51,7 +56,7 @@ def step(
 
     The force error Delta f = phi' theta - f then decays as Delta f' = -r Delta f, with
     r = phi' Gamma phi. So theta changes by -Gamma phi Delta f (1 - e^-z) / r, with z = r dt and
-    Delta f before the step. RK4 replaces 1 - e^-z by its Taylor series up to z^4.
+    Delta f at the start of the period. RK4 replaces 1 - e^-z by its Taylor series up to z^4.
     """
     Gamma, L = parameters.Gamma, state.L
     rate = 0.0
@@ -71,7 +76,7 @@ def step(
 
 
 class AdaptiveIdentification(LinearGainEstimator):
-    """Adaptive identification by the gradient law, (5)-(8) of the paper.
+    """Adaptive identification by the gradient law, equations (5) to (8) of the paper.
 
     Parameters
     ----------
@@ -81,11 +86,11 @@ class AdaptiveIdentification(LinearGainEstimator):
     method
         Integration of (8) over a sample period:
 
-        - `rk4`: Runge-Kutta 4 as in the paper, where it is stable. RK4 is unstable if
+        - `rk4`: Runge-Kutta 4 (RK4) as in the paper. RK4 is unstable for a sample with
           phi' Gamma phi dt > 2.785. For such a sample the exact solution is used instead, and
-          `beyond_rk4` counts it. With the paper's gain for the hard cube this occurs at 1 kHz
-          for a displacement of 17 mm.
-        - `exact`: the closed-form solution, stable for every gain and every `dt`.
+          `beyond_rk4` counts the sample. With the paper's gain for the hard cube and samples at
+          1 kHz, this occurs for a displacement of 17 mm.
+        - `exact`: the closed-form solution, which is stable for every gain and every `dt`.
     model
         Model that defines the regressors.
     correlation

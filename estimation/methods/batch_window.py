@@ -1,4 +1,4 @@
-"""Ordinary least squares (OLS) over a sliding window, the reference for the other methods."""
+"""Ordinary least squares (OLS) over a sliding window, as a reference for the other methods."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, zeros
 
 SINGULAR = 1e-10
-"""Smallest fraction of a regressor's sum of squares that is orthogonal to the other regressors.
+"""Smallest ratio of two sums of squares for which the window determines all parameters.
 
-If a fraction is smaller, the window does not determine all parameters.
+The first sum is that of the part of a regressor that is orthogonal to the regressors before it. The
+second is the largest recent sum of the regressor itself.
 """
 SMALLEST_SQUARES = 1e-60
-"""Sum of squares below which a regressor is treated as zero."""
+"""A regressor with a smaller sum of squares is treated as zero."""
 LONGEST = 1_000_000
 """Largest number of samples in a window."""
 
@@ -31,17 +32,17 @@ class WindowParameters:
     correlation: float
     """Number of samples per independent value of the force noise, >= 1."""
     window: float
-    """Length of the window [s]. A longer gap in the data empties the window."""
+    """Length of the window [s]. After a longer gap in the data, the window is empty."""
 
 
 @dataclass(slots=True)
 class WindowState(State):
-    """Variables that `step` updates. A sample is a vector z = (phi, f) with m + 1 entries."""
+    """Variables that `step` updates. A sample is a vector z = (phi, f) of m + 1 values."""
 
     place: int
     """Index of the oldest sample in `ring`."""
     count: int
-    """Number of samples in the window so far."""
+    """Number of samples in the window."""
     sums: Matrix
     """Sums of z z' over the window, lower triangle, (m + 1, m + 1)."""
     fresh: Matrix
@@ -49,10 +50,10 @@ class WindowState(State):
     peak: Vector
     """Largest sum of squares of each regressor since `place` was last 0, (m,)."""
     L: Matrix
-    """Factors of sums = L D L': L below the diagonal, D on the diagonal, D L' above the diagonal;
-    (m + 1, m + 1)."""
+    """Factors of `sums` = L D L', (m + 1, m + 1). L is below the diagonal, D on the diagonal, and
+    D L' above the diagonal."""
     column: Vector
-    """Work vector of `unit_variance`, (m + 1,)."""
+    """Work space of `unit_variance`, (m + 1,)."""
     z: Vector
     """The present sample, (m + 1,)."""
     ring: Matrix
@@ -64,8 +65,9 @@ def slide(
 ) -> None:
     """Replace the oldest sample by z = (phi, f), and update the sums of z z' over the window.
 
-    Adding and subtracting accumulates rounding errors in `sums`. In `fresh` samples are only
-    added. Each time `place` returns to 0, `fresh` covers the whole window and replaces `sums`.
+    In `sums`, samples are added and subtracted, so rounding errors accumulate. In `fresh`, samples
+    are only added. Each time `place` returns to 0, `fresh` contains all samples of the window and
+    replaces `sums`.
     """
     sums, fresh, peak, z = state.sums, state.fresh, state.peak, state.z
     m = len(phi)
@@ -123,7 +125,7 @@ def renew(state: WindowState) -> None:
 
 
 def factorise(state: WindowState) -> bool:
-    """Factorise sums = L D L'. Return False if the window does not determine all parameters.
+    """Factorise `sums` = L D L'. Return False if the window does not determine all parameters.
 
     L and D are stored in the field `L`. The last row of L is the right-hand side from which `solve`
     computes theta. The last entry of D is the sum of squared residuals.
@@ -149,9 +151,10 @@ def factorise(state: WindowState) -> bool:
 
 
 def solve(parameters: WindowParameters, state: WindowState) -> None:
-    """Compute theta by back substitution from the last row of L, and the standard deviations.
+    """Compute theta from the last row of L by back substitution, and the standard deviations.
 
-    The noise variance is the sum of squared residuals divided by n - m degrees of freedom.
+    The noise variance is the sum of squared residuals divided by n - m, the degrees of freedom of n
+    samples and m parameters.
     """
     theta, L = state.theta, state.L
     m = len(theta)
@@ -169,7 +172,7 @@ def solve(parameters: WindowParameters, state: WindowState) -> None:
 
 
 def unit_variance(state: WindowState, i: int) -> float:
-    """Return the variance of parameter i for a noise variance of 1: entry (i, i) of (L D L')^-1."""
+    """Return entry (i, i) of (L D L')^-1, the variance of parameter i for a noise variance of 1."""
     L, column = state.L, state.column
     m = len(state.theta)
     column[i] = 1.0
@@ -200,21 +203,21 @@ class BatchWindow(Estimator):
 
         theta = (sum phi phi')^-1 sum phi f
 
-    The covariance is the standard one, s (sum phi phi')^-1, times `correlation`. The noise
-    variance s is the sum of squared residuals divided by n - m degrees of freedom (N. R. Draper,
-    H. Smith, "Applied Regression Analysis", 1998).
+    The covariance is the usual covariance s (sum phi phi')^-1, times `correlation`. The noise
+    variance s is the sum of squared residuals divided by n - m, the degrees of freedom of n samples
+    and m parameters (N. R. Draper, H. Smith, "Applied Regression Analysis", 1998).
 
     The estimate does not change while the samples in the window do not determine all parameters.
-    Before the first solution, the standard deviations are `LARGEST`. A gap in the data that is
-    longer than the window empties the window.
+    Before the first solution, the standard deviations are `LARGEST`. After a gap in the data that
+    is longer than the window, the window is empty.
 
     Parameters
     ----------
     window
         Length of the window [s].
     sample_period
-        Time between samples [s]. The window has window / sample_period samples, rounded to an
-        integer.
+        Time between samples [s]. The number of samples in the window is window / sample_period,
+        rounded to an integer.
     model
         Model that defines the regressors.
     correlation
@@ -223,8 +226,8 @@ class BatchWindow(Estimator):
     Raises
     ------
     ValueError
-        The number of samples in the window is not larger than the number of parameters of the
-        model, it is larger than `LONGEST`, or an argument is out of its range.
+        The number of samples in the window is larger than `LONGEST`, or not larger than the number
+        of parameters; or an argument is out of its range.
     """
 
     step = staticmethod(step)
@@ -248,7 +251,7 @@ class BatchWindow(Estimator):
                 f"{window} s of {sample_period} s each"
             )
         self.samples = round(window / sample_period)
-        capacity = 1 << (self.samples - 1).bit_length()  # powers of two: fewer compilations
+        capacity = 1 << (self.samples - 1).bit_length()  # powers of two need fewer compilations
         square = diagonal(zeros(m + 1))
         super().__init__(
             WindowParameters(self.samples, correlation, window),

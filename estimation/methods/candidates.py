@@ -1,4 +1,4 @@
-"""Search for the candidate with the smallest monitoring signal in a grid of candidates (b, k)."""
+"""Search a grid of candidates (b, k) for the candidate with the smallest monitoring signal."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class GridAxis:
 
 @dataclass(slots=True)
 class MovingAxis:
-    """Candidate values of one parameter that change over time; other fields as in `GridAxis`."""
+    """Candidate values of one parameter, which change over time. See also `GridAxis`."""
 
     first: float
     spacing: float
@@ -38,9 +38,9 @@ class MovingAxis:
     span: float
     per_square: float
     middle: float
-    """Middle value, in units of the spacing."""
+    """Middle candidate value, in units of the spacing."""
     settled: float
-    """Time since the values last changed [s]. In this time no best candidate was at the edge."""
+    """Time since the values last changed [s]. No best candidate was at the edge in this time."""
 
 
 def least_candidate(
@@ -70,7 +70,7 @@ def least_candidate(
 
 
 def grid_axis(axis: Axis) -> GridAxis:
-    """Return an axis as a dataclass of numbers, which a step can use."""
+    """Return the axis as a dataclass of numbers that a step can use."""
     last = axis.count - 1
     zero = float(axis.nearest_zero)
     return GridAxis(axis.first, axis.spacing, last, zero, axis.spacing * last, 1.0 / (last * last))

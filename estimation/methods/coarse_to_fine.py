@@ -1,4 +1,4 @@
-"""Multi-estimator with a coarse grid that is moved to the best candidate and then refined."""
+"""Multi-estimator whose grid is coarse at the start, follows the best candidate, and is refined."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from estimation.step import B, K, Regressors
 TIE = 1e-12
 """Weight of the tie-breaking term, see `MultiEstimator`.
 
-It is smaller than in `MultiEstimator`, because this grid may be narrow and far from zero.
+This weight is smaller than in `MultiEstimator`, because the grid may be narrow and far from zero.
 """
 FINEST = 1e-9
-"""Smallest spacing, as a fraction of the initial spacing."""
+"""Smallest spacing of the candidates, as a fraction of the initial spacing."""
 COARSEST = 1e100
-"""Largest spacing."""
+"""Largest spacing of the candidates, in the unit of the parameter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class CoarseToFineParameters:
     half: float
     """Number of candidate values on either side of the middle value of an axis."""
     patience: float
-    """The spacing is halved after this time without a best candidate at the edge [s]."""
+    """The spacing is halved if no best candidate was at the edge during this time [s]."""
     correlation: float
     """Number of samples per independent value of the force noise, >= 1."""
     finest_b: float
@@ -90,13 +90,14 @@ def follow(
 ) -> None:
     """Adapt one axis of the grid to the best value of its parameter.
 
-    If the best value is at the edge, the spacing is doubled. If it has not been at the edge for the
-    time `patience`, the spacing is halved. In both cases the axis is centred at the best value.
+    If the best value is at the edge, the spacing is doubled. If the best value was not at the edge
+    during the time `patience`, the spacing is halved. In both cases the axis is centred at the best
+    value.
 
-    There are two lower limits of the spacing. First, it is at least a quarter of
-    sqrt(spread) / curvature, the standard deviation of the parameter if the other parameter were
-    known. Second, the monitoring signal must increase by at least `tie` from the middle of the axis
-    to the edge, so that the tie-breaking term does not change the result.
+    There are two lower limits of the spacing. First, the spacing must be at least a quarter of
+    sqrt(spread) / curvature. This is the standard deviation that the parameter would have if the
+    other parameter were known. Second, the monitoring signal must increase by at least `tie` from
+    the middle to the edge of the axis, so that the tie-breaking term does not change the result.
     """
     half, spacing = parameters.half, axis.spacing
     if abs(value - axis.middle * spacing) > (half - 0.5) * spacing:
@@ -124,7 +125,7 @@ def place(axis: MovingAxis, half: float, middle: float, spacing: float) -> None:
 
 
 def moving_axis(half: int, spacing: float) -> MovingAxis:
-    """Return the initial axis: `half` values on either side of zero, at this spacing."""
+    """Return the initial axis, which has `half` values on either side of zero, at this spacing."""
     last = 2 * half
     axis = MovingAxis(0.0, 0.0, last, 0.0, 0.0, 1.0 / (last * last), 0.0, 0.0)
     place(axis, half, 0.0, spacing)
@@ -132,24 +133,26 @@ def moving_axis(half: int, spacing: float) -> MovingAxis:
 
 
 class CoarseToFine(Estimator):
-    """Multi-estimator, (10)-(11) of the paper, with a grid that moves to the best candidate.
+    """Multi-estimator, equations (10) and (11) of the paper, with a grid that moves.
 
-    The monitoring signals of all candidates are one quadratic form with six sums as coefficients,
-    wherever the grid is. So no information is lost when the grid moves. If the best candidate is
-    at the edge of the grid, the grid is centred at this candidate and the spacing is doubled, once
-    per sample. If the best candidate has not been at the edge for some time, the grid is centred
-    at it and the spacing is halved, down to an eighth of the 95 % confidence interval or less.
-    Candidates are integer multiples of the spacing. So zero is either a candidate or outside of the
-    grid, and ties are broken as in `MultiEstimator`.
+    The monitoring signals of all candidates are one quadratic function of (b, k). Its six
+    coefficients are sums that do not depend on the grid. So no information is lost when the grid
+    moves. At each sample, if the best candidate is at the edge of the grid, the grid is centred at
+    this candidate and the spacing is doubled. If the best candidate was not at the edge for some
+    time, the grid is centred at the best candidate and the spacing is halved. The spacing decreases
+    until it is at most an eighth of the 95 % confidence interval. Candidates are integer multiples
+    of the spacing. So zero is either a candidate or outside of the grid. If several candidates have
+    equal signals, the candidate nearest to zero is selected as in `MultiEstimator`.
 
     A parameter that the data do not determine has the standard deviation `UNKNOWN`.
 
     Parameters
     ----------
     forgetting_rate
-        lambda in (11) [1/s], >= 0. The weight of a squared error decays as e^(-2 lambda t).
+        lambda in equation (11) [1/s], >= 0. The weight of a squared error decays as
+        e^(-2 lambda t).
     patience
-        The spacing is halved after this time without a best candidate at the edge [s], > 0.
+        The spacing is halved if no best candidate was at the edge during this time [s], > 0.
     spacing
         Initial spacing of b [N s/m] and k [N/m]. It has little effect on the result.
     half

@@ -1,4 +1,4 @@
-"""Composite adaptation with bounded-gain forgetting (CA): an estimator with two error signals."""
+"""Composite adaptation (CA), an estimator with two error signals and bounded-gain forgetting."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, zeros
 
 LARGEST = 10.0
-"""Largest norm of the scaled regressors. A larger sample is scaled down, including its force."""
+"""Largest norm of the scaled regressors. In a sample with a larger norm, the regressors and the
+force are reduced by a common factor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,15 +26,15 @@ class CompositeParameters:
     instant: float
     """Weight of the force error, relative to the filtered prediction error."""
     floor: float
-    """Diagonal value of the initial information matrix P_0^-1, for regressors divided by their
-    sizes."""
+    """Value of each diagonal element of the initial information matrix P_0^-1, for regressors
+    divided by their sizes."""
     per_size: tuple[float, ...]
     """1 / typical size of each regressor, (m,)."""
 
 
 @dataclass(slots=True)
 class CompositeState(State):
-    """Variables that `step` updates, for regressors divided by their typical sizes."""
+    """Variables that `step` updates. They are for regressors divided by their typical sizes."""
 
     W: Vector
     """Filtered regressors, (m,)."""
@@ -42,11 +43,11 @@ class CompositeState(State):
     R: Matrix
     """Information matrix P^-1, lower triangle, (m, m)."""
     factor: Matrix
-    """R + instant s s', and after `solve` the lower Cholesky factor of this matrix, (m, m)."""
+    """The matrix R + instant s s'. After `solve`: its lower Cholesky factor; (m, m)."""
     s: Vector
     """Regressors of the sample, divided by their typical sizes, (m,)."""
     move: Vector
-    """Right-hand side of the normal equations, and after `solve` the solution, (m,)."""
+    """Right-hand side of the normal equations. After `solve`: their solution; (m,)."""
 
 
 def step(
@@ -56,7 +57,7 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Integrate theta and P^-1 over one sample period by implicit Euler."""
+    """Integrate theta and P^-1 over one sample period by the implicit Euler method."""
     per_size, theta, move = parameters.per_size, state.theta, state.move
     error, filtered_error = filter_errors(parameters, state, phi, f, dt)
     accumulate(parameters, state, error, filtered_error, dt)
@@ -74,7 +75,7 @@ def filter_errors(
 ) -> tuple[float, float]:
     """Filter phi and f. Return the force error and the filtered prediction error, both [N].
 
-    The force error is f - phi' theta, the filtered prediction error is f_W - W' theta.
+    The force error is f - phi' theta. The filtered prediction error is f_W - W' theta.
     """
     per_size, theta, s, W = parameters.per_size, state.theta, state.s, state.W
     square = 0.0
@@ -102,7 +103,10 @@ def accumulate(
     filtered_error: float,
     dt: float,
 ) -> None:
-    """Update R by (8.115) of Slotine and Li, and compute the normal equations of implicit Euler."""
+    """Update the information matrix R, and compute the normal equations of the implicit Euler step.
+
+    The update is (8.115) of Slotine and Li, see `CompositeAdaptive`.
+    """
     s, W, R, factor, move = state.s, state.W, state.R, state.factor, state.move
     kept = math.exp(-parameters.forgetting_rate * dt)
     floor = (1.0 - kept) * parameters.floor
@@ -153,23 +157,24 @@ def solve(parameters: CompositeParameters, state: CompositeState) -> None:
 
 
 class CompositeAdaptive(Estimator):
-    """Composite adaptation of theta by the force error and a filtered prediction error.
+    """Composite adaptation: theta is adapted by the force error and a filtered prediction error.
 
     The method is from J.-J. E. Slotine and W. Li, "Applied Nonlinear Control", 1991, sections 8.7
     and 8.8. K. Hashtrudi-Zaad and S. E. Salcudean, "Adaptive transparent impedance reflecting
-    teleoperation", IEEE International Conference on Robotics and Automation, 1996, apply it to
-    the environment of a teleoperator. With the regressors W and the force f_W after a first-order
-    lag,
+    teleoperation", IEEE International Conference on Robotics and Automation, 1996, apply the method
+    to the environment of a teleoperator. Let W be the regressors and f_W the force, both filtered
+    by a first-order lag. Then
 
         theta' = P (W (f_W - W' theta) + instant phi (f - phi' theta)),
         d(P^-1)/dt = -lambda (P^-1 - P_0^-1) + W W',
 
     where the forgetting is (8.115) of Slotine and Li. P never exceeds its initial value P_0. The
-    forgetting rate lambda is constant, so that the estimate of k follows changes also while the
-    motion has no information on b. A rate lambda (1 - |P| / |P_0|) would become zero then.
-    The published law uses the error of a force controller; here the force error is used
-    instead. For true parameters theta_0, V = (theta - theta_0)' P^-1 (theta - theta_0) never
-    increases, also with implicit Euler, for all settings and every `dt`.
+    forgetting rate lambda is constant, so that the estimate of k follows changes even while the
+    motion contains no information on b. A variable rate lambda (1 - |P| / |P_0|) would be zero
+    during such a motion. The published law uses the error of a force controller. Here the force
+    error is used instead. For true parameters theta_0, the function
+    V = (theta - theta_0)' P^-1 (theta - theta_0) never increases. This is also true for the
+    implicit Euler method, all settings and every `dt`.
 
     There are no standard deviations, because the filter makes the noise correlated.
 
@@ -178,14 +183,14 @@ class CompositeAdaptive(Estimator):
     forgetting_rate
         Forgetting rate lambda [1/s].
     sizes
-        Typical root mean square of each regressor, [m/s] for v, [m] for x. One value is suitable
-        for regressors of 0.1 to 10 times this size.
+        Typical root mean square of each regressor, [m/s] for v, [m] for x. A size is suitable for
+        regressors of 0.1 to 10 times this size.
     bandwidth
         Bandwidth of the filter [1/s].
     instant
         Weight of the force error, relative to the filtered prediction error, >= 0.
     bound
-        P_0 in units of lambda / size^2. P is about 1 in this unit during sufficient motion.
+        P_0 in units of lambda / size^2. In these units, P is about 1 during sufficient motion.
     model
         Model that defines the regressors.
 

@@ -1,4 +1,4 @@
-"""Recursive least squares with conditional update: samples without information are not used."""
+"""Recursive least squares that does not use samples without information (conditional update)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class ConditionalParameters(FactoredParameters):
     """Constant settings of the function `step`."""
 
     c: float
-    """Threshold c: a sample is used if z' P z > c (1 - beta), with the scaled regressors z."""
+    """Threshold c. A sample is used if z' P z > c (1 - beta), with the scaled regressors z."""
 
 
 def step(
@@ -34,7 +34,7 @@ def step(
 ) -> None:
     """Update by recursive least squares if z' P z > c (1 - beta); otherwise set `held`.
 
-    z are the scaled regressors (`ud_factors`).
+    z contains the scaled regressors (`ud_factors`).
     """
     beta = forgetting_factor(parameters, state, dt)
     if predicted_variance(parameters, state, phi) > parameters.c * (1.0 - beta):
@@ -46,12 +46,13 @@ def step(
 class ConditionalUpdate(FactoredEstimator):
     """Recursive least squares that uses a sample only if the sample has enough information.
 
-    A sample is used if phi' P phi exceeds c (1 - beta). phi' P phi is the variance of the force
-    predicted with P, relative to the noise variance. Other samples cause neither an update nor
-    forgetting, so that P does not wind up at rest (K. J. Astrom and B. Wittenmark, "Adaptive
-    Control", 2nd edition, Addison-Wesley, 1995, chapter 11, where c = 2). With forgetting, the
-    average of phi' P phi is m (1 - beta) if all m regressors are excited, and 1 - beta in a hold.
-    So c should be between 1 and m. Motion that is much smaller than earlier motion is not used.
+    A sample is used if phi' P phi exceeds c (1 - beta). phi' P phi is the variance of the predicted
+    force due to the covariance P, relative to the noise variance. Other samples cause neither an
+    update nor forgetting, so that P does not wind up at rest (K. J. Astrom and B. Wittenmark,
+    "Adaptive Control", 2nd edition, Addison-Wesley, 1995, chapter 11, where c = 2). The average of
+    phi' P phi is m (1 - beta) if all m regressors are excited, and 1 - beta in a hold. So c should
+    be between 1 and m. Samples of a motion that is much smaller than the earlier motion are not
+    used.
 
     Parameters
     ----------
@@ -62,7 +63,7 @@ class ConditionalUpdate(FactoredEstimator):
         parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
         Time [s] in which the weight of a past sample is multiplied by beta while samples are used.
-        Default: it is multiplied by beta at each used sample, independent of `dt`.
+        Default: the weight is multiplied by beta at each used sample, independent of `dt`.
     threshold
         Threshold c, >= 0.
     model

@@ -1,4 +1,4 @@
-"""Recursive least squares with a covariance of constant trace."""
+"""Recursive least squares with a covariance matrix whose trace is constant."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class ConstantTraceParameters(FactoredParameters):
     """Constant settings of the function `step`."""
 
     c1: float
-    """Trace of the covariance, before c2 is added, in units of P0."""
+    """Trace of the covariance before c2 is added, in units of P0."""
     c2: float
-    """Variance that is added for each parameter, in units of P0."""
+    """Value that is added to the variance of each parameter, in units of P0."""
 
 
 def step(
@@ -37,8 +37,8 @@ def step(
 ) -> None:
     """Set P <- P - P z z' P / (1 + z' P z), then P <- c1 P / tr P + c2 I, and update theta.
 
-    z are the scaled regressors (`ud_factors`). The gain is P z / (1 + z' P z), with P before this
-    sample.
+    z contains the scaled regressors (`ud_factors`). The gain is P z / (1 + z' P z), with P before
+    this sample.
     """
     spread = update_covariance(parameters, state, phi, 1.0)
     D, c2 = state.D, parameters.c2
@@ -51,25 +51,25 @@ def step(
 
 
 class ConstantTrace(FactoredEstimator):
-    """Recursive least squares with a regularised covariance of constant trace.
+    """Recursive least squares with a regularised covariance matrix whose trace is constant.
 
-    The covariance does not wind up at rest, and does not decrease to zero in motion. After each
-    sample it is set to c1 P / tr P + c2 I, in units of P0 (K. J. Astrom and B. Wittenmark,
-    "Adaptive Control", 2nd edition, Addison-Wesley, 1995, chapter 11). For m regressors with the
-    scaled square q = phi_i^2 P0_i, c1 = m (1 - beta) / q has the same effect as a forgetting factor
-    beta. For a given c1, a larger motion causes faster forgetting. The variance in a direction
-    without excitation increases up to the whole trace; the estimate in this direction then follows
-    the noise.
+    After each sample the covariance P is set to c1 P / tr P + c2 I, in units of P0 (K. J. Astrom
+    and B. Wittenmark, "Adaptive Control", 2nd edition, Addison-Wesley, 1995, chapter 11). So P does
+    not wind up at rest, and does not decrease to zero in motion. Let q = phi_i^2 P0_i be the scaled
+    square of each of m regressors. Then c1 = m (1 - beta) / q has the same effect as a forgetting
+    factor beta. For a given c1, a larger motion causes faster forgetting. In a direction without
+    excitation, the variance increases up to the whole trace. The estimate in this direction then
+    follows the noise.
 
     Parameters
     ----------
     trace
         Trace c1, in units of P0.
     initial_covariance
-        Diagonal of P0, the unit of P, for each model parameter, b [(N s/m)^2] and k [(N/m)^2]
-        first, per N^2 of force variance.
+        Diagonal of P0, which is the unit of P: one value for each parameter of the model, first
+        b [(N s/m)^2] and k [(N/m)^2], for force noise with a variance of 1 N^2.
     ratio
-        c1 / c2, the largest ratio of the variances of two directions, 1 to 1e8.
+        c1 / c2, from 1 to 1e8. This is the largest ratio of the variances in two directions.
     model
         Model that defines the regressors.
     correlation

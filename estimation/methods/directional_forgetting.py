@@ -1,4 +1,4 @@
-"""Recursive least squares that forgets only in the direction of the present sample."""
+"""Recursive least squares with forgetting only in the direction of the present sample."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, below
 
 NO_NEWS = 1e-100
-"""If z' P z is smaller, no information is forgotten, because 1 / (z' P z) may overflow."""
+"""If z' P z is smaller than this, no information is forgotten. 1 / (z' P z) could overflow."""
 
 
 def step(
     parameters: FactoredParameters, state: FactoredState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Set P^-1 <- P^-1 + (beta - (1 - beta) / r) z z' with r = z' P z; the gain is P z / (1 + r).
+    """Set P^-1 <- P^-1 + (beta - (1 - beta) / r) z z' with r = z' P z, and update theta.
 
-    z are the scaled regressors (`ud_factors`). P is first updated without forgetting. Then
-    P <- P + (1 - beta) / beta P z z' P / z' P z with the new P on the right-hand side. The result
-    is the same, and the added term is positive.
+    z contains the scaled regressors (`ud_factors`). The gain is P z / (1 + r). P is updated in two
+    steps. First, P is updated without forgetting. Second, with this new P, the forgetting is
+    P <- P + (1 - beta) / beta P z z' P / (z' P z). The added term is positive.
     """
     m = len(phi)
     beta = forgetting_factor(parameters, state, dt)
@@ -44,13 +44,14 @@ class DirectionalForgetting(FactoredEstimator):
     """Recursive least squares with directional forgetting.
 
     Information is forgotten only in the direction of the present sample. So the covariance does
-    not wind up in directions without excitation or at phi = 0 (R. Kulhavy and M. Karny,
-    "Tracking of slowly varying parameters by directional forgetting", 9th IFAC World Congress,
-    Budapest, 1984, IFAC Proceedings Volumes 17(2), 687-692; as a case of forgetting in general,
-    R. Kulhavy and M. B. Zarrop, "On a general concept of forgetting", International Journal of
-    Control 58(4), 905-924, 1993). In the direction of the samples the variance converges to
-    phi' P phi = (1 - beta) / beta, even for very small samples. So sensor noise at rest has the
-    same effect as motion.
+    not wind up in directions without excitation, or at phi = 0. In the direction of the samples the
+    variance converges to phi' P phi = (1 - beta) / beta, even for very small samples. So sensor
+    noise at rest has the same effect as motion.
+
+    The method is from R. Kulhavy and M. Karny, "Tracking of slowly varying parameters by
+    directional forgetting", 9th IFAC World Congress, Budapest, 1984, IFAC Proceedings Volumes
+    17(2), 687-692. R. Kulhavy and M. B. Zarrop, "On a general concept of forgetting", International
+    Journal of Control 58(4), 905-924, 1993, describe it as a case of a general method.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ class DirectionalForgetting(FactoredEstimator):
         parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
         Time [s] in which the information in the direction of phi is multiplied by beta.
-        Default: it is multiplied by beta at each sample, independent of `dt`.
+        Default: the information is multiplied by beta at each sample, independent of `dt`.
     model
         Model that defines the regressors.
     correlation

@@ -1,4 +1,4 @@
-"""Grid of the candidates (b, k) of a multi-estimator."""
+"""Define the grid of the candidates (b, k) of a multi-estimator."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ MOST = 10**8
 
 @dataclass(frozen=True)
 class Axis:
-    """Evenly spaced candidate values of one parameter, from `first` to `last`.
+    """Evenly spaced candidate values of one parameter: `count` values from `first` to `last`.
 
     Raises
     ------
     ValueError
-        There are fewer than two values, or `first` is not less than `last`.
+        There are fewer than two values or more than `MOST`, or `first` is not less than `last`.
     """
 
     first: float
@@ -47,14 +47,14 @@ class Axis:
 
     @property
     def nearest_zero(self) -> int:
-        """Index of the value with the smallest magnitude; the lower index if two are equal."""
+        """Index of the value nearest to zero; the lower index if two values are equally near."""
         wanted = math.ceil(-self.first / self.spacing - 0.5)
         return min(max(wanted, 0), self.count - 1)
 
 
 @dataclass(frozen=True)
 class Grid:
-    """All pairs of a damping of axis `b` [N s/m] and a stiffness of axis `k` [N/m]."""
+    """Candidates (b, k): all pairs of a damping in `b` [N s/m] and a stiffness in `k` [N/m]."""
 
     b: Axis
     k: Axis

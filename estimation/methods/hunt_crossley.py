@@ -1,22 +1,22 @@
-"""Common definitions for estimators of the Hunt-Crossley model f = K x^n + B x^n v."""
+"""Define what the estimators of the Hunt-Crossley model f = K x^n + B x^n v have in common."""
 
 from __future__ import annotations
 
 NAMES = ("b", "k", "K", "B", "n")
-"""Names of the estimated quantities: damping b and stiffness k at the present displacement, and K,
-B and n of the model."""
+"""Names of the estimated quantities: the damping b and the stiffness k at the present displacement,
+and the parameters K, B and n of the model."""
 STIFFNESS, DAMPING, EXPONENT = 2, 3, 4
 """Indices of K, B and n in `theta`."""
 HERTZ = 1.5
-"""Initial guess of n: the exponent of a sphere on a plane (Hertz)."""
+"""Initial guess of n, the exponent of a sphere in contact with a plane (Hertz)."""
 STEEPEST = 5.0
-"""Upper limit of the exponent n; the lower limit is 0."""
+"""Upper limit of the exponent n. The lower limit is 0."""
 PRIOR = 1e-8
 """Weight of the initial guess n = 1.5 and B = 0, relative to the weight of the samples."""
 TOUCH = 1e-6
 """Smallest displacement that is treated as contact, relative to the typical displacement."""
 LARGEST_LOG = 230.0
-"""Limit of the magnitude of the logarithm of a force or a stiffness."""
+"""Largest magnitude of the logarithm of a force or of a stiffness."""
 
 
 def clamp(value: float, low: float, high: float) -> float:

@@ -1,4 +1,4 @@
-"""Double-stage identification of the Hunt-Crossley model by two coupled least-squares problems."""
+"""Identify the Hunt-Crossley model in two stages, by two coupled least-squares problems."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from estimation.step import B, K, Regressors, State
 LARGEST = 1e100
 """Largest magnitude of K x0^n and B x0^n v0 [N]."""
 FARTHEST = 20.0
-"""Upper limit of ln x/x0."""
+"""Upper limit of ln(x / x0)."""
 LEAST_RELATIVE = 1e-30
-"""Value of (K x0^n + B x0^n v) / f below which stage 2 does not use the sample."""
+"""Stage 2 does not use a sample if (K x0^n + B x0^n v) / f is not larger than this value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,17 +40,17 @@ class DoubleStageParameters:
     v0: float
     """Typical velocity [m/s]."""
     threshold: float
-    """Largest force that is treated as no contact [N]."""
+    """A sample with this force or less is treated as no contact [N]."""
     log_x0: float
     """ln x0."""
 
 
 @dataclass(slots=True)
 class DoubleStageState(State):
-    """Variables of the normal equations, with g = (x/x0)^n, u = v/v0 and l = ln x/x0."""
+    """Variables of the normal equations, with g = (x/x0)^n, u = v/v0 and l = ln(x/x0)."""
 
     gg: float
-    """`gg` to `guf`: weighted sums of the products of g, g u and f, for stage 1."""
+    """`gg` to `guf` are weighted sums of the products of g, g u and f, for stage 1."""
     ggu: float
     gugu: float
     gf: float
@@ -58,7 +58,7 @@ class DoubleStageState(State):
     ll: float
     """Weighted sum of l^2, for stage 2."""
     ly: float
-    """Weighted sum of l y, for stage 2, with y = ln f / (K x0^n + B x0^n v)."""
+    """Weighted sum of l y, for stage 2, with y = ln(f / (K x0^n + B x0^n v))."""
     prior: float
     """Weight of the initial guess of n."""
 
@@ -86,7 +86,7 @@ def step(
 def first_stage(
     state: DoubleStageState, beta: float, g: float, u: float, f: float
 ) -> tuple[float, float]:
-    """Return K x0^n and B x0^n v0 [N] by least squares of f on (g, g u)."""
+    """Return K x0^n and B x0^n v0 [N] from a least-squares fit of f to the regressors g and g u."""
     gu = g * u
     state.gg = beta * state.gg + g * g
     state.ggu = beta * state.ggu + g * gu
@@ -103,10 +103,10 @@ def first_stage(
 def second_stage(
     state: DoubleStageState, beta: float, n: float, lx: float, relative: float, f: float
 ) -> float:
-    """Return n by least squares of ln (f / relative) = n l, with relative = K x0^n + B x0^n v.
+    """Return n from a least-squares fit of ln(f / relative) = n l.
 
-    The weight is f^2 (estimate / f)^(3/2). The second factor removes the bias of the logarithm of
-    a noisy force.
+    `relative` is K x0^n + B x0^n v. The weight of a sample is f^2 (estimate / f)^(3/2). The second
+    factor of the weight removes the bias of the logarithm of a noisy force.
     """
     if relative <= LEAST_RELATIVE * f:
         return n
@@ -144,24 +144,25 @@ def report(
 class DoubleStage(Estimator):
     """Estimator of the Hunt-Crossley model f = K x^n + B x^n v by two coupled least squares.
 
-        stage 1:    f = [x^n, x^n v] [K, B]'            with n of stage 2
-        stage 2:    ln (f / (K + B v)) = n ln x         with K and B of stage 1
+        stage 1:    f = [x^n, x^n v] [K, B]'            with n from stage 2
+        stage 2:    ln(f / (K + B v)) = n ln x          with K and B from stage 1
 
     Each stage is recursive least squares with exponential forgetting. b and k are the Kelvin-Voigt
     parameters at the present displacement: b = B x^n and k = K x^(n-1), so that b v + k x is the
-    force. All standard deviations are NaN, because each stage neglects the error of the other.
+    force. All standard deviations are NaN, because each stage neglects the error of the other
+    stage.
 
     The model is valid in contact, for x > 0 and f > `threshold`, with the surface at x = 0. Stage
-    2 also needs K + B v > 0; other samples update only K and B. The stages converge slowly if x
-    varies little within the memory, because then K and n cannot be distinguished. `Logarithmic`
-    does not have this coupling.
+    2 also needs K + B v > 0. Samples without this property update only K and B. The stages converge
+    slowly if x varies little within the memory, because then K and n cannot be distinguished. The
+    estimator `Logarithmic` has no coupled stages.
 
     References
     ----------
     N. Diolaiti, C. Melchiorri, S. Stramigioli, "Contact impedance estimation for robotic
-    systems", IEEE Trans. Robotics 21(5), 2005 (the two stages). Not in the paper: x is divided
-    by a typical displacement x0, so that ln x varies about zero, and stage 2 has weights that
-    remove the bias of the logarithm of a noisy force.
+    systems", IEEE Trans. Robotics 21(5), 2005 (the two stages). Two changes are not in this paper.
+    x is divided by a typical displacement x0, so that its logarithm varies about zero. Stage 2 has
+    weights that remove the bias of the logarithm of a noisy force.
 
     Parameters
     ----------
@@ -170,8 +171,8 @@ class DoubleStage(Estimator):
     displacement, velocity
         Typical displacement x0 [m] and velocity v0 [m/s], used for scaling.
     threshold
-        Largest force [N] that is treated as no contact, > 0: one or two standard deviations of the
-        force noise. A sample with a smaller force, or with x <= 0, does not change the estimate.
+        A sample with this force [N] or less, or with x <= 0, does not change the estimate. The
+        threshold must be > 0. A good value is one or two standard deviations of the force noise.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Single-stage identification of the Hunt-Crossley model from the logarithm of the force."""
+"""Identify the Hunt-Crossley model in one stage, from the logarithm of the force."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class LogarithmicParameters:
     v0: float
     """Typical velocity [m/s]."""
     threshold: float
-    """Largest force that is treated as no contact [N]."""
+    """A sample with this force or less is treated as no contact [N]."""
     correlation: float
     """Number of samples per independent value of the force noise, >= 1."""
     log_x0: float
@@ -44,10 +44,10 @@ class LogarithmicParameters:
 
 @dataclass(slots=True)
 class LogarithmicState(State):
-    """Variables of the regression of y on (1, l, u), with l = ln x/x0 and u = v/v0 / (1 + z)."""
+    """Variables of the regression of y on (1, l, u). The docstring of `step` defines y, l and u."""
 
     w: float
-    """`w` to `w_uu`: weighted sums R of products of (1, l, u). `w_y` to `w_uy`: products with y."""
+    """`w` to `w_uu` are weighted sums R of products of 1, l, u; `w_y` to `w_uy` are sums with y."""
     w_l: float
     w_u: float
     w_ll: float
@@ -57,7 +57,7 @@ class LogarithmicState(State):
     w_ly: float
     w_uy: float
     q: float
-    """`q` to `q_uu`: matrix Q, the sums R with weights that decay twice as fast."""
+    """`q` to `q_uu` are the sums Q. They are the sums R with weights that decay twice as fast."""
     q_l: float
     q_u: float
     q_ll: float
@@ -70,7 +70,7 @@ class LogarithmicState(State):
     l_mean: float
     u_mean: float
     c: float
-    """`c` to `c_uu`: covariance of (level, n, v0 B / K) for noise of variance 1 N^2."""
+    """`c` to `c_uu` are the covariance of (level, n, v0 B / K) for noise of variance 1 N^2."""
     c_l: float
     c_u: float
     c_ll: float
@@ -89,10 +89,11 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Update the weighted least squares of ln f on (1, l, u), and the estimate.
+    """Update the weighted least squares of y on (1, l, u), and the estimate.
 
-    ln f = ln K + n l + ln(1 + B v/K) is linearised at z, the present estimate of B v/K:
-    ln f - ln(1 + z) + z/(1 + z) = ln K + n l + (v0 B/K) u/(1 + z).
+    ln f = ln K + n ln x + ln(1 + B v/K) is linearised at z, the present estimate of B v/K. The
+    result is y = constant + n l + (v0 B/K) u, with y = ln f - ln(1 + z) + z/(1 + z), l = ln(x / x0)
+    and u = v / v0 / (1 + z).
     """
     v, x = phi
     if x / parameters.x0 < TOUCH or f <= parameters.threshold:
@@ -117,7 +118,7 @@ def step(
 
 
 def update_noise(state: LogarithmicState, error: float, spread: float, dt: float) -> None:
-    """Update the noise variance: the mean of error^2 / spread, with the weights 1 / spread."""
+    """Update the noise variance, the mean of error^2 / spread with the weights 1 / spread."""
     share = dt / (NOISE_MEMORY + dt)
     state.evidence += share * (1.0 / spread - state.evidence)
     share /= spread * state.evidence
@@ -150,9 +151,9 @@ def accumulate(
 def solve(state: LogarithmicState, noise: float) -> None:
     """Compute the level, n and v0 B/K, and their covariance for a noise variance of 1 N^2.
 
-    The weighted means of l and u are subtracted, so that the equation of the level (ln f at these
-    means) does not depend on n and B/K. The covariance is R^-1 Q R^-1, since the noise of ln f has
-    the variance s/f^2 and the weight of a sample is proportional to f^2.
+    The level is ln f at the weighted means of l and u. These means are subtracted, so that the
+    equation of the level does not contain n and B/K. The covariance is R^-1 Q R^-1, because the
+    noise of ln f has the variance s/f^2, and the weight of a sample is proportional to f^2.
     """
     inverse = 1.0 / state.w
     l_mean, u_mean = inverse * state.w_l, inverse * state.w_u
@@ -194,7 +195,7 @@ def report(
     lx: float,
     noise: float,
 ) -> None:
-    """Compute the estimates b, k, K and B, and the standard deviations of b, k, K, B and n.
+    """Compute b, k, K and B, and the standard deviations of b, k, K, B and n.
 
     b and k are the Kelvin-Voigt parameters at the displacement x of this sample.
     """
@@ -222,7 +223,7 @@ def report(
 def variance(state: LogarithmicState, p: float, q: float, r: float) -> float:
     """Return the variance of p a + q n + r v0 B/K for a noise variance of 1 N^2.
 
-    a, n and v0 B/K are the estimated parameters: level of ln f, exponent, and scaled damping.
+    a is the estimated level of ln f, n is the exponent, and v0 B/K is the scaled damping.
     """
     total = p * (p * state.c + 2.0 * (q * state.c_l + r * state.c_u))
     total += q * (q * state.c_ll + 2.0 * r * state.c_lu) + r * r * state.c_uu
@@ -234,12 +235,12 @@ class Logarithmic(Estimator):
 
         ln f = ln K + n ln x + z + (ln(1 + z) - z),    z = B v / K
 
-    The right-hand side is linear in ln K, n and B/K, except for the remainder in brackets. The
-    paper omits the remainder, which requires |z| < 0.1. Here the remainder is linearised at the
-    present estimate, which gives no bias for z between -0.5 and 1. Force noise of variance s
-    causes noise of variance s/f^2 in ln f, so the weight of a sample is f^2. A further factor
-    (estimate/f)^(3/2) cancels the bias of the weight and of the logarithm up to second order in
-    the noise.
+    The right-hand side is linear in ln K, n and B/K, except for the remainder in brackets. Haddadi
+    and Hashtrudi-Zaad omit the remainder, so |z| must be below 0.1. Here it is linearised at the
+    present estimate, so there is no bias for z between -0.5 and 1. Force noise of variance s causes
+    noise of variance s/f^2 in ln f. The weight of a sample is therefore f^2, times a factor
+    (estimate/f)^(3/2). This factor cancels the bias of the weight and of the logarithm up to second
+    order in the noise.
 
     b and k are the Kelvin-Voigt parameters at the present displacement: b = B x^n and
     k = K x^(n-1), so that b v + k x is the force. The standard deviations are those of weighted
@@ -250,7 +251,7 @@ class Logarithmic(Estimator):
     ----------
     A. Haddadi, K. Hashtrudi-Zaad, "Real-time identification of Hunt-Crossley dynamic models of
     contact environments", IEEE Trans. Robotics 28(3), 2012 (the logarithm). The remainder, the
-    weights and the intervals are not in the paper.
+    weights and the intervals are not in this paper.
 
     Parameters
     ----------
@@ -259,10 +260,9 @@ class Logarithmic(Estimator):
     displacement, velocity
         Typical displacement x0 [m] and velocity v0 [m/s], used for scaling.
     threshold
-        Largest force [N] that is treated as no contact, > 0: one or two standard deviations of the
-        force noise. A larger threshold causes a bias, because weak forces are then used only if
-        noise increases them. A sample with a force below the threshold, or with x <= 0, does not
-        change the estimate.
+        A sample with this force [N] or less, or with x <= 0, does not change the estimate. The
+        threshold must be > 0. A good value is one or two standard deviations of the noise. A larger
+        threshold causes a bias, because weak forces are then used only if noise increases them.
     correlation
         Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 

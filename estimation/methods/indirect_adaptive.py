@@ -1,4 +1,4 @@
-"""The estimator of indirect adaptive force control (IAC)."""
+"""Gradient estimator that is used in indirect adaptive force control (IAC)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class IndirectParameters(LinearGainParameters):
     rate: float
     """Rate at which the force error decays [1/s]."""
     floor: float
-    """Value of s's at which the rate is halved, with s_i = phi_i / size_i."""
+    """The rate is halved at this value of s' s, with s_i = phi_i / size_i."""
     per_size: tuple[float, ...]
     """1 / typical size of each regressor, (m,)."""
 
@@ -40,9 +40,9 @@ def step(
 
     With s_i = phi_i / size_i and G = diag(1 / size_i^2),
 
-        theta' = rate G phi (f - phi' theta) / (floor + s's).
+        theta' = rate G phi (f - phi' theta) / (floor + s' s).
 
-    The force error then decays at the rate `rate` s's / (floor + s's).
+    The force error f - phi' theta then decays at the rate `rate` s' s / (floor + s' s).
     """
     per_size, L = parameters.per_size, state.L
     square = 0.0
@@ -62,30 +62,30 @@ class IndirectAdaptive(LinearGainEstimator):
 
     H. Seraji and R. Colbaugh, "Force tracking in impedance control", International Journal of
     Robotics Research, 1997, adapt k and f0 by a Lyapunov gradient law until the predicted force
-    k x + f0 is equal to the measured force. From the stiffness k and the location of the surface,
-    x_e = -f0 / k, they compute the reference position x_r = x_e + f_r / k for the desired force
-    f_r. D. Erickson, M. Weber and I. Sharf, "Contact stiffness and damping estimation for robotic
-    systems", International Journal of Robotics Research, 2003, estimate damping instead of the
-    location: b v + k x.
+    k x + f0 is equal to the measured force. The surface is at x_e = -f0 / k. For the desired force
+    f_r, they compute the reference position x_r = x_e + f_r / k. D. Erickson, M. Weber and
+    I. Sharf, "Contact stiffness and damping estimation for robotic systems", International Journal
+    of Robotics Research, 2003, predict the force b v + k x: they estimate the damping b instead of
+    the location of the surface.
 
-    This class is the estimator without the impedance controller. By default it is the estimator of
-    Erickson et al.; with the model `datum` it estimates damping and location. Two changes were
-    made. The gain is normalised by s's, with s_i = phi_i / size_i, so that one rate is suitable for
-    every depth and cube. The gradient law is solved exactly over a sample period, which is stable
-    for every rate and `dt`.
+    This class contains only the estimator, without the impedance controller. By default, it is the
+    estimator of Erickson et al. With the model `datum`, it estimates both damping and location. Two
+    changes were made. First, the gain is normalised by s' s, with s_i = phi_i / size_i, so that one
+    rate is suitable for every depth and cube. Second, the gradient law is solved exactly over a
+    sample period. The exact solution is stable for every rate and `dt`.
 
-    The speed of convergence of a gradient method is limited by the speed at which the direction of
-    phi changes. So a rate above the angular frequency of the motion has no advantage.
+    A gradient method cannot converge faster than the direction of phi changes. So a rate above the
+    angular frequency of the motion has no advantage.
 
     Parameters
     ----------
     rate
         Rate [1/s] at which the force error decays.
     sizes
-        Typical root mean square of each regressor, [m/s] for v, [m] for x. Their ratios
-        determine the relative adaptation gains of the parameters.
+        Typical root mean square of each regressor, [m/s] for v, [m] for x. The ratios of these
+        values determine the relative adaptation gains of the parameters.
     floor
-        Value of s's at which the rate is halved. Samples with a smaller s's have little effect.
+        The rate is halved at this value of s' s. Samples with a smaller s' s have little effect.
     model
         Model that defines the regressors.
     correlation

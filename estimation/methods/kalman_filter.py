@@ -1,4 +1,4 @@
-"""Kalman filter of parameters that are random walks (KF)."""
+"""Kalman filter (KF) of parameters that change as random walks."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from estimation.step import Regressors, below
 
 @dataclass(frozen=True, slots=True)
 class KalmanParameters(FactoredParameters):
-    """Constant settings of the function `step`, with variances in units of P0."""
+    """Constant settings of the function `step`. Variances are in units of P0."""
 
     Q: tuple[float, ...]
-    """Increase of the variance of each parameter [1/s], (m,)."""
+    """Increase of the variance of each parameter per second [1/s], (m,)."""
     ceiling: tuple[float, ...]
     """Largest variance of each parameter, (m,)."""
 
@@ -33,13 +33,14 @@ class KalmanParameters(FactoredParameters):
 def process_noise(
     memory: float, sample_period: float, sizes: tuple[float, ...]
 ) -> tuple[float, ...]:
-    """Return the process noise Q that gives a Kalman filter the time constant `memory`.
+    """Return the process noise Q with which a Kalman filter has the time constant `memory`.
 
     Consider the filter of one parameter theta with f = s theta + e, where the noise e has the
     variance 1. Let P be the variance of the estimate, with s^2 P << 1. A sample decreases P by
-    s^2 P^2, and Q increases P by Q T between two samples. So s^2 P^2 = Q T in the steady state. A
-    sample corrects the fraction s^2 P of the error of the estimate, so the time constant of the
-    error is T / (s^2 P). It is equal to `memory` for Q = T / (memory s)^2.
+    s^2 P^2, and the process noise increases P by Q T between two samples. So s^2 P^2 = Q T in the
+    steady state. A sample corrects the fraction s^2 P of the error of the estimate, so the time
+    constant of the error is T / (s^2 P). This time constant is equal to `memory` if
+    Q = T / (memory s)^2.
 
     Parameters
     ----------
@@ -68,7 +69,7 @@ def process_noise(
 
 
 def walk(parameters: KalmanParameters, state: FactoredState, dt: float) -> None:
-    """Set P <- P + Q dt, with each variance limited to its ceiling."""
+    """Set P <- P + Q dt, but do not increase a variance above its ceiling."""
     Q, ceiling = parameters.Q, parameters.ceiling
     for i in below[len(state.D)]:
         growth = Q[i] * dt
@@ -82,7 +83,7 @@ def step(
 ) -> None:
     """Set P <- P + Q dt, compute the gain L, set P <- P - L phi' P, and update theta with L.
 
-    L = P phi / (1 + phi' P phi), with P for force noise with a variance of 1 N^2.
+    The gain is L = P phi / (1 + phi' P phi). P is for force noise with a variance of 1 N^2.
     """
     walk(parameters, state, dt)
     spread = update_covariance(parameters, state, phi, 1.0)
@@ -90,28 +91,29 @@ def step(
 
 
 class RandomWalkKalman(FactoredEstimator):
-    """Kalman filter of the parameters of an environment, with random walks as their model.
+    """Kalman filter whose states are the parameters of an environment.
 
-    The method is based on G. De Gersem, H. Van Brussel, F. Tendick, "Reliable and enhanced
-    stiffness perception in soft-tissue telemanipulation", Int. J. Robotics Research 24(10), 2005,
-    who track the stiffness of tissue with a Kalman filter. As in their paper, a parameter is a
-    random walk, and the force is a noisy measurement of the parameters. The other states of their
-    filter, and the display of stiffness to the operator, are omitted. Damping and all other
-    parameters of the model are random walks too.
+    Each parameter is modelled as a random walk, and the force is a noisy measurement of the
+    parameters. The method is based on G. De Gersem, H. Van Brussel, F. Tendick, "Reliable and
+    enhanced stiffness perception in soft-tissue telemanipulation", Int. J. Robotics Research
+    24(10), 2005. They track the stiffness of tissue with a Kalman filter. The other states of their
+    filter, and the display of stiffness to the operator, are omitted. In this class, damping and
+    all other parameters of the model are also random walks.
 
     The gain depends only on the ratio of the process noise to the force noise, so `process_noise`
-    is given as this ratio. It does not depend on the value of a parameter, so a large stiffness is
-    tracked as fast as a small stiffness.
+    is given as this ratio. The gain does not depend on the value of a parameter, so a large
+    stiffness is tracked as fast as a small stiffness.
 
     While a regressor is zero, for example the velocity in a hold, the variance of its parameter
-    increases up to `ceiling`. The standard deviations of the estimates assume constant parameters.
+    increases up to `ceiling`. The standard deviations of the estimates are computed for constant
+    parameters.
 
     Parameters
     ----------
     process_noise
         Diagonal of Q: the increase per second of the variances of b [(N s/m)^2 / s], k
         [(N/m)^2 / s] and any further parameters of the model, for force noise with a variance of
-        1 N^2. The function `process_noise` computes it.
+        1 N^2. The function `process_noise` computes these values.
     initial_covariance
         Diagonal of P0, in the units of `RecursiveLeastSquares`.
     ceiling
@@ -146,5 +148,5 @@ class RandomWalkKalman(FactoredEstimator):
         super().__init__(1.0, p0, None, model, correlation, Q=growth, ceiling=room)
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return None, because the covariance does not wind up."""
+        """Return None: no warning is needed, because the covariance does not wind up."""
         return None

@@ -1,16 +1,18 @@
-"""Minimum of a positive definite quadratic form over the integer points of a box.
+"""Find the minimum of a positive definite quadratic function over the integer points of a box.
 
-The grid of the multi-estimator is such a box, and its monitoring signal is such a form,
+The grid of the multi-estimator is such a box, and the monitoring signal is such a function,
 
     q(i, j) = a i^2 + 2 b i j + c j^2 + 2 g i + 2 h j,    0 <= i <= i_last, 0 <= j <= j_last.
 
-The computing time does not depend on the size of the box. A Lagrange-Gauss reduced basis (u, w)
-divides the grid into rows along u, the step for which the quadratic part of q is smallest. In a
-reduced basis the smallest q of the unbounded grid is on one of the two rows next to the real
-minimum, which is the minimum of q over real i and j. If the grid point with the smallest q is
-outside of the box, rows are searched in both directions. The search starts at the row through the
-real minimum of q on the border of the box. In each direction the search ends at a row on which the
-real minimum of q is larger than q at the best grid point so far.
+The computing time does not depend on the size of the box. The real minimum is the minimum of q over
+real i and j. A Lagrange-Gauss reduced basis (u, w) divides the integer points into rows along u.
+The step u is that for which the quadratic part of q is smallest. Without the limits of the box, the
+integer point with the smallest q is on one of the two rows next to the real minimum.
+
+If this integer point is outside of the box, rows are searched in both directions. The search starts
+at the row through that point on the border of the box where q is smallest. In each direction, the
+search ends at a row on which the real minimum of q is larger than q at the best integer point so
+far.
 
 All functions use only scalars, so that the interpreter and numba can run them.
 
@@ -26,7 +28,7 @@ from math import ceil, floor, inf
 def least_in_box(
     a: float, b: float, c: float, g: float, h: float, i_last: int, j_last: int
 ) -> tuple[int, int]:
-    """Return the integers (i, j) in the box with the smallest q(i, j).
+    """Return the pair of integers (i, j) in the box for which q(i, j) is smallest.
 
     a, b, c, g and h are the coefficients of q; `i_last` and `j_last` are the upper limits of the
     box.
@@ -93,7 +95,7 @@ def least_in_box(
 def lowest_on_border(
     a: float, b: float, c: float, g: float, h: float, i_last: int, j_last: int
 ) -> tuple[float, float]:
-    """Return the real (i, j) on the border of the box with the smallest q(i, j)."""
+    """Return the pair of real numbers (i, j) on the border of the box for which q is smallest."""
     least = inf
     i_least = j_least = 0.0
     for side in range(4):

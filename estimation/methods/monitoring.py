@@ -1,9 +1,11 @@
-"""Monitoring signals of all candidates (b, k), and the (b, k) with the smallest signal.
+"""Compute the monitoring signals of all candidates (b, k), and the (b, k) with the smallest signal.
 
-The monitoring signal (11) of a candidate is a quadratic form in (b, k). So six exponentially
-weighted sums of products of (f, v, x) determine the signals of all candidates:
+The monitoring signal of a candidate, equation (11) of the paper, is a quadratic form in (b, k). So
+six exponentially weighted sums of products of f, v and x determine the signals of all candidates:
 
     mu(b, k) = ff - 2 b fv - 2 k fx + b^2 vv + 2 b k vx + k^2 xx.
+
+The name of each sum is the product that is summed: vx is the sum of v x.
 """
 
 from __future__ import annotations
@@ -17,9 +19,10 @@ from estimation.step import State
 
 @dataclass(slots=True)
 class MonitoringState(State):
-    """Exponentially weighted sums of products of f, v and x.
+    """Exponentially weighted sums of products of f, v and x, and an estimate of the noise.
 
-    The weight of a sample decays as e^(-2 lambda t).
+    The weight of a sample decays as e^(-2 lambda t). The name of each sum is the product that is
+    summed.
     """
 
     ff: float
@@ -36,9 +39,9 @@ class MonitoringState(State):
     weights: float
     """Sum of the weights [s]."""
     dt: float
-    """Time between the last two samples [s]. The next three fields depend on it."""
+    """Time between the last two samples [s]. The next three fields depend on this time."""
     decay: float
-    """Factor by which the sums are multiplied at a sample."""
+    """Factor by which the sums are multiplied at each sample."""
     weight: float
     """Weight of the last sample [s]."""
     noise_share: float
@@ -56,11 +59,11 @@ NO_SUMS = (0.0,) * 16
 def decay_and_add(
     twice_lambda: float, state: MonitoringState, v: float, x: float, f: float, dt: float
 ) -> None:
-    """Multiply the sums by the factor of forgetting, and add a sample v [m/s], x [m], f [N].
+    """Multiply the sums by the forgetting factor, and add a sample v [m/s], x [m], f [N].
 
-    For a force error e that is constant over `dt`, (11) is mu <- e^(-2 lambda dt) mu + w e^2 with
-    w = (1 - e^(-2 lambda dt)) / 2 lambda. e^2 = (b v + k x - f)^2 is a sum of products of
-    (f, v, x).
+    If the force error e = b v + k x - f is constant over `dt`, equation (11) of the paper is
+    mu <- exp(-2 lambda dt) mu + w e^2 with w = (1 - exp(-2 lambda dt)) / (2 lambda). e^2 is a sum
+    of products of f, v and x.
     """
     if dt != state.dt:  # usually the sample period is constant
         state.dt = dt
@@ -85,7 +88,7 @@ def decay_and_add(
 
 
 def monitoring_signal(state: MonitoringState, b: float, k: float) -> float:
-    """Return the monitoring signal (11) of the candidate (b, k) [N^2 s]. It is never negative."""
+    """Return the monitoring signal [N^2 s], >= 0, of the candidate (b, k)."""
     mu = (
         state.ff
         + b * (b * state.vv - 2.0 * state.fv)
@@ -100,13 +103,14 @@ UNDETERMINED = (0.0, 0.0, math.inf, math.inf)
 
 
 def least_point(correlation: float, state: MonitoringState) -> tuple[float, float, float, float]:
-    """Return the real (b, k) with the smallest monitoring signal mu, and the variances of b and k.
+    """Return the (b, k) with the smallest monitoring signal mu, and the variances of b and k.
 
-    This (b, k) is the weighted least-squares solution R theta = r, where R are the sums of phi phi'
-    and r the sums of phi f. For white noise of variance s the covariance of theta is
-    s R^-1 Q R^-1, where Q are the sums R with squared weights. The expectation of mu at this
-    (b, k) is s (sum of weights - tr R^-1 Q). So s is estimated from mu, averaged with the time
-    constant `NOISE_MEMORY`. The variances are multiplied by `correlation`.
+    b and k are any real numbers, not only candidates. They are the solution of the weighted
+    least-squares problem R theta = r. R contains the sums of phi phi', and r contains the sums of
+    phi f. For white noise with the variance s, the covariance of theta is s R^-1 Q R^-1, where Q
+    is R with squared weights. The expectation of mu at this (b, k) is
+    s (sum of weights - trace(R^-1 Q)). So s is estimated from a mean of mu with the time constant
+    `NOISE_MEMORY`. The variances are multiplied by `correlation`.
     """
     vv, vx, xx = state.vv, state.vx, state.xx
     determinant = vv * xx - vx * vx
@@ -136,8 +140,8 @@ def least_point(correlation: float, state: MonitoringState) -> tuple[float, floa
 def deviation(variance: float, distance: float, most: float) -> float:
     """Return the root mean square error of a candidate value, sqrt(variance + distance^2).
 
-    `variance` is the variance of the value with the smallest monitoring signal, and `distance` the
-    distance of the candidate from this value. The result is at most `most`.
+    `variance` is the variance of the real value with the smallest monitoring signal. `distance` is
+    the distance of the candidate value from this real value. The result is limited to `most`.
     """
     square = variance + distance * distance
     std = math.sqrt(square) if square > 0.0 else 0.0

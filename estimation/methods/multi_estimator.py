@@ -1,4 +1,4 @@
-"""Multi-estimator (ME): the candidate (b, k) of a grid with the smallest monitoring signal."""
+"""Multi-estimator (ME). It selects the candidate (b, k) whose monitoring signal is smallest."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from estimation.step import B, K, Regressors
 Indices = NDArray[np.int64]
 
 TIE = 1e-9
-"""Weight of the tie-breaking term that `MultiEstimator` adds to each monitoring signal."""
+"""Weight of the tie-breaking term in each monitoring signal, see `MultiEstimator`."""
 FASTEST = 1e6
 """Largest forgetting rate [1/s]."""
 
@@ -61,29 +61,33 @@ def step(
 
 
 class MultiEstimator(Estimator):
-    """Multi-estimator, (10)-(11) of the paper.
+    """Multi-estimator, equations (10) and (11) of the paper.
 
-    The estimate is the candidate (b, k) of a grid with the smallest monitoring signal. The signals
-    of all candidates are one quadratic form in (b, k). Its minimum over the grid is found without
-    evaluating all candidates, so the computing time does not depend on the size of the grid.
+    The candidates (b, k) are the points of a grid. The estimate is the candidate with the smallest
+    monitoring signal. The signals of all candidates are one quadratic function of (b, k). The
+    minimum of this function over the grid is found without evaluating all candidates, so the
+    computing time does not depend on the size of the grid.
 
     A small tie-breaking term is added to each signal. If several candidates have equal signals, the
     candidate nearest to (b, k) = (0, 0) is selected. So a damping that the data do not determine is
     estimated as zero. The term does not change the result for candidates that the data distinguish.
-    The term is a product of three factors: `TIE`, the squared distance from the candidate nearest
-    to (0, 0) in units of the lengths of the axes, and the integral of f^2 + (b v)^2 + (k x)^2. In
-    this integral b and k are the lengths of the axes.
+    Let B and K be the lengths of the axes of b and k. The term is a product of three factors:
+
+    - `TIE`;
+    - the squared distance from the candidate nearest to (0, 0), in units of B and K;
+    - the integral of f^2 + (B v)^2 + (K x)^2.
 
     Parameters
     ----------
     grid
         The candidates.
     forgetting_rate
-        lambda in (11) [1/s], >= 0. The weight of a squared error decays as e^(-2 lambda t).
+        lambda in equation (11) [1/s], >= 0. The weight of a squared error decays as
+        e^(-2 lambda t).
     correlation
         Number of samples per independent value of the force noise, see `LinearGainEstimator`.
     own
-        Additional parameters of the step of a subclass, by name.
+        Additional settings of the function `step` of a subclass, by name.
 
     Raises
     ------
@@ -118,7 +122,7 @@ class MultiEstimator(Estimator):
         return MonitoringState(zero, spans, False, *NO_SUMS)
 
     def monitoring_signal(self, b: Floats | float, k: Floats | float) -> Floats:
-        """Return the monitoring signal (11) of candidates (b, k) [N^2 s]; b and k are broadcast."""
+        """Return the monitoring signals of candidates (b, k) [N^2 s]. b and k are broadcast."""
         s = self.state
         b, k = np.asarray(b, dtype=np.float64), np.asarray(k, dtype=np.float64)
         signal = s.ff + b * (b * s.vv - 2.0 * s.fv) + k * (k * s.xx - 2.0 * s.fx)
@@ -130,7 +134,7 @@ class MultiEstimator(Estimator):
         Parameters
         ----------
         margin
-            Largest difference, as a fraction of the smallest monitoring signal, >= 0.
+            Largest difference from the smallest monitoring signal, as a fraction of it, >= 0.
 
         Returns
         -------
@@ -159,9 +163,9 @@ class MultiEstimator(Estimator):
 
         Returns
         -------
-        First and last index of k for each b, arrays of shape (grid.b.count,). first > last if
-        `ties` has no candidate with this b. The computing time does not depend on the number of
-        values of k.
+        First and last index of k for each b, two arrays of shape (grid.b.count,). For a b without
+        candidates in `ties`, the first index is larger than the last index. The computing time
+        does not depend on the number of values of k.
         """
         if not margin >= 0.0:
             raise ValueError(f"margin must be >= 0, got {margin}")
@@ -191,7 +195,7 @@ class MultiEstimator(Estimator):
 
     @property
     def at_edge(self) -> tuple[str, ...]:
-        """Names of the parameters, "b" and "k", whose estimate is at the edge of the grid."""
+        """Names of those parameters ("b", "k") whose estimate is at the edge of the grid."""
         edges = self.edges()
         return tuple(name for name in edges if getattr(self.estimate, name) in edges[name])
 
@@ -203,7 +207,7 @@ class MultiEstimator(Estimator):
         }
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return a warning if the estimate is at the edge of the grid, otherwise None.
+        """Return a warning if the present estimate is at the edge of the grid, otherwise None.
 
         A warning is also returned if the estimate was at the edge in at least 10 % of the samples.
         """

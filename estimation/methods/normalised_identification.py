@@ -1,4 +1,4 @@
-"""Adaptive identification by the gradient law with a normalised gain (NAI)."""
+"""Adaptive identification by the gradient law, with a normalised gain (NAI)."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from estimation.step import Regressors, Vector, below
 LEAST = 0.1
 """Lower limit of the mean square of a regressor, relative to the square of its typical size."""
 MOST = 100.0
-"""Upper limit of the square of a sample, relative to the square of the typical size."""
+"""Upper limit of the square of a regressor, relative to the square of its typical size."""
 LARGEST_SHARE = 0.1
-"""Largest weight of one sample in a mean square, also after a long gap."""
+"""Largest weight of one sample in a mean square, even after a long gap in the data."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ def step(
 ) -> None:
     """Integrate the gradient law (8) of the paper over one sample period, with constant phi and f.
 
-    Gamma_i = rate / <phi_i^2>, where < > is a mean over time.
+    The gain is Gamma_i = rate / <phi_i^2>, where < > is a mean over time.
     """
     per_size, mean_square, L = parameters.per_size, state.mean_square, state.L
     share = parameters.per_memory * dt
@@ -76,18 +76,18 @@ def step(
 
 
 class NormalisedIdentification(LinearGainEstimator):
-    """Adaptive identification with a gain normalised by each regressor's mean square.
+    """Adaptive identification with a gain that is normalised by the mean square of each regressor.
 
-    In the gradient law (8) of the paper, theta' = -Gamma phi (phi' theta - f), the gain Gamma must
-    be chosen for the cube and the depth. Here Gamma_i = rate / <phi_i^2>, where < > is a mean over
-    time. So all parameters converge at the rate `rate` if the regressors are uncorrelated, whatever
-    the units and sizes of the regressors are.
-    This is the normalised gradient of P. A. Ioannou and J. Sun, "Robust Adaptive Control", 1996,
-    section 4.3, applied to each regressor. (8) is solved exactly over a sample period, which is
-    stable for every rate and `dt`.
+    The gradient law is equation (8) of the paper, theta' = -Gamma phi (phi' theta - f). In the
+    paper, the gain Gamma must be chosen for the cube and the depth. Here Gamma_i is
+    rate / <phi_i^2>, where < > is a mean over time. So, if the regressors are uncorrelated, all
+    parameters converge at the rate `rate`, for all units and sizes of the regressors. This is the
+    normalised gradient of P. A. Ioannou and J. Sun, "Robust Adaptive Control", 1996, section 4.3,
+    applied to each regressor. The gradient law is solved exactly over a sample period. The exact
+    solution is stable for every rate and `dt`.
 
-    The speed of convergence of a gradient method is limited by the speed at which the direction of
-    phi changes. So a rate above half the angular frequency of the motion has no advantage.
+    A gradient method cannot converge faster than the direction of phi changes. So a rate above half
+    the angular frequency of the motion has no advantage.
 
     Parameters
     ----------
@@ -95,8 +95,8 @@ class NormalisedIdentification(LinearGainEstimator):
         Rate [1/s] at which the parameters converge.
     sizes
         Typical root mean square of each regressor, [m/s] for v, [m] for x. The order of
-        magnitude is sufficient: a mean square of 0.1 to 100 times the typical mean square is
-        fully compensated.
+        magnitude is sufficient: if the mean square is 0.1 to 100 times the typical mean square, the
+        gain is fully normalised.
     memory
         Time constant [s] of the mean squares.
     model

@@ -1,4 +1,4 @@
-"""Exponentially weighted least squares with the constraint of passivity (EWLS)."""
+"""Exponentially weighted least squares (EWLS), with the constraint of a passive environment."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from estimation.step import Matrix, Regressors, Vector, below, diagonal, zeros
 SIGNED = ("f0",)
 """Parameters that may be negative in a passive environment."""
 ROUNDING = 1e-15
-"""Smallest fraction of a variance that remains after another parameter was fixed at zero."""
+"""When a parameter is fixed at zero, at least this fraction of each other variance remains."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,12 +31,12 @@ class PassiveState(FactoredState):
     free: Vector
     """Estimate without the constraint, (m,)."""
     P: Matrix
-    """Covariance of theta, given that some parameters are fixed at zero, for noise of variance
-    1 N^2, (m, m)."""
+    """Covariance of theta for noise of variance 1 N^2, given that some parameters are fixed at
+    zero, (m, m)."""
 
 
 def multiply_out(parameters: PassiveParameters, state: PassiveState) -> None:
-    """Compute P = U D U', scaled to the units of theta."""
+    """Compute the covariance P = U D U', in the units of theta."""
     s, U, D, P = parameters.s, state.U, state.D, state.P
     m = len(D)
     for i in below[m]:
@@ -53,7 +53,7 @@ def multiply_out(parameters: PassiveParameters, state: PassiveState) -> None:
 
 
 def most_negative(parameters: PassiveParameters, state: PassiveState) -> int:
-    """Return the index of the parameter that is most standard deviations below zero.
+    """Return the index of the negative parameter with the largest |theta_i| / (standard deviation).
 
     Parameters that may be negative are ignored. The result is -1 if no other parameter is negative.
     """
@@ -72,7 +72,9 @@ def most_negative(parameters: PassiveParameters, state: PassiveState) -> int:
 def fix_at_zero(state: PassiveState, n: int) -> None:
     """Fix parameter n at zero, and set the other parameters to their conditional expectation.
 
-    theta <- theta - P e theta_n / P_nn,    P <- P - P e e' P / P_nn,    e the n-th unit vector
+    theta <- theta - P e theta_n / P_nn,    P <- P - P e e' P / P_nn,
+
+    where e is the n-th unit vector.
     """
     theta, P = state.theta, state.P
     m = len(theta)
@@ -95,7 +97,7 @@ def fix_at_zero(state: PassiveState, n: int) -> None:
 def step(
     parameters: PassiveParameters, state: PassiveState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Update the estimate without constraint, then compute the nearest passive theta."""
+    """Update the unconstrained estimate, and then compute the passive theta nearest to it."""
     theta, free, bounded = state.theta, state.free, parameters.bounded
     indices = below[len(phi)]
     for i in indices:
@@ -116,24 +118,25 @@ def step(
 
 
 class PassiveLeastSquares(FactoredEstimator):
-    """Exponentially weighted least squares with the constraint of a passive environment.
+    """Exponentially weighted least squares (EWLS) with the constraint of a passive environment.
 
     The method is based on M. B. Colton, J. M. Hollerbach, "Identification of nonlinear passive
     devices for haptic simulations", World Haptics, 2005, and "Reality-based haptic force models
-    of buttons and switches", IEEE Int. Conf. Robotics and Automation, 2007. They identify a
-    passive device by exponentially weighted least squares (EWLS),
+    of buttons and switches", IEEE Int. Conf. Robotics and Automation, 2007. Colton and Hollerbach
+    identify a passive device by EWLS,
 
         sum_n beta^(N-n) (f_n - phi_n' theta)^2 + beta^N theta' P0^-1 theta -> min.
 
-    In the papers, parameters depend on position and direction, and there is Coulomb friction. Both
-    are omitted here. The constraint is not in the papers: no parameter except f0 is negative.
+    In these papers, the parameters depend on position and direction, and the model has Coulomb
+    friction. Both are omitted here. The constraint is not in these papers: no parameter except f0
+    is negative.
 
-    The estimate is the passive theta that is nearest to the unconstrained minimum in the metric
-    of the information matrix P^-1. Negative parameters are set to zero one after the other,
-    beginning with the parameter that is most standard deviations below zero. For a model with b
-    and k only, the result is the exact constrained minimum. For more parameters, the result is
-    nearly always the exact minimum. The recursion continues from the unconstrained minimum. The
-    standard deviations are also those of the unconstrained minimum.
+    The estimate is the passive theta that is nearest to the unconstrained minimum, in the metric
+    of the information matrix P^-1. Negative parameters are set to zero one after the other. The
+    first is the parameter whose ratio of magnitude to standard deviation is largest. For a model
+    with b and k only, the result is the exact constrained minimum. For more parameters, the result
+    is nearly always the exact constrained minimum. The recursion continues from the unconstrained
+    minimum. The standard deviations are those of the unconstrained minimum.
 
     Parameters
     ----------
@@ -143,7 +146,7 @@ class PassiveLeastSquares(FactoredEstimator):
         Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
         parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
-        Time [s] in which the weight of a past sample is multiplied by beta. Default: it is
+        Time [s] in which the weight of a past sample is multiplied by beta. Default: the weight is
         multiplied by beta at each sample, independent of `dt`.
     model
         Model that defines the regressors.
@@ -173,7 +176,7 @@ class PassiveLeastSquares(FactoredEstimator):
         )
 
     def first_state(self, guess_variance: tuple[float, ...]) -> PassiveState:
-        """Return the state before the first sample: P = I, without constraint."""
+        """Return the state before the first sample: U D U' = I, and all estimates are zero."""
         m = len(guess_variance)
         return PassiveState(
             **asdict(super().first_state(guess_variance)), free=zeros(m), P=diagonal(zeros(m))

@@ -1,4 +1,4 @@
-"""Least squares of segments, with a test whether all segments have the same parameters."""
+"""Fit each segment of a motion by least squares, and test whether all segments agree."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ from estimation.step import B, K, Regressors, State
 SIGNIFICANT = 3.090232306167813
 """99.9 % quantile of the standard normal distribution."""
 SMALLEST_REPORTED = 0.1
-"""Smallest standard deviation between segments that `misfit` contains, relative to the root mean
-square of the values of the segments."""
+"""`misfit` contains a parameter if its standard deviation between segments is above this value.
+
+The value is relative to the root mean square of the parameter over the segments.
+"""
 FEWEST = 8
-"""Smallest number of samples in a segment."""
+"""Smallest number of samples in a complete segment."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,22 +32,22 @@ class SegmentParameters:
 
 @dataclass(slots=True)
 class Pool:
-    """Statistics of one parameter over all segments so far."""
+    """Statistics of one parameter over all complete segments."""
 
     count: int
     """Number of segments."""
     weights: float
-    """Sum of the weights, 1 / variance."""
+    """Sum of the weights of the segments. A weight is 1 / variance."""
     weighted_mean: float
     """Weighted mean of the parameter."""
     Q: float
-    """Cochran's Q: weighted sum of the squared deviations from the weighted mean."""
+    """Cochran's Q, the weighted sum of the squared deviations from the weighted mean."""
     mean: float
     """Unweighted mean of the parameter."""
     squares: float
     """Sum of the squared deviations from the unweighted mean."""
     variance: float
-    """Mean of the variances of the segments."""
+    """Mean of the variances that the least-squares fits of the segments give."""
 
 
 @dataclass(slots=True)
@@ -68,7 +70,7 @@ class SegmentState(State):
 def step(
     parameters: SegmentParameters, state: SegmentState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Add the sample to the present segment; end the segment when it is long enough."""
+    """Add the sample to the present segment, and end the segment when it is long enough."""
     v, x = phi
     if dt > parameters.length:
         begin(state)
@@ -110,7 +112,7 @@ def end(parameters: SegmentParameters, state: SegmentState) -> None:
 
 
 def add(pool: Pool, value: float, variance: float) -> None:
-    """Add the estimate of one parameter from a segment, with its variance, to the statistics."""
+    """Add a segment to the statistics of one parameter: the estimated value and its variance."""
     weight = 1.0 / (variance + 1e-300)
     pool.count += 1
     pool.weights += weight
@@ -126,8 +128,8 @@ def add(pool: Pool, value: float, variance: float) -> None:
 def pooled(pool: Pool) -> tuple[float, float]:
     """Return the weighted mean of a parameter, and the standard deviation of this mean.
 
-    The variance is that of the noise. If the segments disagree, the variance between the segments
-    is added.
+    The standard deviation is that due to noise. If the segments disagree, it also includes the
+    variance between the segments.
     """
     variance = 1.0 / pool.weights
     if disagree(pool):
@@ -136,9 +138,10 @@ def pooled(pool: Pool) -> tuple[float, float]:
 
 
 def disagree(pool: Pool) -> bool:
-    """Return whether the segments disagree: Cochran's Q exceeds the 99.9 % chi-squared quantile.
+    """Return whether the segments have significantly different values of a parameter.
 
-    The quantile is computed by the approximation of Wilson and Hilferty.
+    This is true if Cochran's Q exceeds the 99.9 % quantile of the chi-squared distribution. The
+    quantile is computed by the approximation of Wilson and Hilferty.
     """
     freedom = pool.count - 1
     if freedom < 1:
@@ -149,34 +152,35 @@ def disagree(pool: Pool) -> bool:
 
 
 def spread(pool: Pool) -> float:
-    """Return the variance between segments: total variance minus variance due to noise, >= 0."""
+    """Return the variance between the segments, the total variance minus that of noise, >= 0."""
     if pool.count < 2:
         return 0.0
     return max(pool.squares / (pool.count - 1) - pool.variance, 0.0)
 
 
 class PooledSegments(Estimator):
-    """Least squares of segments of the motion, with a test whether the segments agree.
+    """Least squares for each segment of the motion, with a test whether the segments agree.
 
-    Each segment gives b and k with their variances. The estimate is the weighted mean of all
-    segments. If the environment is a Kelvin-Voigt body, the segments differ only by noise. Then
+    A fit to each segment gives b and k with their variances. The estimate is the weighted mean of
+    all segments. If the environment is a Kelvin-Voigt body, the segments differ only by noise. Then
     Cochran's Q, the weighted sum of the squared deviations from the mean, has a chi-squared
     distribution. If Q exceeds the 99.9 % quantile of this distribution, the segments do not have
-    the same b and k. The standard deviation then includes the variance between segments. `misfit`
-    contains the standard deviation between segments if it is larger than 10 %.
+    the same b or k. The standard deviation of the estimate then includes the variance between the
+    segments. `misfit` contains the standard deviation between the segments if it is larger than
+    10 %.
 
     Parameters
     ----------
     length
-        Length of a segment [s], about one period of the motion. b and k must be distinguishable
-        from the motion in one segment.
+        Length of a segment [s], about one period of the motion. The motion in one segment must be
+        sufficient to distinguish b and k.
     correlation
         Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        The length is not positive, or the correlation is below 1.
+        `length` is not positive, or `correlation` is below 1.
 
     References
     ----------
@@ -239,7 +243,7 @@ class PooledSegments(Estimator):
         return found
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return a note on the parameters on which the segments disagree."""
+        """Return a note that names the parameters on which the segments disagree, or None."""
         misfits = [f"{name} varies by {share:.0%}" for name, share in self.misfit.items()]
         if misfits:
             return (

@@ -19,7 +19,7 @@ def step(
 ) -> None:
     """Update theta by (3)-(4) of the paper: L = P z / (beta + z' P z), P <- (P - L z' P) / beta.
 
-    z are the scaled regressors (`ud_factors`).
+    z contains the scaled regressors (`ud_factors`).
     """
     update_and_forget(parameters, state, phi, f, dt, forgetting_factor(parameters, state, dt))
 
@@ -42,15 +42,17 @@ def update_and_forget(
 
 
 class RecursiveLeastSquares(FactoredEstimator):
-    """Recursive least squares with exponential forgetting, (3)-(4) of the paper.
+    """Recursive least squares with exponential forgetting, equations (3) and (4) of the paper.
 
-    The estimate minimises sum_n beta^(N-n) (f_n - phi_n' theta)^2 + beta^N theta' P0^-1 theta.
+    After N samples, the estimate minimises
+
+        sum_n beta^(N-n) (f_n - phi_n' theta)^2 + beta^N theta' P0^-1 theta.
 
     Without motion, old information is forgotten but no information is added. The covariance then
-    increases by the factor 1/beta per sample, and over a gap in the data in one step. The increase
-    ends when a variance is `WINDUP` times its initial value. Recordings with motion do not reach
-    this limit. The covariance is stored as U-D factors, so that it remains positive definite and
-    its rounding errors are small.
+    increases by the factor 1/beta per sample. Over a gap in the data, the whole increase occurs in
+    one step. The increase ends when a variance is `WINDUP` times its initial value. In recordings
+    with motion, the variances remain below this limit. The covariance is stored as U-D factors, so
+    that it remains positive definite and its rounding errors are small.
 
     Parameters
     ----------
@@ -61,15 +63,15 @@ class RecursiveLeastSquares(FactoredEstimator):
         parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
         Time [s] in which the weight of a past sample is multiplied by beta. Forgetting then depends
-        on `dt`. Default: it is multiplied by beta at each sample, independent of `dt`.
+        on `dt`. Default: the weight is multiplied by beta at each sample, independent of `dt`.
     model
         Model that defines the regressors.
     correlation
         Number of samples per independent value of the force noise, see `LinearGainEstimator`.
     guess_variance
-        Variance of the error of the initial guess theta = 0, in the units of the initial
-        covariance. It has an effect only on the standard deviations. Give it if the initial
-        covariance is smaller than this variance. Default: the initial covariance.
+        Variances of the error of the initial guess theta = 0, in the units of the initial
+        covariance. They have an effect only on the standard deviations. Give them if the initial
+        covariance is smaller. Default: the initial covariance.
 
     Raises
     ------

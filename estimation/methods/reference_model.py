@@ -20,7 +20,7 @@ class ReferenceParameters:
     bandwidth: float
     """Bandwidth a of the reference and of the model [1/s]."""
     floor: float
-    """Value of s's at which the rate is halved, with s_i = phi_i / size_i."""
+    """The rate is halved at this value of s' s, with s_i = phi_i / size_i."""
     per_size: tuple[float, ...]
     """1 / typical size of each regressor, (m,)."""
 
@@ -30,7 +30,7 @@ class ReferenceState(State):
     """Variables that the function `step` updates."""
 
     e: float
-    """Output error e: output of the reference minus output of the model, divided by n [N]."""
+    """Output error e [N]. It is (output of the reference - output of the model) / n."""
 
 
 def step(
@@ -40,9 +40,9 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Integrate e and theta over one sample period by implicit Euler.
+    """Integrate e and theta over one sample period by the implicit Euler method.
 
-    With s_i = phi_i / size_i, G = diag(1 / size_i^2) and n^2 = floor + s's,
+    With s_i = phi_i / size_i, G = diag(1 / size_i^2) and n^2 = floor + s' s,
 
         e' = -a e + a (f - phi' theta) / n,    theta' = rate G phi e / n.
     """
@@ -63,39 +63,42 @@ def step(
 
 
 class ReferenceModel(Estimator):
-    """Model-reference adaptive estimator: theta is adapted by the output error of a model.
+    """Model-reference adaptive estimator. theta is adapted by the output error of a model.
 
     The method is based on S. K. Singh and D. O. Popa, "An analysis of some fundamental problems
     in adaptive control of force and impedance behavior: theory and experiments", IEEE
-    Transactions on Robotics and Automation, 1995. In that paper the tracking error between a force
-    loop and a reference model is the input of the adaptation. An estimator alone has no force
-    loop, so this class has the structure but not the regressor of the paper. The reference is the
-    force after a first-order lag of bandwidth a. The model is the same lag with the input
-    phi' theta. theta is adapted by the error e, reference minus model:
+    Transactions on Robotics and Automation, 1995. In their paper, the parameters are adapted by the
+    tracking error between a force loop and a reference model. An estimator alone has no force loop,
+    so this class has the structure but not the regressor of their paper. The reference is the force
+    after a first-order lag with the bandwidth a. The model is the same lag with the input
+    phi' theta. theta is adapted by the error e, which is the output of the reference minus the
+    output of the model:
 
         e' = -a e + a (f - phi' theta) / n,    theta' = rate G phi e / n,
 
-    where G = diag(1 / size_i^2). n^2 = floor + s's, with s_i = phi_i / size_i, increases with phi,
-    so that one rate is suitable for every depth and cube. For a constant environment theta_0,
+    where G = diag(1 / size_i^2), and n^2 = floor + s' s with s_i = phi_i / size_i. n increases with
+    phi, so that one rate is suitable for every depth and cube. For a constant environment theta_0,
+    the Lyapunov function V never increases:
 
         V = e^2 + a (theta - theta_0)' G^-1 (theta - theta_0) / rate,    V' = -2 a e^2.
 
-    V also decreases with implicit Euler, for every rate and every `dt`.
+    With the implicit Euler method, V does not increase either, for every rate and every `dt`.
 
     There are no standard deviations, because the lag makes the noise correlated.
 
     Parameters
     ----------
     rate
-        Rate [1/s] at which the force error decays, if it is much less than the bandwidth.
+        Rate [1/s] at which the force error decays. This is valid if the rate is much less than
+        the bandwidth.
     sizes
-        Typical root mean square of each regressor, [m/s] for v, [m] for x. Their ratios
-        determine the relative adaptation gains of the parameters.
+        Typical root mean square of each regressor, [m/s] for v, [m] for x. The ratios of these
+        values determine the relative adaptation gains of the parameters.
     bandwidth
-        Bandwidth a [1/s] of the reference and of the model. Below four times the rate, e
+        Bandwidth a [1/s] of the reference and of the model. If it is below four times the rate, e
         oscillates.
     floor
-        Value of s's at which the rate is halved. Samples with a smaller s's have little effect.
+        The rate is halved at this value of s' s. Samples with a smaller s' s have little effect.
     model
         Model that defines the regressors.
 

@@ -1,4 +1,4 @@
-"""Damping and stiffness from the frequency response at the frequency of the motion (SPM)."""
+"""Estimate damping and stiffness from the frequency response at the motion's frequency (SPM)."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ FASTEST = 500.0
 SLOWEST = 0.5
 """Smallest angular frequency of a motion [rad/s]."""
 DISTINCT = 0.3
-"""Smallest determinant at which the equations F = b V + k X are solved, divided by the determinant
-for a sine."""
+"""The equations F = b V + k X are solved only if their determinant is above this fraction of the
+determinant for a sine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,18 +26,20 @@ class SpectralParameters:
     per_memory: float
     """1 / time constant of the frequency estimate [1/s]."""
     frequency: float
-    """Angular frequency of the motion [rad/s]; 0 to estimate it."""
+    """Angular frequency of the motion [rad/s]; 0 if it must be estimated."""
     least_variance: float
-    """Variance of x below which the estimate does not change [m^2]."""
+    """The estimate does not change if the variance of x is below this value [m^2]."""
     least_determinant: float
-    """Determinant below which the estimate does not change, divided by rms v and rms x."""
+    """The estimate does not change if the determinant, divided by the root mean squares of v and
+    x, is below this value."""
 
 
 @dataclass(slots=True)
 class Spectrum:
-    """Means of a signal s over the window: <s>, and <e s> with e = exp(-j w (now - t)).
+    """Means <s> and <e s> of a signal s over the window, with e = exp(-j w (t_0 - t)).
 
-    `mean` is <s>. `re` and `im` are the real and the imaginary part of <e s>.
+    w is the angular frequency of the motion, and t_0 is the present time. `mean` is <s>. `re` and
+    `im` are the real and the imaginary part of <e s>.
     """
 
     mean: float
@@ -60,6 +62,7 @@ class SpectralState(State):
     window_filled: float
     """Sum of the weights in the window, from 0 to 1."""
     one: Spectrum
+    """Means of the constant signal 1, and then of x, v and f."""
     x: Spectrum
     v: Spectrum
     f: Spectrum
@@ -91,7 +94,7 @@ def step(
 def find_frequency(
     parameters: SpectralParameters, state: SpectralState, v: float, x: float, dt: float
 ) -> float:
-    """Return the angular frequency w of the motion [rad/s], w^2 = <v^2> / <(x - <x>)^2>."""
+    """Return the angular frequency w of the motion [rad/s], from w^2 = <v^2> / <(x - <x>)^2>."""
     share = parameters.per_memory * dt
     share /= 1.0 + share
     state.filled += share * (1.0 - state.filled)
@@ -133,8 +136,8 @@ def slide(
 def update(spectrum: Spectrum, value: float, share: float, cos: float, sin: float) -> None:
     """Rotate <e s> by the phase angle of the sample period, and add a sample to the means.
 
-    `share` is the weight of the sample. `cos` and `sin` are those of the phase angle, times
-    1 - share.
+    `share` is the weight of the sample. `cos` and `sin` are the cosine and sine of the phase angle,
+    each multiplied by 1 - share.
     """
     re, im = spectrum.re, spectrum.im
     spectrum.mean += share * (value - spectrum.mean)
@@ -148,14 +151,14 @@ def coefficient(state: SpectralState, signal: Spectrum) -> tuple[float, float]:
 
 
 class SpectralRatio(Estimator):
-    """Estimator of damping and stiffness from the ratio of spectra, k + j w b = F / X.
+    """Estimator of damping and stiffness from the ratio of two spectra, k + j w b = F / X.
 
     The method is based on the signal processing method of D. Erickson, M. Weber and I. Sharf,
     "Contact stiffness and damping estimation for robotic systems", International Journal of
     Robotics Research, 2003. Their method is offline. It uses the mass of a robot in contact, and
     the frequency of the contact force from a Fourier transform. The present method is recursive
-    and does not need a mass. Let < > be means over an exponential window that ends at the present
-    time s, and e = exp(-j w (s - t)). Then
+    and does not need a mass. Let < > be a mean over an exponential window that ends at the present
+    time t_0, and let e = exp(-j w (t_0 - t)). Then
 
         X = <e x> - <e> <x>,    V = <e v> - <e> <v>,    F = <e f> - <e> <f>,
         F = b V + k X.
@@ -163,10 +166,11 @@ class SpectralRatio(Estimator):
     The real and the imaginary part of the last equation are two equations for b and k. For a
     steady oscillation and a long window V is j w X, and the result is the ratio F / X. For a short
     window V is not j w X, but the equations are still exact for every motion and every angular
-    frequency w. w only selects a part of the spectrum. A constant force has no effect.
+    frequency w. The value of w only selects a part of the spectrum. A constant force has no effect.
 
-    w is computed from w^2 = <v^2> / <(x - <x>)^2>, with means over a longer time. The estimate
-    does not change while the motion in the window is not sufficient to distinguish b and k.
+    The angular frequency is computed from w^2 = <v^2> / <(x - <x>)^2>, where the means are over a
+    longer time. The estimate does not change while the motion in the window is not sufficient to
+    distinguish b and k.
 
     There are no standard deviations.
 
@@ -174,8 +178,8 @@ class SpectralRatio(Estimator):
     ----------
     periods
         Time constant of the window, in periods of the motion. With a short window, the estimate
-        changes faster. A long window reduces noise. For short windows the determinant of the
-        equations is proportional to the sixth power of this parameter.
+        follows changes faster. With a long window, the estimate has less noise. For short windows
+        the determinant of the equations is proportional to the sixth power of this parameter.
     frequency
         Frequency of the motion [Hz]. Default: estimated from the motion.
     motion
@@ -227,7 +231,7 @@ class SpectralRatio(Estimator):
 
 
 def sine_determinant(angle: float) -> float:
-    """Return |Re V Im X - Im V Re X| of a sine, divided by the rms v and the rms x of the sine.
+    """Return |Re V Im X - Im V Re X| of a sine, divided by the root mean squares of v and x.
 
     `angle` is the time constant of the window, as a phase angle of the sine [rad].
     """

@@ -1,4 +1,4 @@
-"""Subspace of information forgetting recursive least squares (SIFt-RLS)."""
+"""Recursive least squares with forgetting in the subspace of new information (SIFt-RLS)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class SubspaceParameters(FactoredParameters):
     """Constant settings of the function `step`."""
 
     epsilon: float
-    """Smallest z' z of a sample that is used, with the scaled regressors z."""
+    """A sample is used if z' z is not below this value, with the scaled regressors z."""
 
 
 def scale(parameters: SubspaceParameters, state: FactoredState, phi: Regressors) -> float:
@@ -61,9 +61,9 @@ def step(
 ) -> None:
     """Set R <- R - (1 - beta) R z z' R / z' R z + z z' with R = P^-1, and update theta.
 
-    z are the scaled regressors (`ud_factors`). The gain is P z, with P after the update. The second
-    term of the sum is the forgetting, P <- P + (1 - beta) / beta z z' / z' R z. If |z| is below the
-    threshold, theta and P do not change.
+    z contains the scaled regressors (`ud_factors`). The gain is P z, with P after the update. The
+    second term of the sum is the forgetting. For P it is P <- P + (1 - beta) / beta z z' / z' R z.
+    If |z| is below the threshold, theta and P do not change.
     """
     if scale(parameters, state, phi) < parameters.epsilon:
         state.held = True
@@ -77,13 +77,14 @@ def step(
 class SubspaceForgetting(FactoredEstimator):
     """Recursive least squares with forgetting in the subspace of the new information, SIFt-RLS.
 
-    Information in a direction is forgotten only when new information in this direction arrives,
-    and samples below a threshold are ignored (B. Lai and D. S. Bernstein, "SIFt-RLS: Subspace of
-    Information Forgetting Recursive Least Squares", arXiv:2404.10844, 2024, Algorithm 1 for one
-    measurement per sample; the forgetting is that of L. Cao and H. Schwartz, "A directional
-    forgetting algorithm based on the decomposition of the information matrix", Automatica 36(11),
-    1725-1731, 2000). P is bounded below and above for every motion. Its upper bound is P0 times
-    the larger of 1 and (1 - beta) / threshold^2.
+    Information in a direction is forgotten only when a sample contains new information in this
+    direction. Samples below a threshold are ignored. P is bounded below and above for every motion.
+    The upper bound is P0 times the larger of 1 and (1 - beta) / threshold^2.
+
+    The method is Algorithm 1 of B. Lai and D. S. Bernstein, "SIFt-RLS: Subspace of Information
+    Forgetting Recursive Least Squares", arXiv:2404.10844, 2024, for one measurement per sample. The
+    forgetting is that of L. Cao and H. Schwartz, "A directional forgetting algorithm based on the
+    decomposition of the information matrix", Automatica 36(11), 1725-1731, 2000.
 
     Parameters
     ----------
@@ -94,11 +95,11 @@ class SubspaceForgetting(FactoredEstimator):
         parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
         Time [s] in which the information in the direction of phi is multiplied by beta.
-        Default: it is multiplied by beta at each sample, independent of `dt`.
+        Default: the information is multiplied by beta at each sample, independent of `dt`.
     threshold
-        A sample is used if sqrt(phi' P0 phi) is at least this threshold, sqrt(epsilon) in the
-        paper. sqrt(phi' P0 phi) is the standard deviation of the force predicted with P0, divided
-        by the standard deviation of the noise.
+        A sample is used if sqrt(phi' P0 phi) is at least this threshold. sqrt(phi' P0 phi) is the
+        standard deviation of the force predicted with P0, divided by the standard deviation of the
+        noise. Lai and Bernstein call the threshold sqrt(epsilon).
     model
         Model that defines the regressors.
     correlation

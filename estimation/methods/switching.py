@@ -1,4 +1,4 @@
-"""Multi-estimator with supervisory switching, which limits how often the candidate changes."""
+"""Multi-estimator with supervisory switching, so that the selected candidate changes less often."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Update the sums as in the multi-estimator; change the candidate if the rules permit it.
+    """Update the sums as in the multi-estimator, and select a candidate.
 
-    The rules are the hysteresis and the dwell time.
+    The selected candidate changes only if the hysteresis and the dwell time permit it.
     """
     v, x = phi
     theta, b_axis, k_axis = state.theta, parameters.b, parameters.k
@@ -60,7 +60,7 @@ def step(
     b, k = least_candidate(state, b_axis, k_axis, TIE)
     state.since += dt
     if state.since >= parameters.dwell:
-        # the same small offset is added to each signal, so that none is zero
+        # the same small offset is added to each signal, so that no signal is zero
         offset = TIE * state.ff
         bound = parameters.factor * (monitoring_signal(state, b, k) + offset)
         if monitoring_signal(state, theta[B], theta[K]) + offset > bound:
@@ -75,15 +75,16 @@ def step(
 class SwitchingMultiEstimator(MultiEstimator):
     """Multi-estimator with scale-independent hysteresis switching.
 
-    Let mu_p be the monitoring signal (11) of candidate p, and sigma the selected candidate, whose
-    (b, k) is the estimate:
+    Let mu_p be the monitoring signal of candidate p, equation (11) of the paper. Let sigma be the
+    selected candidate. The estimate is the (b, k) of sigma. There are two rules:
 
-        sigma does not change while mu_sigma <= (1 + h) min_p mu_p, and during the dwell time after
-        a switch; otherwise sigma = arg min_p mu_p.
+    - sigma does not change while mu_sigma <= (1 + h) min_p mu_p, or during the dwell time after a
+      switch;
+    - otherwise sigma becomes arg min_p mu_p.
 
-    A common factor of all signals, such as the forgetting factor, cancels. So noise does not
+    A common factor of all signals, such as the forgetting factor, has no effect. Noise does not
     cause chattering, and the number of switches per time is bounded. The selected candidate may
-    differ from the (b, k) with the smallest signal; the standard deviations include this
+    differ from the (b, k) with the smallest signal. The standard deviations include this
     difference.
 
     References
@@ -91,17 +92,18 @@ class SwitchingMultiEstimator(MultiEstimator):
     J. P. Hespanha, D. Liberzon, A. S. Morse, "Hysteresis-based switching algorithms for
     supervisory control of uncertain systems", Automatica 39(2), 2003 (hysteresis); A. S. Morse,
     "Supervisory control of families of linear set-point controllers, part 1", IEEE Trans.
-    Automatic Control 41(10), 1996 (dwell time). In these papers a supervisor switches
-    controllers. Here only the supervisor is used, because its selection is the estimate.
+    Automatic Control 41(10), 1996 (dwell time). In these papers, a supervisor selects a candidate
+    and switches to the controller for this candidate. Here there is no controller, because the
+    selected candidate is the estimate.
 
     Parameters
     ----------
     grid, forgetting_rate, correlation
         As in `MultiEstimator`.
     hysteresis
-        Hysteresis h, >= 0. If the force differs from the model only by noise, and the memory is N
-        samples long, sigma does not change while it is within about sqrt(h N) standard deviations
-        of the minimum.
+        Hysteresis h, >= 0. Let the force differ from the model only by noise, and let the memory be
+        N samples. Then sigma does not change while its distance from the minimum is at most about
+        sqrt(h N) standard deviations.
     dwell
         Minimum time [s] between switches, >= 0.
 
@@ -139,7 +141,7 @@ class SwitchingMultiEstimator(MultiEstimator):
 
     @property
     def sigma(self) -> tuple[int, int]:
-        """Switching signal: indices of the selected b and k on the axes of the grid."""
+        """Switching signal: the indices of the selected b and k on the axes of the grid."""
         b, k = self.grid.b, self.grid.k
         i = round((self.state.theta[B] - b.first) / b.spacing)
         return i, round((self.state.theta[K] - k.first) / k.spacing)
@@ -150,7 +152,7 @@ class SwitchingMultiEstimator(MultiEstimator):
         return self.state.switches
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return the number of switches and sigma, followed by the note of `MultiEstimator`."""
+        """Return the number of switches, the value of sigma, and the note of `MultiEstimator`."""
         switching = f"{self.switches} switches, at candidate {self.sigma}"
         edge = super().note(estimates)
         return f"{switching}; {edge}" if edge else switching

@@ -1,10 +1,10 @@
-"""Covariance stored as U-D factors, P = U D U', with U unit upper triangular and D diagonal.
+"""Store a covariance as U-D factors, P = U D U', with U unit upper triangular and D diagonal.
 
-In this form P is positive definite for all rounding errors, with the precision of a square-root
+P then remains positive definite in spite of rounding errors. The precision is that of a square-root
 filter (G. J. Bierman, "Factorization Methods for Discrete Sequential Estimation", 1977).
 
-P is the covariance of the parameters in units of the standard deviation s_i of their initial
-guess, for regressors z_i = s_i phi_i. So P starts as I for all units of phi.
+P is the covariance of the scaled parameters theta_i / s_i, where s_i is the standard deviation of
+the initial guess. The scaled regressors are z_i = s_i phi_i. So P is I at the start.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Matrix, Regressors, Vector, below, diagonal, zeros
 
 WINDUP = 1e10
-"""Largest variance that forgetting may cause, relative to the initial value."""
+"""Largest variance that forgetting may cause, relative to the initial variance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class FactoredParameters(LinearGainParameters):
     s: tuple[float, ...]
     """Standard deviation of the initial guess of each parameter, (m,)."""
     beta: float
-    """Forgetting factor per sample, used if `rate` is 0."""
+    """Forgetting factor per sample. It is used if `rate` is 0."""
     rate: float
     """Rate of forgetting [1/s]; the forgetting factor of a sample is exp(-rate dt)."""
 
@@ -50,25 +50,25 @@ class FactoredState(LinearGainState):
     """State of a `LinearGainEstimator`, with the factors of P."""
 
     U: Matrix
-    """Factor U, stored by columns: U_ij with i < j is U[j][i]; (m, m)."""
+    """Factor U, stored by columns, (m, m). The element U_ij with i < j is U[j][i]."""
     D: Vector
     """Diagonal of D, (m,)."""
     y: Vector
-    """Work vector of `add`, (m,)."""
+    """Work space of `add`, (m,)."""
     bound: float
     """Upper bound of the trace of P."""
     dt: float
     """Time between the last two samples [s]; 0 before the second sample."""
     beta: float
-    """Forgetting factor for the time `dt`."""
+    """Forgetting factor for a sample after the time `dt`."""
 
 
 def forgetting_factor(parameters: FactoredParameters, state: FactoredState, dt: float) -> float:
-    """Return beta for a sample, or a larger factor if a variance would exceed `WINDUP`.
+    """Return beta for a sample, or a larger factor if a variance would exceed its limit.
 
-    In every direction, forgetting increases a variance by at most 1/beta. So no variance exceeds
-    `WINDUP` times its initial value. The trace is an upper bound of every variance and is itself
-    bounded by `bound`, so it is not computed for each sample.
+    The limit is `WINDUP` times the initial variance. Forgetting increases a variance by at most the
+    factor 1/beta. To save time, the variances are computed only if `bound` exceeds the limit.
+    `bound` is an upper bound of the trace of P, and so of every variance.
     """
     if dt != state.dt:  # usually the sample period is constant
         state.dt = dt
@@ -98,7 +98,7 @@ def trace(state: FactoredState) -> float:
 
 
 def variance(state: FactoredState, i: int) -> float:
-    """Return P_ii = D_i + sum_j U_ij^2 D_j, j > i."""
+    """Return P_ii = D_i + sum_j U_ij^2 D_j, where the sum is over j > i."""
     U, D = state.U, state.D
     total = D[i]
     for n in below[len(D) - 1 - i]:
@@ -110,7 +110,7 @@ def variance(state: FactoredState, i: int) -> float:
 def predicted_variance(
     parameters: FactoredParameters, state: FactoredState, phi: Regressors
 ) -> float:
-    """Return z' P z = |D^1/2 U' z|^2: the variance of phi' theta, relative to that of the noise."""
+    """Return z' P z = |D^1/2 U' z|^2, the variance of phi' theta relative to that of the noise."""
     s, U, D = parameters.s, state.U, state.D
     m = len(phi)
     total = 0.0
@@ -127,9 +127,9 @@ def predicted_variance(
 def update_covariance(
     parameters: FactoredParameters, state: FactoredState, phi: Regressors, noise: float
 ) -> float:
-    """Set P <- P - P z z' P / (noise + z' P z); return the denominator.
+    """Set P <- P - P z z' P / (noise + z' P z), and return the denominator.
 
-    P z, with P before the update, is stored in the gain L. This is Bierman's update (1977,
+    P z, with P before the update, is stored in the gain L. This is the update of Bierman (1977,
     chapter V), with y = U' z.
     """
     s, U, D, L = parameters.s, state.U, state.D, state.L
@@ -153,7 +153,7 @@ def update_covariance(
 
 
 def add(state: FactoredState, weight: float, columns: int) -> None:
-    """Set P <- P + weight y y', with weight >= 0 and y_j = 0 for j >= columns; overwrite y.
+    """Set P <- P + weight y y' for weight >= 0 and y_j = 0 for j >= columns. y is overwritten.
 
     W. S. Agee and R. H. Turner, "Triangular decomposition of a positive definite matrix plus a
     symmetric dyad", White Sands Missile Range, technical report 38, 1972.
@@ -177,7 +177,7 @@ def add(state: FactoredState, weight: float, columns: int) -> None:
 
 
 def add_variance(state: FactoredState, i: int, weight: float) -> None:
-    """Add `weight` to the variance P_ii, as `add` does for y equal to the unit vector i."""
+    """Add `weight` to the variance P_ii. This is `add` for a y that is the unit vector i."""
     D, column, y = state.D, state.U[i], state.y
     former = D[i]
     D[i] = former + weight
@@ -197,7 +197,7 @@ def correct_with_gain(
     dt: float,
     spread: float,
 ) -> None:
-    """Call `correct` with the gain P z / spread, after `update_covariance` stored P z in L."""
+    """Call `correct` with the gain P z / spread. `update_covariance` must have stored P z in L."""
     s, L = parameters.s, state.L
     certainty = 1.0 / spread
     for i in below[len(phi)]:
@@ -206,7 +206,7 @@ def correct_with_gain(
 
 
 def forgetting_rate(forgetting: float, sample_period: float | None) -> float:
-    """Return the rate [1/s] of a forgetting factor per sample period [s]; 0 if the period is None.
+    """Return the rate [1/s] of a factor `forgetting` per `sample_period` [s]; 0 for no period.
 
     Raises
     ------
@@ -231,16 +231,16 @@ class FactoredEstimator(LinearGainEstimator):
         Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
         parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
-        Time [s] in which the weight of a past sample is multiplied by beta. None: it is
+        Time [s] in which the weight of a past sample is multiplied by beta. None: the weight is
         multiplied by beta at each sample, independent of `dt`.
     model
         Model that defines the regressors.
     correlation
         Number of samples per independent value of the force noise, see `LinearGainEstimator`.
     guess_variance
-        Variance of the error of the initial guess. Default: the initial covariance.
+        Variances of the error of the initial guess. Default: the initial covariance.
     own
-        Additional parameters of the method, by name.
+        Additional settings of the method, by name.
 
     Raises
     ------
@@ -288,13 +288,13 @@ class FactoredEstimator(LinearGainEstimator):
 
     @property
     def scaled_covariance(self) -> Floats:
-        """P in units of the standard deviations of the initial guess, shape (m, m)."""
+        """Covariance P of the scaled parameters theta_i / s_i, shape (m, m)."""
         U = np.array(self.state.U).T
         p: Floats = U * self.state.D @ U.T
         return p
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return a warning if a variance is near its upper limit, otherwise None."""
+        """Return a warning if a variance is near its upper limit; otherwise return None."""
         if np.any(np.diag(self.scaled_covariance) > 0.5 * WINDUP):
             return "too little motion: the covariance is at its limit and forgetting is suspended"
         return None

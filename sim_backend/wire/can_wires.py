@@ -1,4 +1,4 @@
-"""Wires that are CAN buses. The host has an slcan adapter or another interface."""
+"""CAN buses that connect emulated devices to a host. The host uses slcan or another interface."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ MOST = 1000
 BUS_OFF = 0x40
 """Bit in the identifier of an error frame of Linux: the controller is bus-off."""
 ERROR_WARNING, BUS_ERROR = 0x04, 0x80
-"""Status flags of an slcan adapter. The adapter sets them instead of passing on error frames."""
+"""Status flags of an slcan adapter. The adapter sets flags instead of sending error frames."""
 
 
 class CanWire(Wire):
-    """Base class of wires that are CAN buses with emulated devices."""
+    """Base class of CAN buses with emulated devices."""
 
     def __init__(self, devices: Sequence[EmulatedCanDevice]) -> None:
         self.devices = list(devices)

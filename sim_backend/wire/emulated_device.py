@@ -25,12 +25,13 @@ class Mount(ABC):
     def sense(self, signal: str) -> float:
         """Return the present value of a signal of the device, in the unit of the signal.
 
-        The value is 0 if the rig file does not use the signal.
+        If the rig file does not use the signal, the value is the true value of the drive, or 0 if
+        the drive has no such signal.
         """
 
     @abstractmethod
     def drive(self, name: str, velocity: float) -> None:
-        """Move a drive of the device at a velocity [m/s], in the direction of the drive."""
+        """Move a drive of the device at a velocity [m/s], positive in the drive's direction."""
 
     @abstractmethod
     def brake(self, name: str) -> None:
@@ -40,9 +41,10 @@ class Mount(ABC):
 class EmulatedDevice(ABC):  # noqa: B024
     """Base class of emulated devices: software with the protocol of a real device.
 
-    An emulated device uses the settings of its driver, but shares no other code with the driver.
-    So a test finds an error in the emulation or in the driver. The emulated device has the
-    watchdogs of the real device. Its methods must therefore be called often, with the present time.
+    An emulated device uses the settings of its driver, but shares no other code with the driver. A
+    test of driver and emulated device can therefore find an error in either one. The emulated
+    device has the watchdogs of the real device. Its methods must therefore be called often, with
+    the present time.
 
     Parameters
     ----------
@@ -62,7 +64,7 @@ class EmulatedDevice(ABC):  # noqa: B024
     def due(self) -> float:
         """Return the time [s] at which `emit` next returns a frame that the host did not request.
 
-        It is infinite if there is no such frame.
+        The time is infinite if there is no such frame.
         """
         return math.inf
 

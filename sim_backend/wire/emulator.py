@@ -1,4 +1,4 @@
-"""Emulator of all devices in a rig file. A host can open its serial ports and CAN buses."""
+"""Emulator of all devices in a rig file. It creates the serial ports and CAN buses for a host."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class PlannedFault(NamedTuple):
 
 
 LATEST = 0.1
-"""Largest delay of the emulator [s]. If the delay is larger, steps are omitted."""
+"""Largest delay of the emulator [s]. If the delay is larger, the emulator omits steps."""
 ACTIONS = ("unplug", "replug", "reset")
 """Kinds of faults that do not change frames or bytes."""
 
@@ -83,7 +83,7 @@ class Emulator:
         self.wires = {name: self._wire(name, folder) for name in file.sections.buses}
 
     def _emulated(self) -> list[tuple[str, EmulatedDevice]]:
-        """Return name and emulation of each device that is on a bus."""
+        """Return the name and the emulated device of each device that is on a bus."""
         found = []
         for name, settings in self.file.devices.items():
             if not hasattr(settings, "bus"):
@@ -122,7 +122,7 @@ class Emulator:
             wire.exchange(old, new)
 
     def inject(self, fault: PlannedFault) -> None:
-        """Activate a fault now."""
+        """Apply a planned fault now, independently of its planned time."""
         if fault.kind == "reset":
             self.reset(fault.where)
         elif fault.kind == "unplug":

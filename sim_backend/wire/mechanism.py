@@ -23,7 +23,7 @@ The emulated devices have their own watchdogs.
 
 
 class Source(NamedTuple):
-    """Describes the channel from which a signal of an emulated device is computed.
+    """Channel from which a signal of an emulated device is computed.
 
     signal = (value of the channel - offset) / gain
     """
@@ -40,7 +40,7 @@ class Mechanism:
     """Simulated telemanipulator, with one mount (interface) for each emulated device.
 
     When all drives have been disabled for the time `PUT_BACK`, the telemanipulator is reset to its
-    initial state, as a person would do between trials.
+    initial state. A person would do the same between two trials.
 
     Parameters
     ----------
@@ -143,13 +143,13 @@ class DeviceMount(Mount):
         self.sources: dict[str, Source] = {}
         """For each signal that the rig file uses: the channel from which it is computed."""
         self.axes: dict[str, tuple[str, int]] = {}
-        """Name of the axis, and sign of the direction, of each drive, by the name of the drive."""
+        """For each drive, by name: name of its axis, and sign (1 or -1) of its direction."""
 
     def sense(self, signal: str) -> float:
-        """Return the value of a signal.
+        """Return the value of a signal of the device.
 
-        A signal that the rig file uses is computed from its channel. Other signals of a drive are
-        computed from the axis of the drive; all others are 0.
+        A signal that the rig file uses is computed from its channel. Another signal is computed
+        from the axis of the first drive. If the device has no drive, the result is 0.
         """
         if source := self.sources.get(signal):
             value: float = getattr(self._mechanism.measurement, source.channel)
@@ -159,7 +159,7 @@ class DeviceMount(Mount):
         return 0.0
 
     def drive(self, name: str, velocity: float) -> None:
-        """Move the axis of a drive at a velocity [m/s] in the direction of the drive."""
+        """Move the axis of a drive at a velocity [m/s], positive in the drive's direction."""
         if name in self.axes:
             axis, sign = self.axes[name]
             self._mechanism.drive(axis, sign * velocity)

@@ -36,7 +36,7 @@ class SerialWire(Wire):
         """Time at which the transmission of all frames on the line ends [s]."""
 
     def open(self) -> None:
-        """Connect the port."""
+        """Create the port."""
         self.port.open()
 
     def serve(self, now: float) -> None:
@@ -65,7 +65,7 @@ class SerialWire(Wire):
             self.device = new
 
     def close(self) -> None:
-        """Disconnect the port."""
+        """Remove the port, and discard the frames on the line."""
         self.port.close()
         self._line.clear()
 

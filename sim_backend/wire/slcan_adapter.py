@@ -22,7 +22,7 @@ EXTENDED = re.compile("([TR])([01][0-9A-Fa-f]{7})([0-8])([0-9A-Fa-f]*)")
 DONE, REFUSED = "\r", "\a"
 TRANSMIT_QUEUE_FULL = 0x02
 LONGEST = 40
-"""Number of characters of a line that are stored. All commands are shorter."""
+"""Largest number of characters of a line that are stored. All commands are shorter."""
 
 
 class SlcanAdapter:
@@ -40,10 +40,10 @@ class SlcanAdapter:
     bitrate
         Bit rate of the bus [bit/s]; None until the host sets it.
     flags
-        Status flags, which the host can request. Frames are refused while bit 1, transmit queue
-        full, is set.
+        Status flags, which the host can request. While bit 1 (transmit queue full) is set, the
+        adapter refuses frames of the host.
     stamps
-        Whether frames for the host have a time stamp [ms], set by the host with `Z1`.
+        Whether frames for the host have a time stamp [ms]. The host requests this with `Z1`.
     """
 
     def __init__(self) -> None:

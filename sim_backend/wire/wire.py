@@ -36,7 +36,7 @@ class Wire(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Remove the port or bus. For a connected host, the port is then disconnected."""
+        """Remove the port or bus. For a host that has opened the port, the connection is lost."""
 
     @abstractmethod
     def filenos(self) -> list[int]:

@@ -51,7 +51,7 @@ class Random(WireFault):
         self._random = random.Random(seed)
 
     def is_affected(self) -> bool:
-        """Return whether the next frame is affected, by a random choice."""
+        """Choose at random whether the next frame is affected; return the result."""
         return self._random.random() < self._share
 
 
@@ -126,7 +126,7 @@ class Burst(WireFault):
         self._queue: list[object] = []
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """Return all collected frames if a burst is due, otherwise none."""
+        """Return all collected frames if a burst is due, otherwise no frames."""
         self._queue += frames
         if now < self._next:
             return []
@@ -162,9 +162,9 @@ class WrongLength(Random):
 
 
 class Corrupted(Random):
-    """Fault: one bit of random serial frames is inverted.
+    """Fault: in random serial frames, one bit is inverted.
 
-    There is no such fault of CAN frames, because CAN controllers discard frames with bit errors.
+    CAN frames do not have this fault, because CAN controllers discard frames with bit errors.
     """
 
     def octets(self, data: bytes) -> bytes:
@@ -238,7 +238,7 @@ FAULTS: dict[str, Callable[[], WireFault]] = {
     "error-frames": lambda: ErrorFrames(0x4),
     "bus-off": lambda: ErrorFrames(0x40),
 }
-"""Functions that return a new fault of a bus, by name."""
+"""For each fault of a bus, by name: a function that returns a new object of this fault."""
 ON_CAN = ("error-frames", "bus-off")
 """Names of the faults that exist only on CAN buses."""
 ON_SERIAL_LINES = ("corrupt", "noise", "baud", "unplug", "replug")

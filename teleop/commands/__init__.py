@@ -1,1 +1,1 @@
-"""The subcommands of `teleop`, one per file; slow imports are made when they run."""
+"""Define the subcommands of `teleop`, one per file. Slow libraries are imported when one runs."""

@@ -1,4 +1,4 @@
-"""Create the parts of a trial, such as excitation signal and model, that options select by name."""
+"""Create the parts of a trial from their names in options, such as the signal and the model."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def make_channel(text: str) -> ChannelSettings:
 
 
 def choose_estimators(names: str) -> tuple[str, ...]:
-    """Return the names in a comma-separated list of estimators, or all names for `all`.
+    """Return the estimator names in a comma-separated list; all estimator names for `all`.
 
     Raises
     ------

@@ -51,9 +51,10 @@ def compare(
     more
         Further files and folders.
     by
-        Factors by which the recordings are grouped, separated by commas: factors of the series;
-        settings of the recordings, such as condition, cube, rig or seed; or folder, the name of
-        the folder of each recording. Default: all factors of the series except the subject.
+        Factors by which the recordings are grouped, separated by commas. A factor is a factor of
+        the series, a setting of the recordings, such as condition, cube, rig or seed, or the word
+        folder, for the name of the folder of each recording. Default: all factors of the series
+        except the subject.
     columns
         Columns to read, and the zeros of position and force.
     estimators
@@ -75,12 +76,12 @@ def compare(
     anova
         Print an analysis of variance of one result of the estimators: the average stiffness (k),
         damping (b) or force error (e_f), or the rise time (rise_time_s). The fixed factors are
-        the factors of --by and the estimator. The subject is a random factor. Needs the extra
-        `stats`.
+        the factors of --by and the estimator. If there are several subjects, the subject is a
+        random factor. Needs the extra `stats`.
     out
         Write the table to a .csv, .tex or .md file. A CSV file has a row for each recording and
-        method. LaTeX (packages booktabs, threeparttable) and Markdown have the means of the
-        groups, and notes.
+        method. A LaTeX or Markdown file contains the means of the groups, and notes. The LaTeX
+        file needs the packages booktabs and threeparttable.
     plot
         Plot the mean stiffness and damping of each group to a .png, .svg or .pdf file.
     width
@@ -187,7 +188,7 @@ def compare(
 
 
 def effects_of(rows: list[Compared], factors: list[str], response: str) -> list[dict[str, Any]]:
-    """Return the analysis of variance of a response: one dictionary per effect.
+    """Compute the analysis of variance of a response, and return one dictionary per effect.
 
     Parameters
     ----------

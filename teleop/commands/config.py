@@ -1,4 +1,4 @@
-"""`teleop config`: configuration files of trials."""
+"""`teleop config`: write and check configuration files of trials."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ def init(
     out
         File to write (TOML).
     source
-        Recording or configuration file whose settings are written instead of the defaults.
+        Recording or configuration file. The settings in this file are written instead of the
+        defaults.
     """
     from teleop.files import write_text
     from teleop.output.console import plain_console
@@ -76,7 +77,7 @@ def check(file: Path, /, *, json: Annotated[bool, Parameter(negative="")] = Fals
 
 @config.command(help_format="markdown")
 def schema() -> int:
-    """Print the JSON schema of configuration files, for editors that complete and check them.
+    """Print the JSON schema of configuration files. Editors use it to complete and check the files.
 
     Example: `teleop config schema > trial.schema.json`
     """

@@ -1,4 +1,4 @@
-"""`teleop estimate`: estimate stiffness and damping from a file."""
+"""`teleop estimate`: estimate stiffness and damping from a file of position and force."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ def estimate(
 ) -> int:
     """Estimate stiffness and damping from a recorded position and force.
 
-    A recording of `teleop run` is evaluated with the settings of the run. Options change single
-    settings. Without such options, the estimates are equal to those of the run to the last bit.
+    A recording of `teleop run` is evaluated with the settings of the run. Each option changes one
+    of these settings. Without such options, the estimates are exactly those of the run.
 
     First, the result is printed: stiffness and damping with 95 % intervals, or the reasons why the
     data are not sufficient. Then the fits of the batch models and the estimates of the online
@@ -104,9 +104,9 @@ def estimate(
     plot_force
         Plot the measured and the predicted force to a .png, .svg or .pdf file.
     plot_fit
-        Plot the force over the displacement with its phases (such as loading and hold), the fit of
-        the best model, and the residual of this fit. For several files, plot the complex modulus
-        over frequency.
+        Plot the force over the displacement, with the phases of the palpation (such as loading and
+        hold), the fit of the best model, and the residual of this fit. For several files, plot the
+        complex modulus over frequency.
     width
         Width of the figures: for a screen (screen), one column (single) or two columns (double) of
         an IEEE paper, or an A4 page (a4).
@@ -230,7 +230,7 @@ def estimate(
 def chosen(
     recording: Recording | None, datum: str, cube: str, given: Mapping[str, Any]
 ) -> EstimateSettings:
-    """Return the settings of an evaluation: those of the run or the defaults, changed by options.
+    """Return the settings of the run, or the default settings, with the changes by options.
 
     Parameters
     ----------
@@ -239,13 +239,16 @@ def chosen(
     datum, cube
         Values of the options --datum and --cube.
     given
-        Values of further options. The keys are the names of the settings. None for an option that
+        Values of further options, by the name of the setting. The value is None for an option that
         was not given.
     """
     from teleop.evaluation.estimate_settings import EstimateSettings
     from teleop.evaluation.replay import recorded_settings
+    from teleop.trial.averaged import recorded_part
 
-    settings = recorded_settings(recording) if recording else EstimateSettings()
+    settings = EstimateSettings()
+    if recording:
+        settings = replace(recorded_settings(recording), averaged=recorded_part(recording))
     if datum != "auto":
         settings = replace(settings, datum=datum)
     changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}

@@ -1,4 +1,4 @@
-"""`teleop export`: a recording as CSV, HDF5, MATLAB or Parquet."""
+"""`teleop export`: convert a recording to CSV, HDF5, MATLAB or Parquet."""
 
 from __future__ import annotations
 

@@ -18,8 +18,8 @@ def live(
 ) -> int:
     """Replay a recording in the live page, until stopped with Ctrl-C.
 
-    The command prints the address of the page. Only a browser on this machine can open the page.
-    `teleop run --live` shows a running trial in the same page.
+    The command prints the address of the page. By default, only a browser on this machine can open
+    the page. `teleop run --live` shows a running trial in the same page.
 
     Example: `teleop live trial.mcap --open`
 

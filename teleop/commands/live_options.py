@@ -1,4 +1,4 @@
-"""Options of the live page, for the commands that run trials; serve the page, print its address."""
+"""Define the options of the live page for the commands that run trials, and serve the page."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class LiveOptions:
     the trial."""
 
     def requested(self, settings: Sequence[TrialSettings]) -> LiveOptions:
-        """Return these options, with `live` set if the settings of a trial request the page."""
+        """Return these options, and enable `live` if the settings of a trial request the page."""
         return replace(self, live=self.live or any(one.live for one in settings))
 
     def arms(self, settings: Sequence[TrialSettings], yes: bool) -> bool:
@@ -136,14 +136,14 @@ class LiveOptions:
 NOT_LIVE = LiveOptions()
 """The defaults: there is no live page."""
 Live = Annotated[LiveOptions, Parameter(name="*")]
-"""Type of a command's parameter that holds these options; their names get no prefix."""
+"""Type of a command's parameter that holds these options. The option names get no prefix."""
 NO_CHOICES: dict[str, list[Any]] = {"condition": [], "specimen": [], "duration": []}
 
 
 def choices_of(settings: TrialSettings) -> dict[str, list[Any]]:
-    """Return the condition, specimen and duration values that a person may choose in the live page.
+    """Return the conditions, specimens and durations [s] that the live page offers for choice.
 
-    On a hardware rig or with a custom setup, these are only the values of the settings.
+    For a hardware rig or a custom setup, only the values in the settings are offered.
     """
     from sim_backend import CUBES
     from teleop.control.conditions import CONDITIONS

@@ -1,4 +1,4 @@
-"""Trials that a person starts from the live page, one after another."""
+"""Run the trials that a person starts from the live page, one after another."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from teleop.trial.settings import TrialSettings
 
 WAIT = 0.2
-"""Time between two checks of whether the session has to end [s]."""
+"""Time between two checks of whether the session must end [s]."""
 
 
 def next_request(link: LiveLink, stopped: Callable[[], bool]) -> dict[str, Any] | None:
-    """Return the next request from the live page; None if the session has to end."""
+    """Wait for the next request from the live page. Return it, or None if the session must end."""
     while link.is_running and not stopped():
         if request := link.wait_for_request(WAIT):
             return request
@@ -70,7 +70,7 @@ def next_settings(
     """Wait for a request from the live page, and return the settings of the next trial.
 
     If the page changes the settings of a trial that still waits for START, these settings are
-    returned at once. The result is None if the session has to end.
+    returned at once. The result is None if the session must end.
     """
     waiting = link.trial is not None and not link.trial.armed
     why = f"{link.trial.recording.events[-1]['text']}; " if link.trial and waiting else ""
@@ -89,7 +89,7 @@ def next_settings(
 
 
 def chosen(settings: TrialSettings, request: dict[str, Any]) -> TrialSettings:
-    """Return the settings with the values chosen in the live page, which were checked before."""
+    """Return the settings with the values that were chosen, and checked, in the live page."""
     changes: dict[str, Any] = {
         name: request[name] for name in ("condition", "duration") if name in request
     }
@@ -99,7 +99,7 @@ def chosen(settings: TrialSettings, request: dict[str, Any]) -> TrialSettings:
 
 
 class PageOfSeries:
-    """Asks the person at the live page what to do before each trial, and for a note after it.
+    """Asks the person at the live page what to do before each trial, and after it for a note.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class PageOfSeries:
         self._pending: dict[str, Any] | None = None
 
     def ask(self, trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
-        """Return the answer of the person (run, skip or repeat the trial, or quit), and a note."""
+        """Return the answer of the person (run, skip, repeat or quit), and a note."""
         from teleop.interruption import stop_signals
 
         self._link.tell({"type": "prompt", "text": prompt})
@@ -137,7 +137,7 @@ class PageOfSeries:
         """Return the note on a trial; empty if the person continues without a note."""
         from teleop.interruption import stop_signals
 
-        text = f"Note on trial {trial.number}, {trial.label}; NEXT for none."
+        text = f"Note on trial {trial.number}, {trial.label}; NEXT for no note."
         self._link.tell({"type": "prompt", "text": text})
         with stop_signals() as stopped:
             request = next_request(self._link, stopped)

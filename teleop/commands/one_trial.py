@@ -1,4 +1,4 @@
-"""Runs one trial, and writes its outputs: recording, figures, and the results on the terminal."""
+"""Run one trial, write its recording and its figures, and print its results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Groups of the options in the help of each command, and the help of the option --estimators."""
+"""Assign options to groups in the help of each command; define the help of --estimators."""
 
 from __future__ import annotations
 

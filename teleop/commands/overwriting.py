@@ -1,4 +1,4 @@
-"""The option --overwrite of every command that writes a file."""
+"""Define the option --overwrite of every command that writes a file."""
 
 from __future__ import annotations
 

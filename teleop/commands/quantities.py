@@ -1,4 +1,4 @@
-"""Types of options for physical quantities: a number with a unit is converted to SI units."""
+"""Define option types for physical quantities. They convert a number with a unit to SI units."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def in_si(kind: str, unit: str = "") -> Callable[[Any, Sequence[Token]], float]:
         Raises
         ------
         InputError
-            The text is not a number with a unit, or the unit is not one of this kind of quantity.
+            The text is not a number with a unit, or the unit does not belong to this quantity.
         """
         from teleop.errors import InputError
         from teleop.evaluation.units import OPTION_UNITS, quantity

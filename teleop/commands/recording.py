@@ -1,4 +1,4 @@
-"""Options that select the columns of a file, for every command that reads a recording."""
+"""Define the options that select the columns of a file, for the commands that read recordings."""
 
 from __future__ import annotations
 
@@ -132,6 +132,6 @@ class Columns:
 OF_TABLES = ("position", "force", "time", "block", "topic", "rate", "lever", "invert")
 """Options that are invalid for a recording of `teleop run`."""
 ColumnOptions = Annotated[Columns, Parameter(name="*")]
-"""Type of a command's parameter that holds these options; their names get no prefix."""
+"""Type of a command's parameter that holds these options. The option names get no prefix."""
 BY_NAME = Columns()
-"""The default options: each column is found by its usual name."""
+"""The default options: columns are found by their usual names."""

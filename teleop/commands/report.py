@@ -1,4 +1,4 @@
-"""`teleop report`: an HTML page with the results of a recording."""
+"""`teleop report`: write the results of a recording to an HTML page."""
 
 from __future__ import annotations
 
@@ -30,9 +30,10 @@ def report(
 ) -> int:
     """Write the results and figures of a recording to one HTML page that can be read offline.
 
-    The page contains the result, the estimates, the figures, the values of k and b that the data
-    cannot separate, the safety events, all settings, and a link to the recording. If a safety stop
-    ended the run, the page also contains the fault, and the channels before and after the fault.
+    The page contains the result, the estimates, the figures, the safety events, all settings, and
+    a link to the recording. A figure shows the values of k and b that fit the data about equally
+    well. If a safety stop ended the run, the page also contains the fault, and the channels before
+    and after the fault.
 
     Example: `teleop report run.mcap --out run.html`
 
@@ -83,8 +84,9 @@ def report(
     }
     samples, recording = columns.read(file, is_reported)
     evaluation = summary = None
-    if not (recording and recording.fault and samples.count < FEWEST):
-        settings = chosen(recording, columns.datum, cube, given)
+    settings = chosen(recording, columns.datum, cube, given)
+    few = settings.averaged.contains(samples.signals.t).sum() < FEWEST
+    if not (recording and recording.fault and few):
         evaluation = evaluate(samples, settings, KEPT)
         summary = {**settings_summary(settings), **evaluation.summary()}
     link = os.path.relpath(file.resolve(), page.resolve().parent)

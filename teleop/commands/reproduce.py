@@ -1,4 +1,4 @@
-"""`teleop reproduce`: the paper's Table I and Figures 3-5."""
+"""`teleop reproduce`: reproduce the paper's Table I and Figures 3 to 5."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def reproduce(
 ) -> int:
     """Reproduce the paper's Table I and Figures 3 to 5 on the simulated rig.
 
-    Runs nine trials (three cubes, three conditions) with the paper's settings, checks the paper's
-    claims against the results, and shows the causes of the negative damping.
+    The command runs nine trials (three cubes, three conditions) with the paper's settings. It
+    checks the paper's claims against the results, and shows why the estimated damping is negative.
 
     Example: `teleop reproduce --seeds 20 --out reproduction`
 

@@ -1,4 +1,4 @@
-"""`teleop rig`: commands for setting up a rig."""
+"""`teleop rig`: set up a rig with the commands list, check, emulate and tare."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`teleop rig check`: samples of the channels, round-trip times, drives and watchdogs of a rig."""
+"""`teleop rig check`: check the channels, round-trip times, drives and watchdogs of a rig."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from teleop.commands.quantities import Hertz, Length
 from teleop.names import CubeName, PalpationName, RealtimeName
 
 REALTIME_STEPS = ("SCHED_FIFO", "no garbage collection")
-"""Real-time settings of the emulator, which reserves no processor: the controller may need it."""
+"""Real-time settings of the emulator. It reserves no processor, as the controller may need one."""
 WRITER = "teleop rig emulate"
 """Name of this command, which is written to the first line of the rig file."""
 
@@ -37,8 +37,9 @@ def emulate(
     command prints a `teleop run` command, which you enter in another terminal. A little more than
     one second after the drives were disabled, the simulated plant returns to its initial state.
 
-    To change the simulated operator or the cube between two trials, type the name of a condition,
-    of a cube, or of both, such as `mimic medium`, and press Enter.
+    The simulated operator presses to the depth of this command, not to that of the trial. To change
+    the operator, the cube or the depth between two trials, type the name of a condition, the name
+    of a cube, a depth, or several of them, such as `mimic medium 5mm`, and press Enter.
 
     Example: `teleop rig emulate rigs/serial-board.toml --cube hard`
 
@@ -58,7 +59,7 @@ def emulate(
         that moves by itself.
     depth
         Depth to which the simulated operator palpates, with its unit, such as 5mm. Default: the
-        paper's depth.
+        depth in the paper for the cube and the condition.
     frequency
         Frequency of the sine that the operator follows with --condition any or mimic [Hz].
         Default: 1.

@@ -1,4 +1,4 @@
-"""`teleop rig list`: the serial ports and CAN buses of this machine."""
+"""`teleop rig list`: list the serial ports and CAN buses of this machine."""
 
 from __future__ import annotations
 

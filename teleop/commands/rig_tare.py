@@ -26,7 +26,7 @@ def tare(
     """Measure the zero offsets of force and position, and store them with the date.
 
     The zero offsets of the forces are measured with disabled drives and without load. If the rig
-    moves or is under load, the command ends with an error. `teleop run --tare` uses the file.
+    moves or is under load, the command ends with an error. `teleop run --tare` reads the file.
 
     Example: `teleop rig tare --contact touch --out tare.json`
 

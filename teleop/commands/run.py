@@ -65,7 +65,7 @@ def run(
     """Palpate, and estimate stiffness and damping of the environment at the same time.
 
     Ctrl-C decelerates the slave to rest. A second Ctrl-C stops the slave at once. In a terminal,
-    Enter and Space are an emergency stop.
+    Enter or Space is an emergency stop.
 
     Example: `teleop run --condition autonomous --cube hard --plot hard.png`
 

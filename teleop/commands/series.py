@@ -1,4 +1,4 @@
-"""`teleop series`: the trials of a plan, one after the other, in one folder."""
+"""`teleop series`: run the trials of a plan one after another, and record them in one folder."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def series(
     """Run the trials of a plan in random or balanced order, and write a table of the results.
 
     To resume a series that was interrupted or killed, enter the same command again. A trial that
-    ended by a safety stop or was interrupted is run again; its first recording is kept.
+    was interrupted, or was ended by a safety stop, is run again. Its first recording is kept.
 
     Example: `teleop series paper --out paper-series`
 
@@ -147,7 +147,7 @@ def run(settings: TrialSettings, path: Path, link: LiveLink | None = None) -> Tr
 
 
 def person(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
-    """Ask the person at the terminal whether to run, skip or repeat a trial, or to quit.
+    """Ask a person to choose: run or skip the trial, repeat the previous trial, or quit.
 
     If the input is closed, the answer is "quit".
     """
@@ -169,6 +169,6 @@ def person(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
 
 
 def note_of_person(trial: PlannedTrial) -> str:
-    """Return the note on a trial that a person types; empty if the input is closed."""
-    print(f"Note on trial {trial.number}, {trial.label}; Enter for none.", file=sys.stderr)
+    """Return the note that a person types on a trial; an empty text if the input is closed."""
+    print(f"Note on trial {trial.number}, {trial.label}; Enter for no note.", file=sys.stderr)
     return sys.stdin.readline().strip()

@@ -1,4 +1,4 @@
-"""`teleop sweep`: trials or evaluations with many settings, in parallel."""
+"""`teleop sweep`: run trials or evaluations with many settings, in parallel."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ def sweep(
 ) -> int:
     """Run trials with many settings and seeds, in parallel, and write one table of the results.
 
-    The settings vary over a grid, a list, random points or a Latin hypercube. Instead of trials on
-    the simulated rig, the estimates of a recording can be computed with different settings. If a
-    point fails, its row of the table has an error instead of results. To resume a sweep that was
-    interrupted or killed, enter the same command again.
+    The settings vary over a grid, a list, random values or a Latin hypercube. A point of the sweep
+    is one combination of values. At each point, a trial is run on the simulated rig, or estimates
+    are computed from a recording. If a point fails, its row of the table contains an error instead
+    of results. To resume a sweep that was interrupted or killed, enter the same command again.
 
     Example: `teleop sweep paper --seeds 20 --out paper-sweep`
 

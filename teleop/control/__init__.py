@@ -1,1 +1,1 @@
-"""One tick of the control loop: from a measurement to commands for the drives."""
+"""Compute one tick of the control loop, from a measurement to the commands for the drives."""

@@ -1,4 +1,4 @@
-"""Admittance: a virtual mass that converts a force to a velocity of the master."""
+"""The admittance, a virtual mass that converts a force to a velocity of the master."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 NEGLIGIBLE = 1e-12
-"""A virtual stiffness below `NEGLIGIBLE` m / dt^2 is treated as 0, because its rest position is too
-far away."""
+"""A virtual stiffness below `NEGLIGIBLE` times mass / dt^2 is treated as 0, because the computed
+rest position would be too far away."""
 
 
 class Environment(NamedTuple):
-    """A virtual body at the master with force b v + k x + k3 x^3 and contact point x = 0."""
+    """Model of an environment, with the force b v + k x + k3 x^3 and the contact point x = 0."""
 
     k: float
     """Stiffness [N/m], >= 0."""
     k3: float = 0.0
-    """Coefficient k3 of the cubic stiffening [N/m^3], >= 0."""
+    """Stiffening coefficient [N/m^3], >= 0."""
     b: float = 0.0
     """Damping [N s/m], >= 0."""
     glued: bool = True
@@ -45,7 +45,8 @@ class Environment(NamedTuple):
 class AdmittanceParameters:
     """Mass, damping and stiffness of the virtual dynamics of the master.
 
-    The dynamics are m x'' + d x' + c x = force, where x is the position of the master.
+    The dynamics are m x'' + d x' + c x = force. x is the position of the master, relative to the
+    position at which the spring force is zero.
 
     Raises
     ------
@@ -58,7 +59,7 @@ class AdmittanceParameters:
     damping: float = 15.0
     """Virtual damping d [N s/m]."""
     stiffness: float = 0.0
-    """Virtual stiffness c, a spring that pulls the handle to its centre [N/m]; 0 for no spring."""
+    """Stiffness c of a virtual spring that pulls the handle to a centre [N/m]; 0 for no spring."""
 
     def __post_init__(self) -> None:
         for name in ("mass", "damping"):
@@ -73,7 +74,7 @@ class AdmittanceParameters:
         Parameters
         ----------
         position, velocity, acceleration
-            Motion of the master, in m, m/s and m/s^2.
+            Position [m], velocity [m/s] and acceleration [m/s^2] of the master.
         """
         return self.mass * acceleration + self.damping * velocity + self.stiffness * position
 
@@ -105,7 +106,7 @@ class Admittance:
         self.centre = 0.0
 
     def align(self, position: float) -> None:
-        """Put the virtual mass at rest at a position [m], which becomes its centre."""
+        """Put the virtual mass at rest at a position [m], which is also the new `centre`."""
         self.position = self.centre = position
         self.velocity = 0.0
 
@@ -129,9 +130,10 @@ class Admittance:
         the present position X, where k3 x^3 is about 3 k3 X^2 x - 2 k3 X^3. The linear equation
         is then solved exactly, as in `step`. A body that is not glued has no effect at x < 0.
 
-        Since X is the position at the start of the period, the hand gives less energy to the cubic
-        term than it stores, by up to k3 X (v dt)^2 per unit of travel while the body is loaded. The
-        damping d dissipates more than this if v < d / (k3 X dt^2).
+        X is the position at the start of the period. While the body is loaded, the cubic term
+        therefore stores more energy than the hand gives to it. The difference is at most
+        k3 X (v dt)^2 per unit of travel. The damping d dissipates more energy than this difference
+        if v < d / (k3 X dt^2).
         """
         d, c, x = self.parameters.damping, self.parameters.stiffness, self.position
         if x < 0.0 and not environment.glued:
@@ -143,7 +145,7 @@ class Admittance:
         return self._swing(constant / stiffness, damping, stiffness, dt)
 
     def _slide(self, force: float, d: float, dt: float) -> float:
-        """Advance m v' + d v = force by dt [s]."""
+        """Solve m v' + d v = force over dt [s]; return the velocity at the end [m/s]."""
         m = self.parameters.mass
         slip = self.velocity - force / d
         left = slip * math.exp(-d / m * dt)
@@ -152,7 +154,7 @@ class Admittance:
         return self.velocity
 
     def _swing(self, rest: float, d: float, c: float, dt: float) -> float:
-        """Advance m v' + d v + c (x - rest) = 0 by dt [s]."""
+        """Solve m v' + d v + c (x - rest) = 0 over dt [s]; return the velocity at the end [m/s]."""
         m = self.parameters.mass
         s = 0.5 * d / m
         square = s * s - c / m
@@ -174,8 +176,8 @@ class Admittance:
     def follow(self, velocity: float, dt: float) -> None:
         """Replace the motion of the last step by a motion at a given constant velocity.
 
-        This is called when the supervisor has reduced the commanded velocity of the master. The
-        virtual mass then moves like the handle.
+        The controller calls this method when the supervisor has reduced the commanded velocity of
+        the master. The virtual mass then moves like the handle.
 
         Parameters
         ----------

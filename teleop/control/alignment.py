@@ -1,9 +1,9 @@
-"""Pairs of position and force at the same time, from sensors with different sampling times.
+"""Compute pairs of position and force at the same time, from samples taken at different times.
 
 The estimators need force and displacement at the same time. A time difference of 1 ms between force
 and displacement causes a damping error of k * 1 ms, where k is the stiffness. Therefore the
 position is interpolated at the time of each force sample. If the force sensor is slower than the
-loop, there are fewer pairs than ticks. A force sample is not used in more than one pair.
+loop, there are fewer pairs than ticks. Each force sample is used in at most one pair.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from drivers import Measurement
+from drivers import Measurement, new_tuple
 
 SAME_TIME = 1e-6
 """Largest difference between two times that are treated as equal [s]."""
@@ -32,7 +32,7 @@ class Pair(NamedTuple):
 
 
 class Alignment:
-    """Pairs the samples of slave position and contact force."""
+    """Computes pairs from the samples of slave position and contact force."""
 
     def __init__(self) -> None:
         self._positions: deque[tuple[float, float]] = deque(maxlen=KEPT)
@@ -40,7 +40,7 @@ class Alignment:
         self._seen = self._paired = -math.inf
 
     def update(self, measurement: Measurement, dt: float) -> Pair | None:
-        """Store position and force of a measurement, and return the next pair of both.
+        """Store position and force of a measurement, and return the next pair.
 
         A force sample that is newer than the newest position sample is paired after the next
         position sample, because the position can only be interpolated between two samples.
@@ -50,7 +50,7 @@ class Alignment:
         measurement
             Measurement of this tick.
         dt
-            Time since the previous tick [s]; used as the `dt` of the first pair.
+            Time since the previous tick [s]. It becomes `Pair.dt` of the first pair.
 
         Returns
         -------
@@ -72,14 +72,16 @@ class Alignment:
         if self._paired > -math.inf:
             dt = sampled - self._paired
         self._paired = sampled
-        return Pair(self._position_at(sampled), force, dt)
+        return new_tuple(Pair, (self._position_at(sampled), force, dt))
 
     def _position_at(self, sampled: float) -> float:
-        """Return the interpolated position [m] at a time [s] before or at the newest position."""
+        """Return the interpolated position [m] at a time [s], up to the newest position sample."""
         after, later = self._positions[-1]
+        if after <= sampled + SAME_TIME:
+            return later
         for time, position in reversed(self._positions):
             if time <= sampled + SAME_TIME:
-                if sampled - time <= SAME_TIME or after == time:
+                if sampled - time <= SAME_TIME:
                     return position
                 return position + (later - position) * (sampled - time) / (after - time)
             after, later = time, position

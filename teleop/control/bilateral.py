@@ -1,7 +1,7 @@
 """Link between master and slave with a communication channel and a force-feedback law.
 
-The law has a half at the master and a half at the slave. They exchange data only through the
-channel.
+The law consists of two halves, one at the master and one at the slave. The halves exchange data
+only through the channel.
 """
 
 from __future__ import annotations
@@ -22,7 +22,10 @@ from teleop.safety.channels import DetectedFault
 
 
 class LinkValues(NamedTuple):
-    """Values of the link at a tick that are recorded."""
+    """Recorded values of the link at one tick.
+
+    `teleop.recording.tick_columns.FEEDBACK_COLUMNS` states the meaning and the unit of each value.
+    """
 
     displayed_force: float
     model_stiffness: float
@@ -40,7 +43,7 @@ NO_VALUES = LinkValues(*[math.nan] * len(LinkValues._fields))
 
 
 class BilateralLink(Link):
-    """Link of master and slave through a channel, with the two halves of a force-feedback law.
+    """Link that consists of a communication channel and a force-feedback law.
 
     Parameters
     ----------
@@ -74,7 +77,7 @@ class BilateralLink(Link):
         self.values = NO_VALUES
 
     def align(self, measurement: Measurement) -> None:
-        """Put the virtual mass at rest at the slave's position; reset both halves of the law."""
+        """Put the virtual mass at rest at the slave's position; reset the law and the channel."""
         self._coupling.align(self._admittance, measurement)
         self._master.align()
         self._slave.align()
@@ -122,15 +125,15 @@ class BilateralLink(Link):
     def follow(self, verdict: Verdict, desired: Command, applied: Command, dt: float) -> None:
         """Move the virtual mass like the handle if a limit of the master reduced the command.
 
-        A limit of the slave acts on the slave only. The hand feels its effect only through the
-        channel and the law.
+        A limit of the slave reduces only the velocity of the slave. The hand feels this only
+        through the channel and the law.
         """
         if verdict.command.master_velocity != desired.master_velocity:
             admittance, velocity = self._admittance, applied.master_velocity
             admittance.position, admittance.velocity = self._start + velocity * dt, velocity
 
     def observe(self, pair: Pair) -> None:
-        """Process a pair of slave position and contact force at the slave."""
+        """Pass a pair of slave position and contact force to the slave half of the law."""
         self._slave.observe(pair)
 
     def stiffness(self, position: float) -> float:
@@ -138,7 +141,7 @@ class BilateralLink(Link):
         return self._slave.stiffness(position)
 
     def _detected(self, now: float, silence: float, energy: float) -> tuple[DetectedFault, ...]:
-        """Return the faults of the channel and of the displayed environment."""
+        """Return the faults: a silent channel, or a displayed environment that generates energy."""
         faults = []
         if silence > (most := self._max_silence):
             source = f"silent for {silence * 1e3:.0f} ms, at most {most * 1e3:g} ms"

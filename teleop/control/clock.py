@@ -1,4 +1,4 @@
-"""Clock of the control loop: real time with absolute deadlines, or virtual time without waiting."""
+"""Clocks of the control loop, in real time with absolute deadlines or in virtual time."""
 
 from __future__ import annotations
 
@@ -21,8 +21,12 @@ class Tick(NamedTuple):
     skipped: int
     """Number of whole periods that were skipped because the previous tick took too long."""
     busy: float = 0.0
-    """Duration of the previous tick, from its start until it began to wait for the next tick
+    """Duration of the previous tick, from its start until the loop began to wait for this tick
     [s]."""
+
+
+ON_TIME = Tick(0.0, False, 0)
+"""Timing of a tick in virtual time."""
 
 
 class Clock(ABC):
@@ -51,38 +55,40 @@ class Clock(ABC):
 
     @abstractmethod
     def stopwatch(self) -> float:
-        """Return a time [s], for the durations of the parts of a tick."""
+        """Return a time [s] for the measurement of durations within a tick."""
 
     @abstractmethod
     def wait(self) -> Tick:
-        """Wait until the next deadline. The first call returns at once and sets this deadline."""
+        """Wait until the next deadline. The first call sets the first deadline, without waiting."""
 
 
 class VirtualClock(Clock):
-    """Clock with virtual time, which advances by one period per tick. Runs are repeatable."""
+    """Clock with virtual time, which advances by one period per tick. Trials are repeatable."""
 
     def __init__(self, rate: float) -> None:
         super().__init__(rate)
         self._tick = -1
+        self._now = 0.0
 
     def now(self) -> float:
         """Return the virtual time of the present tick [s]."""
-        return max(self._tick, 0) / self.rate
+        return self._now
 
     stopwatch = now
 
     def wait(self) -> Tick:
         """Advance to the next deadline without waiting."""
         self._tick += 1
-        return Tick(0.0, False, 0)
+        self._now = self._tick / self.rate
+        return ON_TIME
 
 
 class RealClock(Clock):
     """Clock in real time, with deadlines at whole periods after the first tick.
 
     The time is that of the machine's monotonic clock. The deadlines do not depend on when earlier
-    ticks began, so that delays do not accumulate. If a tick takes longer than one or more whole
-    periods, these periods are skipped. The later deadlines do not change.
+    ticks began, so that delays do not accumulate. If a tick is late by one or more whole periods,
+    these periods are skipped. The later deadlines do not change.
     """
 
     def __init__(self, rate: float) -> None:

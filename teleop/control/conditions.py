@@ -1,7 +1,7 @@
-"""Control conditions: the force of the operator or of the PE injector moves the master.
+"""Control conditions, which compute the force that moves the master.
 
-The PE injector (persistent excitation) computes the force that moves the slave along a known
-signal.
+The force is either that of the operator or that of the PE (persistent excitation) injector. The PE
+injector computes a force that moves the slave along a known signal.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ CONDITIONS = get_args(ConditionName)
 
 
 class Condition(ABC):
-    """Control condition: computes the force that moves the telemanipulator."""
+    """Base class of control conditions. A condition computes the force that moves the master."""
 
     finished = False
     """Whether the condition has finished. The trial then ends, even before its full duration."""

@@ -1,4 +1,4 @@
-"""One tick of the control loop, from the measurement to the estimates."""
+"""Run one tick of the control loop, from the measurement to the estimates."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import math
 import time
 from collections.abc import Callable
 
-from drivers import STANDSTILL, Command, Measurement, Rig
-from estimation import Bank, Conditioner, Estimate, Excitation, Misfit
+from drivers import STANDSTILL, Command, Measurement, Rig, new_tuple
 from teleop.control.alignment import Alignment, Pair
 from teleop.control.clock import Tick
 from teleop.control.conditions import Condition
+from teleop.control.estimation import Estimation
 from teleop.control.failures import failure
 from teleop.control.link import Link
 from teleop.control.rig_values import command_of, measurement_of
@@ -32,7 +32,6 @@ from teleop.safety.events import ACTIVE, STOPPING
 from teleop.safety.state import NO_REQUEST
 
 NO_PAIR = Pair(math.nan, math.nan, math.nan)
-NO_ESTIMATE = Estimate(math.nan, math.nan, math.nan, math.nan, held=False)
 
 
 class Controller:
@@ -50,12 +49,8 @@ class Controller:
         Control condition, which computes the force that moves the master.
     link
         Link, which converts the force of the condition to the velocities of master and slave.
-    conditioner
-        Computes the regressors from slave position and contact force.
-    bank
-        The estimators.
-    excitation
-        Computes the excitation measure from displacement and velocity.
+    estimation
+        Computes the estimates from the pairs of slave position and contact force.
     period
         Nominal time between ticks [s]; used as the time step of the first tick.
     limits
@@ -71,9 +66,7 @@ class Controller:
         rig: Rig,
         condition: Condition,
         link: Link,
-        conditioner: Conditioner,
-        bank: Bank,
-        excitation: Excitation,
+        estimation: Estimation,
         period: float,
         limits: Limits,
         tare: Tare = NO_TARE,
@@ -82,10 +75,7 @@ class Controller:
         self._rig = rig
         self._condition = condition
         self._link = link
-        self._conditioner = conditioner
-        self._bank = bank
-        self._excitation = excitation
-        self._misfit = Misfit(bank)
+        self._estimation = estimation
         self._period = period
         self._limits = limits
         self._tare = tare
@@ -98,13 +88,6 @@ class Controller:
         self._energised = False
         self._silent = False
         self._faults: list[DetectedFault] = []
-        self._no_estimates = {
-            name: NO_ESTIMATE._replace(further=(math.nan,) * (2 * len(e.names) - 4))
-            for name, e in bank.items()
-        }
-        further = max(len(e.model.further) for e in bank.values())
-        self._no_regressors = (math.nan,) * further
-        self._no_misfit = (math.nan,) * len(bank)
         self.finished = False
         """Whether the condition has finished."""
         self.error: Exception | None = None
@@ -130,7 +113,7 @@ class Controller:
         self.error = None
 
     def tick(self, tick: Tick, request: Request = NO_REQUEST) -> Record:
-        """Run one tick: measurement, desired velocities, limits, command, estimates.
+        """Run one tick: read the rig, limit the velocities, command the drives, and estimate.
 
         Parameters
         ----------
@@ -173,21 +156,13 @@ class Controller:
         written = self._stopwatch()
         self._link.follow(verdict, desired, applied, dt)
 
-        pair, x, v, f, excitation = NO_PAIR, math.nan, math.nan, math.nan, math.nan
-        estimates, further = self._no_estimates, self._no_regressors
-        contact, misfit = math.nan, self._no_misfit
+        pair, estimated = NO_PAIR, self._estimation.unknown
         if mode is ACTIVE or mode is STOPPING:
             try:
                 if found := self._alignment.update(measurement, dt):
+                    self._link.observe(found)
                     pair = found
-                    self._link.observe(pair)
-                    x, v, f, further = self._conditioner.update(*pair)
-                    estimates = self._bank.update(x, v, f, pair.dt, further)
-                    excitation = self._excitation.update(x, v, pair.dt)
-                    is_open, gate = True, self._bank.gate
-                    if gate:
-                        contact, is_open = float(gate.contact), gate.is_open
-                    misfit = self._misfit.update(x, v, f, pair.dt, further, estimates, is_open)
+                    estimated = self._estimation.update(pair)
             except BaseException as error:
                 self._fail(Fault.ESTIMATION_FAILURE, error, measurement.time)
         events = verdict.events
@@ -195,7 +170,8 @@ class Controller:
             start = self._start
             events = tuple(e._replace(time=e.time - start, since=e.since - start) for e in events)
         compute = mapped - read + self._stopwatch() - written
-        return Record(
+        timing = new_tuple(Timing, (read - started, compute, written - mapped))
+        values = (
             t,
             dt,
             measurement,
@@ -205,21 +181,15 @@ class Controller:
             verdict.command,
             applied,
             pair,
-            x,
-            v,
-            f,
-            further,
-            estimates,
-            excitation,
-            contact,
-            misfit,
+            estimated,
             mode,
             verdict.limited,
             tick,
-            Timing(read - started, compute, written - mapped),
+            timing,
             events,
             self._link.values,
         )
+        return new_tuple(Record, values)
 
     def _read(self) -> tuple[Measurement, float]:
         """Return the measurement minus the tare, and the time since the last measurement [s]."""
@@ -246,9 +216,8 @@ class Controller:
         trips = (*request.faults, *self._faults)
         self._faults.clear()
         stiffness = self._link.stiffness(measurement.slave_position)
-        return Request(
-            request.arm, request.stop, request.halt, trips, tick.skipped, elapsed, stiffness
-        )
+        values = (*request[:3], trips, tick.skipped, elapsed, stiffness)
+        return new_tuple(Request, values)
 
     def _enable(self, now: float) -> bool:
         """Enable the drives, and return whether they are ready for commands."""
@@ -263,7 +232,7 @@ class Controller:
         """Send the command to the drives, or disable the drives, and return the applied command.
 
         Before the drives are disabled, zero velocity is commanded once. If `Rig.idle` fails, it is
-        called again at each tick. No command is sent, so that the watchdogs stop the drives.
+        called again at each tick. No command is sent then, so that the watchdogs stop the drives.
         """
         applied = STANDSTILL
         operating = (verdict.enabled or verdict.arm) and not self._faults

@@ -1,4 +1,4 @@
-"""Coupling: computes the velocity of the slave from the motion of the master."""
+"""Compute the velocity of the slave from the motion of the master."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
-from drivers import Command, Measurement
+from drivers import Command, Measurement, new_tuple
 from teleop.control.admittance import Admittance
 
 
@@ -51,12 +51,13 @@ class Coupling:
     def align(self, master: Admittance, measurement: Measurement) -> None:
         """Put the virtual mass at rest where its scaled position equals the position of the slave.
 
-        This is called each time the drives are armed. Therefore the command is zero after arming,
-        at any position of the slave, until a force acts on the handle.
+        This method is called each time the drives are armed. After arming, the command is therefore
+        zero at any position of the slave, until a force acts on the handle.
         """
         master.align(measurement.slave_position / self.scale)
 
     def command(self, master: Moving, measurement: Measurement) -> Command:
         """Return the desired velocities of both drives [m/s]."""
-        lag = self.scale * master.position - measurement.slave_position
-        return Command(master.velocity, self.scale * master.velocity + self.position_gain * lag)
+        scale, velocity = self.scale, master.velocity
+        lag = scale * master.position - measurement.slave_position
+        return new_tuple(Command, (velocity, scale * velocity + self.position_gain * lag))

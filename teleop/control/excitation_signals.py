@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 
 
 class Motion(NamedTuple):
-    """Value of a signal at one time, and its first two time derivatives."""
+    """Value and first two time derivatives of a signal at one time."""
 
     value: float
     rate: float
@@ -63,7 +63,7 @@ class Sine(Signal):
 
 @dataclass(frozen=True)
 class Multisine(Signal):
-    """Sum of sines of equal amplitude. Their phases (Schroeder) give a low crest factor.
+    """Sum of sines of equal amplitude, with the phases of Schroeder for a low crest factor.
 
     Raises
     ------
@@ -118,8 +118,8 @@ class Chirp(Signal):
     high: float
     """Highest frequency [Hz], > low."""
     sweep: float = 5.0
-    """Time in which the frequency increases from low to high and decreases to low again [s], >
-    0."""
+    """Time [s] in which the frequency increases from low to high and decreases to low again,
+    > 0."""
     kind: Literal["chirp"] = "chirp"
 
     def __post_init__(self) -> None:

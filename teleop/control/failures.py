@@ -1,4 +1,4 @@
-"""Conversion of an exception in a tick to the text of a fault and to the reported exception."""
+"""Convert an exception in a tick to the text of a fault and to the exception that is reported."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ def failure(error: BaseException) -> tuple[str, Exception]:
     """Return a text that describes an exception, and the exception to raise after the trial.
 
     SystemExit and other exceptions that do not derive from `Exception` would end the program
-    without a message. SystemExit could even end it with exit code 0. Each such exception is
-    replaced by a RuntimeError.
+    without a message. SystemExit could even cause exit code 0. A RuntimeError therefore replaces
+    each such exception.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The persistent-excitation (PE) injector: a force that moves the slave along a known signal."""
+"""The PE (persistent excitation) injector: a force that makes the slave follow a signal."""
 
 from __future__ import annotations
 
@@ -7,21 +7,29 @@ import math
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.excitation_signals import Motion, Signal
 
+RAMP = 0.5
+"""Duration of each of the two ramps of the displacement, at the start and at the end [s]."""
+
+
+def ramp_time(duration: float, ramp: float = RAMP) -> float:
+    """Return the duration of a ramp [s] in a trial: `ramp`, but at most half of the trial [s]."""
+    return min(ramp, 0.5 * duration)
+
 
 class Injector:
     """Computes the force that moves the slave along an excitation signal.
 
-    The displacement of the slave is x(t) = ramp(t) (mean + half signal(t)). After the ramp at the
-    start, it varies between `touch` times the depth and the depth, so that the slave stays in
-    contact. The computed force is the force that the virtual mass of the admittance needs for this
-    motion.
+    The displacement of the slave is x(t) = ramp(t) (mean + half signal(t)). Between the ramp at the
+    start and the ramp at the end, x varies between `touch` times the depth and the depth, so that
+    the slave stays in contact. The computed force is the force that the virtual mass of the
+    admittance needs for this motion.
 
     Parameters
     ----------
     signal
         The excitation signal.
     depth
-        Greatest displacement of the slave [m], > 0.
+        Largest displacement of the slave [m], > 0.
     admittance
         Mass, damping and stiffness of the virtual dynamics of the master.
     scale
@@ -48,7 +56,7 @@ class Injector:
         scale: float,
         duration: float,
         touch: float = 0.1,
-        ramp: float = 0.5,
+        ramp: float = RAMP,
     ) -> None:
         if not 0.0 < depth < math.inf:
             raise ValueError(f"excitation depth must be positive, got {depth} m")
@@ -63,7 +71,7 @@ class Injector:
         self._half = 0.5 * depth * (1.0 - touch) / scale
         self._admittance = admittance
         self._duration = duration
-        self._ramp = min(ramp, 0.5 * duration)
+        self._ramp = ramp_time(duration, ramp)
 
     def motion(self, t: float) -> Motion:
         """Return position [m], velocity [m/s] and acceleration [m/s^2] of the master at t [s]."""

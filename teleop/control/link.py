@@ -1,4 +1,4 @@
-"""Link between master and slave: converts the force of the hand to both desired velocities."""
+"""Links between master and slave, which convert the force of the hand to desired velocities."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from teleop.safety.channels import DetectedFault
 
 
 class Link(ABC):
-    """Computes the desired velocities of master and slave at each tick."""
+    """Base class of links. A link computes the desired velocities of both drives at each tick."""
 
     faults: tuple[DetectedFault, ...] = ()
     """Faults of the link that were detected in the last step."""
     values: tuple[float, ...] = ()
-    """Values of the columns that the link adds to the recording of a tick."""
+    """Values of the last step that are recorded, for the columns that the link adds."""
 
     @abstractmethod
     def align(self, measurement: Measurement) -> None:
@@ -38,7 +38,8 @@ class Link(ABC):
     def stiffness(self, position: float) -> float | None:
         """Return the expected slope of the contact force [N/m] at a position of the slave [m].
 
-        None if master and slave are at the same place. The soft limits then act on both together.
+        The result is None if master and slave are at the same place. The soft limits then act on
+        master and slave together.
         """
         return None
 
@@ -49,7 +50,8 @@ class DirectLink(Link):
     Parameters
     ----------
     admittance, coupling
-        Convert the force to the velocities of master and slave.
+        Virtual mass of the master, and map from the motion of the master to the motion of the
+        slave.
     """
 
     def __init__(self, admittance: Admittance, coupling: Coupling) -> None:

@@ -1,11 +1,11 @@
-"""Conversion of the values that a rig returns to floats, which the supervisor's checks require."""
+"""Convert the values that a rig returns to floats, because the supervisor's checks need floats."""
 
 from __future__ import annotations
 
 import math
 from struct import Struct, error
 
-from drivers import Ages, Command, Measurement, RigError
+from drivers import Ages, Command, Measurement, RigError, new_tuple
 from teleop.printable import one_line
 
 SAMPLES, VELOCITIES = Struct("11d"), Struct("2d")
@@ -27,8 +27,8 @@ def measurement_of(returned: Measurement) -> Measurement:
         The time of the measurement is not finite.
     """
     try:
-        time, *channels, age, drive_error, emergency_stop = returned
-        values = SAMPLES.unpack(SAMPLES.pack(time, *channels, *age))
+        *samples, age, drive_error, emergency_stop = returned
+        values = SAMPLES.unpack(SAMPLES.pack(*samples, *age))
         stop = bool(emergency_stop)
     except (TypeError, ValueError, error) as problem:
         raise TypeError(
@@ -37,7 +37,7 @@ def measurement_of(returned: Measurement) -> Measurement:
     if not math.isfinite(values[0]):
         raise RigError(f"the time of the measurement is {values[0]} s: expected a finite number")
     text = one_line(str(drive_error)) if drive_error else ""
-    return Measurement._make((*values[:6], Ages._make(values[6:]), text, stop))
+    return new_tuple(Measurement, (*values[:6], new_tuple(Ages, values[6:]), text, stop))
 
 
 def command_of(returned: Command) -> Command:
@@ -65,4 +65,4 @@ def command_of(returned: Command) -> Command:
         raise RigError(
             f"the rig applied the velocities {master} and {slave} m/s: expected finite numbers"
         )
-    return Command(master, slave)
+    return new_tuple(Command, (master, slave))

@@ -13,9 +13,9 @@ from teleop.files import unreadable, write_text
 from teleop.json_documents import dumps
 
 LARGEST_ZERO = 15.0
-"""Largest zero offset of a force sensor that is accepted [N]. A larger value means a load."""
+"""Largest accepted zero offset of a force sensor [N]. A larger value indicates a loaded sensor."""
 FARTHEST = 1.0
-"""Largest magnitude of the position that is accepted as the contact datum [m]."""
+"""Largest accepted magnitude of the contact datum [m]."""
 LONGEST_TEXT = 1000
 """Largest number of characters of the date and of the rig's name in a tare file."""
 
@@ -37,7 +37,7 @@ class Tare:
 
     @property
     def zeros(self) -> dict[str, float]:
-        """Zero offsets that are not 0, in SI units, by the name of the channel."""
+        """Zero offsets other than 0, in SI units, by the name of the channel."""
         return {name: value for name, value in asdict(self).items() if name in CHANNELS and value}
 
     def apply(self, measurement: Measurement) -> Measurement:
@@ -95,7 +95,8 @@ def write_tare(tare: Tare, path: Path, overwrite: bool = False) -> None:
 def read_tare(path: Path) -> Tare:
     """Read the zero offsets from a file that `teleop rig tare` wrote.
 
-    A file that teleop 0.1 wrote contains no name of a rig. `Tare.rig` is then empty.
+    A file that was written by teleop 0.1 does not contain the name of the rig. `Tare.rig` is then
+    empty.
 
     Raises
     ------

@@ -14,20 +14,20 @@ contact."""
 class Target:
     """Target position of the slave, which the operator follows.
 
-    During the count-in, the target is constant at 0.1 depth. After it, the target is
-    depth (0.1 + 0.45 (1 - cos(2 pi f t))), where t is the time since the end of the count-in.
+    During the count-in, the target is constant at 0.1 times the depth. After the count-in, the
+    target is depth (0.1 + 0.45 (1 - cos(2 pi f t))). t is the time since the end of the count-in.
     """
 
     frequency: float
     """Frequency f [Hz], > 0."""
     depth: float
-    """Greatest displacement of the slave [m], > 0."""
+    """Largest displacement of the slave [m], > 0."""
     count_in: float = 0.0
     """Time at the start during which the target is constant [s], >= 0."""
 
     @property
     def shortest(self) -> float:
-        """Shortest duration for which tracking is computed: count-in plus two periods [s]."""
+        """Shortest trial for which the tracking error is computed: count-in plus 2 periods [s]."""
         return self.count_in + 2.0 / self.frequency
 
     def position(self, t: float) -> float:

@@ -1,13 +1,13 @@
-"""All quantities of one tick that are recorded."""
+"""Define the record of one tick, which contains all quantities that are recorded."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 from drivers import Command, Measurement
-from estimation import Estimate
 from teleop.control.alignment import Pair
 from teleop.control.clock import Tick
+from teleop.control.estimation import Estimated
 from teleop.safety import Event, Mode
 
 
@@ -19,7 +19,7 @@ class Timing(NamedTuple):
     compute: float
     """Time that condition, admittance, supervisor and estimators took [s]."""
     write: float
-    """Time that commanding the drives took [s]."""
+    """Time that sending the commands to the drives took [s]."""
 
 
 class Record(NamedTuple):
@@ -43,23 +43,8 @@ class Record(NamedTuple):
     """Velocities that the drives applied."""
     pair: Pair
     """Slave position and contact force at the same time; NaN if there is no new pair."""
-    x: float
-    """Displacement passed to the estimators [m]; NaN if they were not updated."""
-    v: float
-    """Velocity passed to the estimators [m/s]; NaN if they were not updated."""
-    f: float
-    """Force passed to the estimators [N]; NaN if they were not updated."""
-    further: tuple[float, ...]
-    """Values of the model's regressors other than v and x, for example x^3."""
-    estimates: dict[str, Estimate]
-    """Estimates by the name of the estimator; NaN if the estimators were not updated."""
-    excitation: float
-    """Excitation measure; 0 for no excitation, 1 for a sine of 1 Hz about the position x = 0."""
-    contact: float
-    """1 while the contact gate of the estimators detects contact, else 0; NaN if there is no
-    contact gate or no estimate."""
-    misfit: tuple[float, ...]
-    """Misfit of each estimator (`estimation.misfit`); NaN until it is known."""
+    estimated: Estimated
+    """Estimates and their regressors; NaN if the estimators were not updated."""
     mode: Mode
     """Mode of the supervisor."""
     limited: int

@@ -1,1 +1,1 @@
-"""Evaluation of recordings, and of measurement files from other machines."""
+"""Evaluate recordings, and measurement files of other machines."""

@@ -1,4 +1,4 @@
-"""The batch evaluation of a record: phases, models, and the result for publication."""
+"""Evaluate all samples of a record together: phases, models, and the result for publication."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ WIDER_BAND = 1.6
 """Ratio of a second smoothing bandwidth to the first. The change of k between the two bandwidths
 widens the interval of k."""
 FEWEST_HOLD = 10
-"""Smallest number of independent samples in a hold for which the relaxation is fitted."""
+"""Smallest number of independent samples in contact for a model, and in a hold for a relaxation."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class Analysis:
         )
 
     def summary(self) -> dict[str, Any]:
-        """Return motion, phases, contact point and complex modulus as a dictionary for JSON."""
+        """Return motion, phases, cycles, contact point and complex modulus as a dictionary."""
         point = self.phases.contact_point
         return {
             "motion": motion_of(self.record)._asdict(),
@@ -164,10 +164,12 @@ class Analysis:
         """Return the complex modulus at the frequency of the palpation.
 
         It consists of storage stiffness k' [N/m], loss stiffness k'' [N/m] and tan delta. The
-        result is None if the motion has no cycles or k is not identifiable.
+        result is None if the motion has no cycles, if k is not identifiable, or if the best model
+        has relaxing parts: then b is not the whole loss.
         """
         result, record = self.result, self.record
-        if not math.isfinite(record.frequency) or result.k is None or result.b is None:
+        cyclic = math.isfinite(record.frequency) and not result.times
+        if not cyclic or result.k is None or result.b is None:
             return None
         assert result.k_low is not None
         assert result.b_low is not None

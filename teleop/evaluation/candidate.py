@@ -1,4 +1,4 @@
-"""Fit of one candidate model of the contact, and its stiffness (see `local_stiffness`)."""
+"""Fit one candidate model of the contact, and compute its stiffness (see `local_stiffness`)."""
 
 from __future__ import annotations
 
@@ -10,19 +10,23 @@ from numpy.typing import NDArray
 
 from estimation.compiled import Floats
 from teleop.evaluation.contact_rows import Rows
+from teleop.evaluation.prepared import Prepared
 
 BAND = 0.08
-"""Samples are used for the slope if their force is within this distance from half of the force
-range, as a fraction of the range."""
+"""Samples are used for the slope if the distance of their force from half of the force range is
+less than this fraction of the range."""
 SLOPE_SAMPLES = 3
-"""Smallest mean number of samples in a pass through half of the force range."""
+"""Smallest number of samples, on average, in a pass through half of the force range."""
+SLOPE_NOISE = 50.0
+"""Least distance for a slope in one pass, in standard deviations of the smoothed position's
+noise."""
 
 FINEST = 0.0005
-"""Relative standard deviation of k that smoothing and grid cause for a relaxing body.
+"""Relative standard deviation of k that smoothing and grid cause if the force of the body relaxes.
 
-It is the median error of k for synthetic records without noise (`estimation.testing_records`). For
-a model without relaxing parts it is zero, because such a model holds exactly for the smoothed
-signals.
+This value is the median error of k for synthetic records without noise
+(`estimation.testing_records`). For a model without relaxing parts the error is zero, because such a
+model holds exactly for the smoothed signals.
 """
 
 
@@ -48,13 +52,17 @@ class Candidate(NamedTuple):
     position: float
     """Position at which the stiffness is evaluated [m]."""
     force: float
-    """Half of the force range, with the mean of the baseline [N]."""
+    """Force at half of the force range, including the mean of the baseline [N]."""
     theta: Floats
-    """Parameters, in the order: baseline, b, powers of the normalised position, relaxing parts."""
+    """Coefficients of the baseline, velocity, powers of the normalised position, relaxing parts."""
 
 
 def evaluate(
-    rows: Rows, degree: int, times: tuple[float, ...], relaxing: list[Floats]
+    rows: Rows,
+    degree: int,
+    times: tuple[float, ...],
+    relaxing: list[Floats],
+    cornered: list[Floats],
 ) -> Candidate:
     """Fit a candidate, and compute its stiffness at half of the force range.
 
@@ -68,6 +76,8 @@ def evaluate(
         Time constants of the relaxing parts [s].
     relaxing
         The relaxing parts of the elastic force, one array of shape (n,) for each time constant.
+    cornered
+        The relaxing parts with corners that are not rounded by the smoothing (`with_corners`).
     """
     fit = rows.fit(degree, relaxing)
     theta, first = fit.theta, rows.v_column + 1
@@ -76,16 +86,16 @@ def evaluate(
     powers = np.arange(1, degree + 1)
     coefficients = theta[first : first + degree]
     without = rows.fine_powers[:, :degree] @ coefficients
-    for c, z in zip(theta[first + degree :], relaxing, strict=True):
+    for c, z in zip(theta[first + degree :], cornered, strict=True):
         without = without + c * z[index]
     constant = float(rows.basis.mean(axis=0) @ theta[: rows.v_column])
     low, high = float(without.min()), float(without.max())
     top, bottom = int(np.argmax(without)), int(np.argmin(without))
 
     def effect(i: int) -> Floats:
-        """Return the derivatives of the elastic force at usable sample i by the parameters."""
+        """Return the derivatives of the elastic force at usable sample i, one per parameter."""
         found = np.zeros(m)
-        found[first:] = [*rows.fine_powers[i, :degree], *(z[index[i]] for z in relaxing)]
+        found[first:] = [*rows.fine_powers[i, :degree], *(z[index[i]] for z in cornered)]
         return found
 
     force_effect = 0.5 * (effect(top) + effect(bottom))
@@ -108,11 +118,11 @@ def evaluate(
     pass_of = np.cumsum(breaks, dtype=np.int_)
     along = gradient.copy()
     nearest = near[int(np.argmin(distance[near]))]
-    at = min(max(int(index[nearest]), 1), len(sharp_x) - 2)
+    before, after = surroundings(sharp_x, int(index[nearest]), len(near), rows.record)
     for j, z in enumerate(relaxing):
         gradient[first + degree + j] = loading_slope(x, v, z[index[near]], pass_of)
-        step = sharp_x[at + 1] - sharp_x[at - 1]
-        along[first + degree + j] = (z[at + 1] - z[at - 1]) / step if step else 0.0
+        step = sharp_x[after] - sharp_x[before]
+        along[first + degree + j] = (z[after] - z[before]) / step if step else 0.0
     path_doubt = abs(float((along - gradient) @ theta)) / 1.5
     damping = np.zeros(m)
     damping[rows.v_column] = 1.0
@@ -150,8 +160,31 @@ def evaluate(
     )
 
 
+def surroundings(x: Floats, at: int, most: int, record: Prepared) -> tuple[int, int]:
+    """Return indices before and after a sample, between which a slope is above the noise.
+
+    Parameters
+    ----------
+    x
+        Position [m], shape (n,).
+    at
+        Index of the sample.
+    most
+        Largest distance between the two indices [samples].
+    record
+        The prepared record.
+    """
+    least = SLOPE_NOISE * record.x_noise * record.noise_gain
+    half = 1
+    while True:
+        before, after = max(at - half, 0), min(at + half, len(x) - 1)
+        if abs(x[after] - x[before]) >= least or 4 * half > most:
+            return before, after
+        half *= 2
+
+
 def with_neighbours(mask: NDArray[np.bool_], index: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the indices of the true values; if the runs are short, also of their neighbours.
+    """Return the indices of the true values of a mask; if its runs are short, also of neighbours.
 
     The slope within a run needs three samples. In a fast motion, fewer samples are near half of the
     force range.
@@ -161,7 +194,7 @@ def with_neighbours(mask: NDArray[np.bool_], index: NDArray[np.intp]) -> NDArray
     mask
         Samples to use, shape (n,).
     index
-        Index of each of these samples on the grid, shape (n,). A step of more than 1 ends a run.
+        Index of each sample on the grid, shape (n,). A step of more than 1 ends a run.
     """
     chosen = np.flatnonzero(mask)
     passes = np.count_nonzero(np.diff(index[chosen]) > 1) + 1
@@ -203,5 +236,5 @@ def loading_slope(x: Floats, v: Floats, z: Floats, pass_of: NDArray[np.int_]) ->
 
 
 def pass_means(values: Floats, pass_of: NDArray[np.int_]) -> Floats:
-    """Replace each value by the mean of its pass, shape (n,)."""
+    """Return for each value the mean of the values in the same pass, shape (n,)."""
     return np.asarray((np.bincount(pass_of, values) / np.bincount(pass_of))[pass_of])

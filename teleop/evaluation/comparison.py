@@ -1,4 +1,4 @@
-"""Comparison of several recordings: the results of each, and the means of groups of recordings."""
+"""Compare several recordings: the results of each recording, and the means of groups."""
 
 from __future__ import annotations
 
@@ -20,7 +20,12 @@ from teleop.evaluation.tracking import COLUMNS, Tracking
 NO_LEVEL = "-"
 """Level of a factor that is not known for a recording."""
 RESULT = "result"
-"""Name of the method `result`, the batch result; the other methods are the estimators."""
+"""Name of the method that gives the batch result. The other methods are the estimators."""
+AVERAGE = "average"
+"""Kind of the stiffness of an estimator: the average slope of lines through the datum."""
+KIND_OF_K = {RESULT: "tangent"}
+"""Kind of the stiffness of the methods other than the estimators: for the result, the tangent at
+half of the force range."""
 NEVER_UPDATED = "the estimator was never updated: no contact or no motion"
 SUBJECT = "subject"
 """Name of the random factor. Its levels are a sample of persons or specimens."""
@@ -148,7 +153,7 @@ def group_of(levels: tuple[str, ...], rows: Sequence[Compared]) -> Group:
 
 
 def in_order(level: str) -> tuple[float, str]:
-    """Return a sort key for a level: numbers in the order of their values, before other levels."""
+    """Return a sort key for a level: numbers are sorted by value, and come before other levels."""
     try:
         return float(level), level
     except ValueError:
@@ -170,7 +175,7 @@ def means(rows: Sequence[Compared]) -> dict[str, dict[str, Mean]]:
 
 
 def mean_result(results: Sequence[Result], symbol: str) -> Mean:
-    """Return the mean of k or b over those results that are identifiable."""
+    """Return the mean of k or b (`symbol`) over results, all of which are identifiable."""
     values = [getattr(result, symbol) for result in results]
     halves = [
         0.5 * (getattr(result, f"{symbol}_high") - getattr(result, f"{symbol}_low"))
@@ -202,6 +207,9 @@ def tidy_rows(rows: Iterable[Compared], by: Sequence[str]) -> list[dict[str, Any
             {
                 **start,
                 "method": RESULT,
+                "kind of k": KIND_OF_K[RESULT],
+                "at force [N]": r.force,
+                "at depth [m]": r.depth,
                 "k [N/m]": r.k,
                 "k low [N/m]": r.k_low,
                 "k high [N/m]": r.k_high,
@@ -219,6 +227,7 @@ def tidy_rows(rows: Iterable[Compared], by: Sequence[str]) -> list[dict[str, Any
                 **blank,
                 **start,
                 "method": name,
+                "kind of k": AVERAGE,
                 "k [N/m]": one.k,
                 "b [N s/m]": one.b,
                 "e_f [N]": one.e_f,

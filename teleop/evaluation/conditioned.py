@@ -1,4 +1,4 @@
-"""Signal conditioning of the evaluated part of a record, relative to the datum and between gaps."""
+"""Condition the evaluated part of a record, relative to the datum, in each piece between gaps."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from estimation import Conditioner, Regression
 from estimation.compiled import Floats
 from teleop.errors import InputError
+from teleop.evaluation.averaged_part import AveragedPart
 from teleop.evaluation.datum import Datum
 from teleop.evaluation.sampling_gaps import PiecewiseConditioner
 from teleop.evaluation.signals import Signals
@@ -93,3 +94,22 @@ class ConditionedBlocks:
         if len(used):
             self._last = int(places[-1]), float(times[-1])
         return Conditioned(t[used], regression, used, apart)
+
+
+def within(signals: Signals, part: AveragedPart) -> Signals:
+    """Return the samples in a part of a record.
+
+    Raises
+    ------
+    InputError
+        The part has fewer than `FEWEST` samples.
+    """
+    chosen = part.indices(signals.t)
+    start, end = chosen.start, chosen.stop
+    if end - start < FEWEST:
+        raise InputError(
+            f"only {end - start} samples without {part.left_out}: expected at least {FEWEST}"
+        )
+    t, x, f, dt = (column[chosen] for column in signals[:4])
+    gaps = tuple(gap - start for gap in signals.gaps if start < gap < end)
+    return signals._replace(t=t, x=x, f=f, dt=dt, gaps=gaps)

@@ -1,4 +1,4 @@
-"""Whether the force drifts at rest, and whether the stiffness changes from cycle to cycle."""
+"""Detect a drift of the force at rest, and a change of the stiffness from cycle to cycle."""
 
 from __future__ import annotations
 
@@ -15,23 +15,26 @@ from teleop.evaluation.prepared import Prepared
 STILL = 0.02
 """Largest speed at rest, relative to the 95 % quantile of the speed."""
 SETTLED = 0.2
-"""Share of a rest, at each of its ends, that is not used."""
+"""Part at each end of a rest that is not used, as a fraction of the rest."""
 LONG = 0.03
-"""Shortest rest that is used, relative to the record."""
+"""Shortest used part of a rest, as a fraction of the record."""
 RISE = 0.01
-"""Least rise of the force at rest that is a drift, relative to the force range."""
+"""Smallest rise of the force at rest that counts as a drift, as a fraction of the force range."""
 RISE_NOISE = 6.0
-"""Least rise, in standard deviations of the noise of the smoothed force."""
+"""Smallest rise of the force that counts as a drift, in standard deviations of the noise of the
+smoothed force."""
 STIFFEST = 3.0
-"""Largest stiffness at the depth of a rest, relative to the mean stiffness."""
+"""Assumed largest ratio of the stiffness at the depth of a rest to the mean stiffness."""
 FEWEST_CYCLES, FEWEST_SAMPLES = 6, 8
-"""Least number of cycles, and of samples in each, to find a change of the stiffness."""
+"""Smallest number of cycles, and of samples in a cycle, to find a change of the stiffness."""
+SMALL = 0.25
+"""Least travel of a cycle, relative to the largest travel of a cycle. A smaller cycle is tremor."""
 CHANGE = 0.15
-"""Least relative change of the stiffness that is reported."""
+"""Smallest relative change of the stiffness that is reported."""
 SCATTER = 5.0
-"""Least change of the stiffness, in standard errors."""
+"""Smallest change of the stiffness that is reported, in standard errors."""
 FREQUENCIES = 1.5
-"""Ratio of the frequencies above which the stiffness changes with the frequency."""
+"""Ratio of two frequencies above which a change of the stiffness is attributed to the frequency."""
 
 
 class Change(NamedTuple):
@@ -44,12 +47,12 @@ class Change(NamedTuple):
 
     @property
     def with_frequency(self) -> bool:
-        """Whether the frequency changes too."""
+        """Whether the frequency also changes."""
         return max(self.frequency) > FREQUENCIES * min(self.frequency)
 
     @property
     def text(self) -> str:
-        """The change in words."""
+        """Text that describes the change."""
         (first, last), (begin, end) = self
         if self.with_frequency:
             return (
@@ -65,9 +68,9 @@ class Change(NamedTuple):
 def rise_at_rest(record: Prepared) -> tuple[float, float] | None:
     """Return the rise of the force at rest [N] and its duration [s]; None if there is none.
 
-    At a constant position the force of a passive body decreases after loading. Rests after
-    unloading, in which it can recover, are not considered; nor is a record whose baseline is
-    removed.
+    After loading, the force of a passive body at a constant position decreases. Two cases are not
+    considered: rests after unloading, in which the force can increase again, and a record whose
+    baseline is removed.
     """
     if record.order:
         return None
@@ -92,15 +95,18 @@ def rise_at_rest(record: Prepared) -> tuple[float, float] | None:
 
 
 def change_over_cycles(record: Prepared, phases: Phases) -> Change | None:
-    """Return how the stiffness changes between the first and the last cycles; None if it does not.
+    """Return the change of the stiffness from the first to the last cycles; None for no change.
 
     The difference of the medians is compared with the scatter from one cycle to the next.
     """
     begins = [phase.start for phase in phases.phases if phase.name == "loading"]
+    parts = [start + np.flatnonzero(phases.usable[start:end]) for start, end in pairwise(begins)]
+    travel = [float(np.ptp(record.x[part])) if len(part) else 0.0 for part in parts]
+    smallest = SMALL * max(travel, default=0.0)
     k, seconds = [], []
-    for start, end in pairwise(begins):
-        part = start + np.flatnonzero(phases.usable[start:end])
-        if len(part) >= FEWEST_SAMPLES:
+    for i, (start, end) in enumerate(pairwise(begins)):
+        part = parts[i]
+        if len(part) >= FEWEST_SAMPLES and travel[i] >= smallest:
             k.append(slope_in_cycle(record, part))
             seconds.append((end - start) * record.period)
     if len(k) < FEWEST_CYCLES:

@@ -1,4 +1,4 @@
-"""A bank whose estimators hold their estimates while there is no contact."""
+"""Define a bank of estimators that hold their estimates constant while there is no contact."""
 
 from __future__ import annotations
 
@@ -44,7 +44,8 @@ def contact_at(analysis: Analysis, t: Floats, f: Floats) -> NDArray[np.bool_]:
     """Return whether there is contact at each time.
 
     Between the sections of a long record, which the analysis does not contain, there is contact if
-    the force differs from its level out of contact.
+    the force differs from its level out of contact. Before the analysed part, the contact is that
+    at the start of this part.
 
     Parameters
     ----------
@@ -65,7 +66,7 @@ def contact_at(analysis: Analysis, t: Floats, f: Floats) -> NDArray[np.bool_]:
     nearest = np.clip(np.searchsorted(record.t, t), 0, len(record.t) - 1)
     contact = np.asarray(phases.contact[nearest])
     width = level_width(record)
-    away = np.abs(record.t[nearest] - t) > FARTHEST
+    away = (t > record.t[0]) & (np.abs(record.t[nearest] - t) > FARTHEST)
     if away.any():
         level = phases.free_force
         above = np.ones(len(t), dtype=np.bool_)

@@ -1,4 +1,4 @@
-"""Remarks on the contact: adhesion at release, friction, and inverted signs."""
+"""Remarks on the contact: adhesion at release, one ramp, friction, and inverted signs."""
 
 from __future__ import annotations
 
@@ -9,22 +9,25 @@ from teleop.evaluation.prepared import Prepared
 from teleop.evaluation.unsuited import negative_force
 
 LOWEST = 0.1
-"""Share of the travel, from the lowest position, that is taken to be out of contact."""
+"""Part of the travel, from the lowest position, that is assumed to be out of contact, as a fraction
+of the travel."""
 CONSTANT = 0.02
-"""Largest standard deviation of the force there, relative to the force range."""
+"""Largest standard deviation of the force out of contact, as a fraction of the force range."""
 PULL = 0.05
-"""Least pull that is reported, relative to the force range."""
+"""Smallest adhesion that is reported, as a fraction of the force range."""
+PULL_NOISE = 6.0
+"""Least pull that is reported, in standard deviations of the noise of the smoothed force."""
 
 
 def adhesion(record: Prepared) -> float | None:
-    """Return how far the force falls below its level out of contact [N]; None if it does not."""
+    """Return how far the force falls below its level out of contact [N]; None for no adhesion."""
     x, f = record.x, record.f
     span = float(np.ptp(f))
     out = f[x < x.min() + LOWEST * float(np.ptp(x))]
     if span == 0.0 or float(np.std(out)) > CONSTANT * span:
         return None
     pull = float(np.median(out) - f.min())
-    return pull if pull > PULL * span else None
+    return pull if pull > max(PULL * span, PULL_NOISE * record.f_noise_smoothed) else None
 
 
 def contact_remarks(record: Prepared, local: LocalStiffness) -> list[str]:
@@ -32,6 +35,11 @@ def contact_remarks(record: Prepared, local: LocalStiffness) -> list[str]:
     found = []
     if pull := adhesion(record):
         found.append(f"adhesion: the force falls by {pull:.3g} N below its level out of contact")
+    if record.ramp:
+        found.append(
+            "one ramp: a drift of the force during the ramp has the same effect as a stiffness; "
+            "expected a motion that reverses, to see the difference"
+        )
     if local.friction:
         found.append(
             "friction: the loss does not depend on the speed; b holds for this frequency and "

@@ -1,4 +1,4 @@
-"""The samples of a record to which models are fitted, and the regressors of each model."""
+"""Select the samples to which models are fitted, and compute the regressors of each model."""
 
 from __future__ import annotations
 
@@ -21,11 +21,16 @@ STEADY = 0.01
 """Largest standard deviation of the force out of contact, as a fraction of the force range, for
 which this force counts as steady."""
 MOST_ROWS = 20_000
-"""Approximate largest number of samples in a fit. The samples have equal distances.
+"""Approximate largest number of samples in a fit. The samples are evenly spaced.
 
-It limits memory and computing time for a record of more than about ten minutes. The intervals of
-such a record are narrow, even with this number of samples.
+This number limits memory and computing time for a record of more than about ten minutes. The
+intervals of such a record are narrow, even with this number of samples.
 """
+CORNER = 5.0
+"""Least difference between measured and smoothed values that is a corner, in standard deviations of
+the noise."""
+SPEED_NOISE = 4.0
+"""Least speed in loading, in standard deviations of the noise of the smoothed velocity."""
 SPARE = 6
 """Smallest difference between number of samples and number of parameters."""
 
@@ -63,9 +68,11 @@ class Rows:
         depth = np.clip(self.normalised(record.raw_x), -1.5, 1.5)
         self.powers = [record.smoothed(depth**n)[self.rows] for n in DEGREES]
         sharp_x = record.sharpened(record.x)
-        self.sharp_x = np.clip(sharp_x, record.raw_x.min(), record.raw_x.max())
+        sharp_x = np.clip(sharp_x, record.raw_x.min(), record.raw_x.max())
+        self.largest_corner = record.width * float(np.percentile(np.abs(record.v), 99))
+        self.sharp_x = with_corners(record.raw_x, sharp_x, record.x_noise, self.largest_corner)
         self.sharp_v = record.sharpened(record.v)
-        self.fine = np.flatnonzero(phases.usable)
+        self.fine = np.flatnonzero(phases.inner if phases.usable.any() else phases.usable)
         self.fine_x, self.fine_v = self.sharp_x[self.fine], self.sharp_v[self.fine]
         self.fine_powers = self.normalised(self.fine_x)[:, None] ** np.arange(1, DEGREES[-1] + 1)
 
@@ -96,7 +103,7 @@ class Rows:
         return np.where(self.record.raw_x < point.value, y[near], y)
 
     def allow(self, terms: int) -> bool:
-        """Return whether there are enough samples for this many terms of the elastic force."""
+        """Return whether there are enough samples for `terms` terms of the elastic force."""
         return len(self.f) >= self.v_column + 1 + terms + SPARE
 
     @property
@@ -109,11 +116,17 @@ class Rows:
     def relaxation(self) -> bool:
         """Whether the candidates may have relaxing parts.
 
-        They have none with a baseline, nor for a sine in contact throughout: then elastic force
-        and velocity describe any linear body, and k and b are k' and k''/omega.
+        They have none for a sine with a baseline or in contact throughout: then elastic force and
+        velocity describe any linear body, and k and b are k' and k''/omega.
         """
-        steady = self.record.sinusoidal and self.phases.free_force is None
-        return self.order == 0 and not steady
+        constant = self.order == 0 and self.phases.free_force is not None
+        return constant or not self.record.sinusoidal
+
+    @property
+    def longest_time(self) -> float:
+        """Longest time constant of a relaxing part [s]. Slower relaxation is in the baseline."""
+        seconds = float(self.record.clock[-1])
+        return seconds / (math.pi * self.order) if self.order else 2.0 * seconds
 
     @cached_property
     def scaled_powers(self) -> Floats:
@@ -157,13 +170,34 @@ class Rows:
     @cached_property
     def loading(self) -> NDArray[np.bool_]:
         """Whether the tip moves inwards, at each usable sample."""
-        moving = self.fine_v > 0.1 * np.percentile(np.abs(self.fine_v), 95)
+        record = self.record
+        noise = record.x_noise * record.noise_gain / (math.sqrt(2.0) * record.width)
+        slowest = max(0.1 * float(np.percentile(np.abs(self.fine_v), 95)), SPEED_NOISE * noise)
+        moving = self.fine_v > slowest
         return moving if moving.sum() >= 4 else np.abs(self.fine_v) > 0.0
 
     @property
     def v_column(self) -> int:
         """Index of the velocity in the list of regressors."""
         return int(self.basis.shape[1])
+
+
+def with_corners(raw: Floats, smoothed: Floats, noise: float, largest: float) -> Floats:
+    """Return the smoothed values, with the measured values at corners that the smoothing rounds.
+
+    At the corner of a triangle wave, the smoothing reduces the largest value.
+
+    Parameters
+    ----------
+    raw, smoothed
+        Measured and smoothed values, shape (n,).
+    noise
+        Standard deviation of the noise of the measured values.
+    largest
+        Largest difference that smoothing can cause. A larger difference is an outlier.
+    """
+    difference = np.abs(raw - smoothed)
+    return np.where((difference > CORNER * noise) & (difference < largest), raw, smoothed)
 
 
 def summed_by_count(sensitivity: Floats, values: Floats, count: float) -> Floats:

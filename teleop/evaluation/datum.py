@@ -1,4 +1,4 @@
-"""Detection of the moving part of a record, and of the zero of position and force (the datum)."""
+"""Find the moving part of a record, and the zero of position and force (the datum)."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ OWN_ZERO = Datum(0.0, 0.0, "the file's own zero")
 def find_datum(signals: Signals, wanted: str, phases: Phases | None = None) -> Datum:
     """Return the position and force that are treated as zero.
 
-    With `contact`, the datum is the contact point and the force out of contact. With `auto`, it is
-    the same if the record has a contact point. Otherwise, it is the mean of the moving part,
-    because a preloaded specimen is approximately linear about the mean position. The names of the
-    columns have no influence.
+    With `contact`, the datum is the contact point and the force out of contact. With `auto`, the
+    datum is the same if the record has a contact point. Otherwise, the datum is the mean of the
+    moving part, because the force of a preloaded specimen is approximately linear about the mean
+    position. The names of the columns have no influence.
 
     Parameters
     ----------

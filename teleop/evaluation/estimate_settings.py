@@ -1,10 +1,11 @@
-"""Settings of the evaluation of a recording."""
+"""Define the settings of the evaluation of a recording."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from estimation import Model, Preset
+from teleop.evaluation.averaged_part import WHOLE, AveragedPart
 from teleop.names import ConditioningName, PresetName
 
 
@@ -27,7 +28,7 @@ class EstimateSettings:
     conditioning: ConditioningName = "matched"
     bandwidth: float | None = None
     """Bandwidth of the signal conditioning [Hz]; None for ten times the upper end of the coherent
-    band."""
+    band, at most half of the sampling rate."""
     force_lag: float | None = None
     """Lag of the force channel [s], which matched conditioning compensates. None: the delay of the
     force filter that the file states, or no lag if the file states no filter."""
@@ -35,3 +36,5 @@ class EstimateSettings:
     """Whether to include the rest before and after the motion."""
     resolution: float | None = None
     """Travel per encoder count [m]; None for the smallest step in the data."""
+    averaged: AveragedPart = WHOLE
+    """The part of the record that the result and the averages of the online estimates use."""

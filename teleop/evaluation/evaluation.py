@@ -1,4 +1,4 @@
-"""Evaluation of a recording, or of any file with position and force, by all estimators."""
+"""Evaluate a recording, or any file with position and force, with estimators and batch models."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from estimation.model import KELVIN_VOIGT
 from estimation.registry import PAPER
 from teleop.errors import InputError, as_input_error
 from teleop.evaluation.analysis import analyse
-from teleop.evaluation.conditioned import FEWEST, ConditionedBlocks, conditioned
+from teleop.evaluation.conditioned import FEWEST, ConditionedBlocks, conditioned, within
 from teleop.evaluation.contact_bank import ContactBank, contact_at
 from teleop.evaluation.datum import find_datum, moving_part
 from teleop.evaluation.estimate_settings import EstimateSettings
@@ -94,7 +94,8 @@ def evaluate(
     if len(signals.dt[motion]) < FEWEST:
         raise InputError(f"only {len(signals.dt[motion])} samples move: expected at least {FEWEST}")
     with as_input_error():
-        analysis = analyse(signals, lag)
+        batch = within(signals, settings.averaged)
+        analysis = analyse(batch, lag)
     datum = find_datum(signals, settings.datum, analysis.phases)
     band = analysis.record.band
     frequency = band.centre
@@ -106,6 +107,7 @@ def evaluate(
     if bandwidth is None:
         highest = band.high if band.coherence > 0.0 else frequency
         bandwidth = 10.0 * highest if settings.preset == "scaled" else BANDWIDTH
+        bandwidth = min(bandwidth, 0.5 / float(np.median(signals.dt)))
     count = settings.resolution or smallest_step(signals.x)
     given = settings.preset if isinstance(settings.preset, Preset) else None
     model = settings.model or (given.model if given else KELVIN_VOIGT)
@@ -138,6 +140,7 @@ def evaluate(
         samples.count,
         max(1, math.ceil(samples.count * len(bank) / most)),
         write,
+        settings.averaged,
     )
     gaps = []
     before = -math.inf
@@ -166,13 +169,15 @@ def evaluate(
         rate=1.0 / period,
         jitter=found.largest_deviation / period,
         samples=samples.count,
-        batch_samples=len(signals.t),
+        batch_samples=len(batch.t),
+        in_sections=not samples.is_whole,
         analysis=analysis,
         filter_note=note,
         kept_force_variance=kept_variance(
             signals.f, regression.f, sampled.used, bandwidth * period
         ),
         gaps=tuple(gap for gap in gaps if gap[0] > -math.inf and begin < gap[1] <= end),
+        averaged=settings.averaged,
     )
 
 

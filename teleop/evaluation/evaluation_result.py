@@ -20,6 +20,7 @@ from estimation.compiled import Floats
 from estimation.presentation import Presented
 from estimation.summary import EstimatorSummary
 from teleop.evaluation.analysis import Analysis
+from teleop.evaluation.averaged_part import WHOLE, AveragedPart
 from teleop.evaluation.conditioned import Conditioned
 from teleop.evaluation.datum import Datum
 from teleop.evaluation.model_comparison import cost as sample_cost
@@ -28,7 +29,7 @@ from teleop.evaluation.online import OnlineResult, table
 FEWEST_KEPT = 0.9
 """A message is reported if the conditioning keeps less than this fraction of the force variance."""
 LEAST_EXCITATION = 0.01
-"""Excitation below which the b of an online estimator is reported with a remark.
+"""Excitation below which a remark on b of the online estimators is reported.
 
 Below this excitation, the standard deviation of b omega is more than ten times that of k. If k is
 known to 10 %, a loss tangent b omega / k below one can then not be measured.
@@ -40,7 +41,7 @@ class Evaluation(Presented):
     """Online estimates and batch evaluation of one recording.
 
     Arrays have shape (n,): the n samples that the estimators processed, or evenly spaced samples of
-    these (see `evaluate`). The summaries are those of all samples.
+    these (see `evaluate`). The summaries are those of all samples in the part `averaged`.
     """
 
     online: OnlineResult
@@ -60,7 +61,9 @@ class Evaluation(Presented):
     samples: int
     """Number of samples in the recording, including those at rest."""
     batch_samples: int
-    """Number of samples of the batch evaluation: all, or those in sections of a long recording."""
+    """Number of samples of the batch evaluation."""
+    in_sections: bool
+    """Whether the batch evaluation uses only some sections of a long recording."""
     analysis: Analysis
     """The batch evaluation."""
     kept_force_variance: float
@@ -70,6 +73,8 @@ class Evaluation(Presented):
     if the file states no filter."""
     gaps: tuple[tuple[float, float], ...] = ()
     """Time of the last sample before each gap, and of the first sample after the gap [s]."""
+    averaged: AveragedPart = WHOLE
+    """The part of the record over which the online estimates are averaged."""
 
     @property
     def t(self) -> Floats:
@@ -93,7 +98,7 @@ class Evaluation(Presented):
 
     @property
     def excitation(self) -> Floats:
-        """Excitation measure at the motion's dominant frequency, shape (n,)."""
+        """Excitation measure at the dominant frequency of the motion, shape (n,)."""
         return self.online.excitation
 
     def summary(self, cost: bool = False) -> dict[str, Any]:
@@ -133,9 +138,10 @@ class Evaluation(Presented):
             "from_contact": [name for name, e in self.bank.items() if e.from_contact],
             "bandwidth_hz": self.bandwidth,
             "memory_s": 0.5 / self.preset.forgetting_rate,
+            "left_out": self.averaged.left_out,
             "excitation": {
                 "mean": self.online.mean_excitation,
-                "last": float(self.excitation[-1]),
+                "last": self.online.last_excitation,
             },
             "estimates": estimates,
             "least_squares": self.least_squares.summary(self.preset.model.further),
@@ -151,7 +157,7 @@ class Evaluation(Presented):
         return self.analysis.models(self.datum.x, self.datum.f)
 
     def batch_summary(self) -> dict[str, Any]:
-        """Return result, models and phases as a dictionary for JSON."""
+        """Return the result, the models and the phases as a dictionary for JSON."""
         result = self.analysis.result
         reasons = list(result.reasons)
         excitation = float(np.percentile(self.excitation, 95))
@@ -160,7 +166,7 @@ class Evaluation(Presented):
                 f"the excitation of the online estimators is {excitation:.1g} at most: below "
                 f"{LEAST_EXCITATION:g} they cannot separate b from k"
             )
-        if self.batch_samples < self.samples:
+        if self.in_sections:
             reasons.append(
                 f"the record is long: result and models are those of {self.batch_samples} of "
                 f"{self.samples} samples, in evenly spaced sections"

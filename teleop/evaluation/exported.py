@@ -1,4 +1,4 @@
-"""Reading of files that `teleop export` wrote, as recordings."""
+"""Read files that `teleop export` wrote, and convert them to recordings."""
 
 from __future__ import annotations
 

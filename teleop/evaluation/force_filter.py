@@ -1,4 +1,4 @@
-"""Compensation of the delay of a force filter that the header of a file states.
+"""Compensate the delay of a force filter that the header of a file states.
 
 Far below the cutoff frequency, a low-pass filter delays the force and does not change its
 amplitude. A Butterworth filter of order n and cutoff frequency fc has the delay 1 / (2 pi fc sin(pi
@@ -89,7 +89,7 @@ def without_filter_delay(signals: Signals) -> Compensated:
     return Compensated(
         advanced(signals, delay),
         f"the force is advanced by {delay * 1e3:.3g} ms, the delay of the filter that the file "
-        f"states ({stated!r}); --force-lag gives another value, 0 for none",
+        f"states ({stated!r}); --force-lag gives another value, 0 for no lag",
     )
 
 

@@ -1,4 +1,4 @@
-"""Parts of a record in which the force stays at its lowest or highest level.
+"""Find the parts of a record in which the force stays at its lowest or highest level.
 
 At the lowest level, such a part is free motion. At the highest level, the sensor is saturated, or
 the specimen slips or yields (`teleop.evaluation.phases`).
@@ -16,12 +16,13 @@ from teleop.evaluation.prepared import Prepared
 from teleop.evaluation.smallest_step import smallest_step
 
 TRAVEL = 4.0
-"""Travel at one force level that counts as free motion, as a multiple of the travel that the
-stiffness permits."""
+"""Smallest travel at one force level that counts as free motion, as a multiple of the travel that
+the stiffness permits."""
 LAG = 1.5
-"""Safety factor on the travel at a peak of the force, which precedes the peak of the position."""
+"""Safety factor on the travel between a peak of the force and the later peak of the position."""
 PEAKED = 0.3
-"""Height of a smooth peak within the level, relative to its width; less is a force at rest."""
+"""Smallest height (`peak_height`) of a smooth peak of the force, as a fraction of the width of the
+level. A force with a smaller height counts as constant."""
 SHORTEST, FEWEST = 3, 8
 """Smallest numbers of samples at exactly the highest force that indicate saturation: in one cycle,
 and in total."""
@@ -57,6 +58,7 @@ def levels(
     lag = float(np.ptp(x)) * np.sin(np.arctan(loss)) * turn
     fast = np.abs(v) > 0.1 * np.percentile(np.abs(v), 95)
     rate = np.gradient(elastic, record.period)
+    margin = round(record.width / record.period)
     free = None
     saturated = False
     for bottom in (True, False):
@@ -72,7 +74,8 @@ def levels(
         resting = np.zeros(len(f), dtype=np.bool_)
         for start, end in runs(level):
             peak = not bottom and peak_height(f[start:end]) > PEAKED * width
-            if not peak and continued(x, start, end, not bottom) > allowed:
+            travel = min(continued(one, start, end, not bottom, margin) for one in (x, record.x))
+            if not peak and travel > allowed:
                 resting[start:end] = True
         if resting.any():
             if bottom:
@@ -93,7 +96,7 @@ def peak_height(f: Floats) -> float:
     return float(f[third:-third].mean() - np.concatenate([f[:third], f[-third:]]).mean())
 
 
-def continued(x: Floats, start: int, end: int, inwards: bool) -> float:
+def continued(x: Floats, start: int, end: int, inwards: bool, margin: int = 0) -> float:
     """Return how far the motion continues in its direction while the force stays constant [m].
 
     After a reversal, the force also stays constant while lost motion between position sensor and
@@ -108,9 +111,11 @@ def continued(x: Floats, start: int, end: int, inwards: bool) -> float:
         Index of the first sample at the constant force, and index after the last such sample.
     inwards
         True if the force became constant in loading, False if in unloading.
+    margin
+        Number of samples at each end of the record that count as the end.
     """
     part = x[start:end] if inwards else -x[start:end]
-    if start == 0 or end == len(x):
+    if start <= margin or end >= len(x) - margin:
         return float(np.ptp(part))
     return float(part.max() - part[0])
 

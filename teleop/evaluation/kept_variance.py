@@ -1,4 +1,4 @@
-"""The fraction of the variance of the force that the signal conditioning keeps."""
+"""Compute the fraction of the variance of the force that the signal conditioning keeps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stiffness and damping in contact, with intervals that account for the choice of the model.
+"""Compute stiffness and damping in contact, with intervals that include the choice of the model.
 
 The candidate models are
 
@@ -38,24 +38,28 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from estimation.batch_models.relaxation import relaxing_part
+from estimation.batch_models.relaxation import relaxing_part, value_at_start
 from estimation.compiled import Floats
 from estimation.estimator import LEVEL_95
 from teleop.evaluation.candidate import Candidate, evaluate
-from teleop.evaluation.contact_rows import DEGREES, Rows
+from teleop.evaluation.contact_rows import DEGREES, Rows, with_corners
 from teleop.evaluation.phases import Phases
-from teleop.evaluation.prepared import Prepared
+from teleop.evaluation.prepared import Prepared, measurement_noise
 
 TIMES = 10
 """Number of relaxation time constants that are tried, from 4 widths of the smoothing kernel to
-twice the length of the record."""
+twice the length of the record, or to the time that the baseline describes."""
+EXPLAINED = 0.9
+"""Least R^2 without relaxing parts for which these are fitted besides a baseline. A larger misfit
+is no relaxation: the part of it that is slow is in the baseline."""
 REFINEMENTS = 3
 """Number of times that the step of log tau is halved in the search around the best time
 constant."""
 LARGEST_SCORE = 10.0
-"""Distance from its mean beyond which a normal distribution is 0, in standard deviations."""
+"""Distance from the mean beyond which a normal distribution is taken as 0 [standard deviations]."""
 FRICTION = 0.5
-"""Residual with Coulomb friction, relative to that of the best candidate, that is friction."""
+"""Friction is reported if the residual with Coulomb friction is less than this fraction of the
+residual of the best candidate."""
 SAME_TIME = 1.5
 """Ratio of two time constants below which they are reported as one."""
 HALVINGS = 60
@@ -88,7 +92,7 @@ class LocalStiffness:
     friction: bool
     """Whether a force of constant size against the motion describes the loss better than b v."""
     frequency: float
-    """Frequency at which b is k''/omega [Hz]; NaN if b is the damping besides relaxing parts."""
+    """Frequency at which b is k''/omega [Hz]; NaN if relaxing parts may cause part of the loss."""
 
 
 def local_stiffness(
@@ -104,11 +108,11 @@ def local_stiffness(
         Whether the baseline may contain cosines.
     """
     rows = Rows(record, phases, baseline)
-    found = [evaluate(rows, degree, (), []) for degree in DEGREES if rows.allow(degree)]
+    found = [evaluate(rows, degree, (), [], []) for degree in DEGREES if rows.allow(degree)]
     if not found:
         return None
     plain = found[0]
-    if rows.relaxation:
+    if rows.relaxation and (rows.order == 0 or explained(rows, found) > EXPLAINED):
         found += with_relaxation(rows, rows.normalised(record.raw_x), DEGREES[:3])
         best = min(found, key=lambda one: one.bic)
         if best.degree > 1 and best.times:
@@ -130,10 +134,16 @@ def local_stiffness(
         plain,
         float(np.ptp(slow)) if rows.order else 0.0,
         len(rows.f),
-        1.0 - best.rms**2 / max(float(np.mean(rows.fits.rest**2)), 1e-300),
+        explained(rows, [best]),
         has_friction(rows, best),
-        math.nan if rows.relaxation else record.frequency,
+        math.nan if any(one.times for one in found) else record.frequency,
     )
+
+
+def explained(rows: Rows, found: list[Candidate]) -> float:
+    """Return the largest R^2 of the candidates, for the force minus its baseline."""
+    least = min(one.rms for one in found)
+    return 1.0 - least**2 / max(float(np.mean(rows.fits.rest**2)), 1e-300)
 
 
 def has_friction(rows: Rows, best: Candidate) -> bool:
@@ -158,15 +168,23 @@ def with_relaxation(rows: Rows, y: Floats, degrees: tuple[int, ...]) -> list[Can
     """
     record = rows.record
     y = rows.in_contact(y)
-    y = y / max(float(np.std(y)), 1e-300)
-    times = np.geomspace(4.0 * record.width, 2.0 * float(record.clock[-1]), TIMES).tolist()
-    parts: dict[float, Floats] = {}
+    y = (y - y[0]) / max(float(np.std(y)), 1e-300)
+    pieces = [piece - value_at_start(piece) for piece in np.split(y, record.starts[1:])]
+    times = np.geomspace(4.0 * record.width, rows.longest_time, TIMES).tolist()
+    noise = measurement_noise(y)
+    largest = rows.largest_corner * float(np.std(y)) / max(float(np.std(record.raw_x)), 1e-300)
+    parts: dict[float, tuple[Floats, Floats]] = {}
 
     def tried(degree: int, chosen: tuple[float, ...]) -> Candidate:
         for tau in chosen:
             if tau not in parts:
-                parts[tau] = record.smoothed(relaxing_part(y, record.starts, record.period, tau))
-        return evaluate(rows, degree, chosen, [parts[tau] for tau in chosen])
+                z = relaxing_part(pieces, record.period, tau)
+                smoothed = record.smoothed(z)
+                parts[tau] = smoothed, with_corners(z, smoothed, noise, largest)
+        relaxing, cornered = (
+            list(one) for one in zip(*(parts[tau] for tau in chosen), strict=True)
+        )
+        return evaluate(rows, degree, chosen, relaxing, cornered)
 
     found = []
     for degree in degrees:
@@ -191,7 +209,7 @@ def with_relaxation(rows: Rows, y: Floats, degrees: tuple[int, ...]) -> list[Can
 
 
 def merged(times: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the time constants [s], with two that are nearly equal replaced by their mean."""
+    """Return the time constants [s]; two nearly equal ones are replaced by their geometric mean."""
     if len(times) == 2 and max(times) < SAME_TIME * min(times):
         return (math.sqrt(times[0] * times[1]),)
     return times
@@ -200,9 +218,9 @@ def merged(times: tuple[float, ...]) -> tuple[float, ...]:
 def model_weights(found: list[Candidate]) -> Floats:
     """Return the weights of the candidates, shape (m,).
 
-    All candidates with the same degree and the same number of time constants are treated as one
-    model, whose time constants are parameters. The weight of a model is the weight of its best
-    candidate. It therefore does not depend on how many time constants are tried.
+    Candidates with the same degree and the same number of time constants form one model. The sum of
+    their weights is the weight of the best of them, whatever the number of candidates. The weights
+    of all candidates sum to 1.
     """
     bics = np.array([one.bic for one in found])
     weights = np.exp(-0.5 * (bics - bics.min()))

@@ -1,4 +1,4 @@
-"""Operations on masks over samples: thresholds with hysteresis, and runs of true values."""
+"""Compute masks over samples: thresholds with hysteresis, and runs of true values."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def hysteresis(values: Floats, low: float, high: float) -> NDArray[np.bool_]:
 
 
 def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return first index, and index after the last, of each run of true values."""
+    """Return the first index, and the index after the last, of each run of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 

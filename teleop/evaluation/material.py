@@ -1,4 +1,4 @@
-"""Elastic modulus, computed from the stiffness and the geometry of an indenter.
+"""Compute the elastic modulus from the stiffness and the geometry of an indenter.
 
 With E* = E / (1 - nu^2), the tangent stiffness k at the indentation depth d is
 
@@ -112,8 +112,19 @@ def hayes_factor(aspect: float, poisson: float, nodes: int = 48) -> float:
     return float(weights @ phi)
 
 
+def modulus_per_stiffness(indenter: Indenter, depth: float) -> float:
+    """Return the elastic modulus [Pa] for a stiffness of 1 N/m at an indentation depth [m]."""
+    a = indenter.contact_radius(depth)
+    layer = indenter.thickness
+    factor = 1.0 if layer is None else hayes_factor(a / layer, indenter.poisson)
+    return (1.0 - indenter.poisson**2) / (2.0 * a * factor)
+
+
 def elastic_modulus(result: Result, indenter: Indenter, depth_known: bool) -> dict[str, Any]:
     """Return the elastic modulus [Pa] with its 95 % interval as a dictionary for JSON.
+
+    The interval contains the errors of the stiffness and of the contact point, combined as
+    independent errors. It does not contain errors of the dimensions of the tip.
 
     Parameters
     ----------
@@ -127,7 +138,8 @@ def elastic_modulus(result: Result, indenter: Indenter, depth_known: bool) -> di
     Raises
     ------
     InputError
-        The stiffness is not identifiable, or the depth for a sphere or a cone is not known.
+        The stiffness is not identifiable, or the depth for a sphere or a cone is not known, or its
+        error is larger than the depth.
     """
     if result.k is None or result.k_low is None or result.k_high is None:
         raise InputError("elastic modulus: no stiffness is identifiable from the record")
@@ -147,11 +159,23 @@ def elastic_modulus(result: Result, indenter: Indenter, depth_known: bool) -> di
         method += f", Hayes' factor {factor:.3g}{approximate}"
     else:
         method += ", half-space"
-    scale = (1.0 - indenter.poisson**2) / (2.0 * a * factor)
+    per_stiffness = modulus_per_stiffness(indenter, depth)
+    modulus = result.k * per_stiffness
+    low = high = 0.0
+    if indenter.shape != "flat":
+        shallow, deep = depth - result.depth_error, depth + result.depth_error
+        if shallow <= 0.0:
+            raise InputError(
+                f"elastic modulus with a {indenter.shape}: the error of the contact point, "
+                f"{result.depth_error * 1e3:.2g} mm, is larger than the depth of "
+                f"{depth * 1e3:.2g} mm"
+            )
+        low = modulus - result.k * modulus_per_stiffness(indenter, deep)
+        high = result.k * modulus_per_stiffness(indenter, shallow) - modulus
     return {
-        "modulus_pa": result.k * scale,
-        "modulus_low_pa": result.k_low * scale,
-        "modulus_high_pa": result.k_high * scale,
+        "modulus_pa": modulus,
+        "modulus_low_pa": modulus - math.hypot((result.k - result.k_low) * per_stiffness, low),
+        "modulus_high_pa": modulus + math.hypot((result.k_high - result.k) * per_stiffness, high),
         "poisson": indenter.poisson,
         "contact_radius_m": a,
         "hayes_factor": factor,

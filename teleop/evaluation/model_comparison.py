@@ -1,4 +1,4 @@
-"""Comparison of estimators on the same samples: accuracy, coverage of intervals, computing time."""
+"""Compare estimators on the same samples: accuracy, coverage of intervals, and computing time."""
 
 from __future__ import annotations
 
@@ -18,19 +18,23 @@ from estimation.estimator import UNKNOWN
 from estimation.model import KELVIN_VOIGT
 
 WINDOW = 1.0
-"""Window of the batch least squares whose one-step error is the reference [s]."""
+"""Window of batch least squares [s]. The one-step error of this method is the reference."""
 ROUNDING = 1e-9
-"""If the error of batch least squares is less than this fraction of the force, the ratio is NaN."""
+"""If the error of batch least squares is less than this fraction of the force, the ratio of the
+errors is NaN."""
 TIMED = 2000
 """Number of samples over which the computing time of an estimator is measured."""
 
 
 class Comparison(NamedTuple):
-    """Errors of one estimator relative to a reference (b, k). The first second is omitted."""
+    """Errors of one estimator relative to a reference (b, k).
+
+    The first second is omitted; of a record shorter than two seconds, the first half.
+    """
 
     one_step_ratio: float
-    """Root mean square error of the force prediction one step ahead, divided by that of batch least
-    squares over 1 s."""
+    """Root mean square error of the force prediction one step ahead, divided by the same error of
+    batch least squares over 1 s."""
     k_error: float
     """Root mean square error of the stiffness, as a fraction of the reference."""
     b_error: float

@@ -1,4 +1,4 @@
-"""Frequency, amplitude and travel of the motion in a record."""
+"""Compute the frequency, amplitude and travel of the motion in a record."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ import numpy as np
 
 from estimation.baseline import FEWEST_CYCLES, without_baseline
 from teleop.evaluation.prepared import Prepared
-from teleop.evaluation.turning_points import turning_points
+from teleop.evaluation.turning_points import cycle_frequency, least_stroke, turning_points
+
+NOISE = 6.0
+"""Least median stroke of a motion, in standard deviations of the noise of the position."""
 
 
 class Motion(NamedTuple):
@@ -28,11 +31,13 @@ def motion_of(record: Prepared) -> Motion:
     x = record.sharpened(record.x)
     travel = float(np.ptp(x))
     palpation = without_baseline(x, record.order)
-    turns = turning_points(palpation, float(np.std(palpation)))[1:-1]
+    turns = turning_points(palpation, least_stroke(palpation))[1:-1]
     strokes = np.abs(np.diff(palpation[turns]))
-    if len(strokes) < 2 * FEWEST_CYCLES - 1:
+    frequency = cycle_frequency(record.palpation, record.period)
+    if (
+        frequency is None
+        or len(strokes) < 2 * FEWEST_CYCLES - 1
+        or float(np.median(strokes)) < NOISE * record.x_noise
+    ):
         return Motion(math.nan, math.nan, travel)
-    frequency = record.frequency
-    if not math.isfinite(frequency):  # without contact
-        frequency = 0.5 * len(strokes) / float(record.clock[turns[-1]] - record.clock[turns[0]])
     return Motion(frequency, 0.5 * float(np.median(strokes)), travel)

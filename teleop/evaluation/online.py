@@ -14,6 +14,7 @@ from estimation.compiled import Floats
 from estimation.estimate_columns import estimate_arrays, estimate_columns, misfit_columns
 from estimation.estimator import Series
 from estimation.summary import EstimatorSummary, RunningSummary
+from teleop.evaluation.averaged_part import WHOLE, AveragedPart
 from teleop.evaluation.conditioned import Conditioned
 from teleop.evaluation.model_comparison import Comparison, RunningComparison
 
@@ -33,12 +34,15 @@ class OnlineResult(NamedTuple):
     misfit: dict[str, Floats]
     excitation: Floats
     summaries: dict[str, EstimatorSummary]
-    """Summary of each estimator over all samples."""
+    """Summary of each estimator over all samples in the averaged part."""
     comparisons: dict[str, Comparison]
     """Comparison of the estimators with the reference over all samples."""
     used: int
     """Number of all samples."""
     mean_excitation: float
+    """Mean excitation in the averaged part; NaN if there is no sample."""
+    last_excitation: float
+    """Excitation after the last sample of the averaged part; NaN if there is no sample."""
     longest_period: float
     """Longest time between two samples [s]."""
     largest_deviation: float
@@ -64,6 +68,9 @@ class OnlineRun:
         Distance of the samples that are kept; 1 to keep all samples.
     write
         Function that is called with the table of each block; None for none.
+    averaged
+        The part of the record over which the estimates are averaged. The estimators process all
+        samples.
     """
 
     def __init__(
@@ -76,14 +83,17 @@ class OnlineRun:
         count: int,
         every: int = 1,
         write: Callable[[Table], None] | None = None,
+        averaged: AveragedPart = WHOLE,
     ) -> None:
         self._bank, self._misfit, self._measure = bank, misfit, measure
         self._comparisons = comparisons
         self._period, self._every, self._write = period, every, write
+        self._averaged = averaged
         self._summaries = {name: RunningSummary(e) for name, e in bank.items()}
         self._kept = KeptArrays(math.ceil(count / every) + 1)
-        self._used = self._kept_samples = 0
+        self._used = self._kept_samples = self._averaged_samples = 0
         self._excitation = self._longest = self._deviation = 0.0
+        self._last_excitation = math.nan
         self._as_recorded = True
 
     def add(self, samples: Conditioned, recorded: Mapping[str, tuple[Floats, Floats]]) -> None:
@@ -101,7 +111,12 @@ class OnlineRun:
             return
         excitation = self._measure.run(regression.x, regression.v, regression.dt)
         within = np.delete(regression.dt, apart)
-        self._excitation += float(np.sum(excitation))
+        part = self._averaged.indices(t)
+        averaged = t[part], regression.part(part)
+        self._excitation += float(np.sum(excitation[part]))
+        self._averaged_samples += len(averaged[0])
+        if len(averaged[0]):
+            self._last_excitation = float(excitation[part][-1])
         self._longest = max(self._longest, float(np.max(regression.dt)))
         self._deviation = max(
             self._deviation, float(np.max(np.abs(within - self._period), initial=0.0))
@@ -123,7 +138,7 @@ class OnlineRun:
         for i, (name, series) in enumerate(self._bank.each(*regression)):
             ends = ends or self._misfit.ends(regression, self._bank.opened)
             values = self._misfit.series(i, ends, series)
-            self._summaries[name].add(t, regression, series, values)
+            self._summaries[name].add(*averaged, series.part(part), values[part])
             for comparison in self._comparisons:
                 comparison.add(name, series)
             if self._as_recorded:
@@ -145,17 +160,23 @@ class OnlineRun:
         count = self._kept_samples + ((self._used - 1) % self._every != 0)
         kept = self._kept
         estimates = {name: kept.estimates(count, name) for name in self._bank}
+        t = kept.get(count, "t")
+        part = self._averaged.indices(t)
         rows = [comparison.result() for comparison in self._comparisons]
         return OnlineResult(
-            kept.get(count, "t"),
+            t,
             Regression(*(kept.get(count, field) for field in Regression._fields)),
             estimates,
             {name: kept.get(count, name, MISFIT) for name in self._bank},
             kept.get(count, "excitation"),
-            {name: one.summary(estimates[name]) for name, one in self._summaries.items()},
+            {
+                name: one.summary(estimates[name].part(part))
+                for name, one in self._summaries.items()
+            },
             {name: row for found in rows for name, row in found.items()},
             self._used,
-            self._excitation / self._used,
+            self._excitation / self._averaged_samples if self._averaged_samples else math.nan,
+            self._last_excitation,
             self._longest,
             self._deviation,
             self._as_recorded,

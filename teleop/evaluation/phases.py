@@ -1,4 +1,4 @@
-"""Phases of a palpation: free motion, loading, hold and unloading, and the contact point.
+"""Find the phases of a palpation (free motion, loading, hold, unloading) and the contact point.
 
 **Contact.** Out of contact, the force stays at one level while the position changes. In contact,
 the force changes with the position. While the force is nearly constant, the stiffness therefore
@@ -81,9 +81,11 @@ class Phases:
 
     contact: NDArray[np.bool_]
     """Whether there is contact at each sample, shape (n,)."""
-    usable: NDArray[np.bool_]
+    inner: NDArray[np.bool_]
     """Whether there is contact at each sample, and no beginning or end of contact within the width
     of the smoothing, shape (n,)."""
+    usable: NDArray[np.bool_]
+    """As `inner`, and no end of the record within the width of the smoothing, shape (n,)."""
     free_force: float | None
     """Force out of contact [N]; None if the record is in contact throughout."""
     free_spread: float
@@ -112,17 +114,18 @@ def find_phases(record: Prepared) -> Phases:
     spread = error = 0.0
     if free is not None:
         free_force, spread = float(np.median(f[free])), float(np.std(f[free]))
-        inner = eroded(free, guard)
-        error = float(np.std(f[inner])) if inner.any() else spread
+        apart = eroded(free, guard)
+        error = float(np.std(f[apart])) if apart.any() else spread
         contact = hysteresis(f - free_force, 0.5 * width, width)
         contact = without_short(contact, 2 * guard)
         point = contact_point(record, contact, free_force, width)
-    usable = eroded(contact, guard) if free is not None else contact.copy()
+    inner = eroded(contact, guard) if free is not None else contact
+    usable = inner.copy()
     ends = [*record.starts, len(usable)]
     for end in ends if usable.sum() > SHORT * guard * len(ends) else ends[1:-1]:
         usable[max(0, end - guard) : end + guard] = False
     parts = split(record, contact)
-    return Phases(contact, usable, free_force, spread, error, point, saturated, parts)
+    return Phases(contact, inner, usable, free_force, spread, error, point, saturated, parts)
 
 
 def level_width(record: Prepared) -> float:

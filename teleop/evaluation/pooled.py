@@ -36,8 +36,8 @@ LARGE = 1.1
 """Ratio of the largest to the smallest value above which the values of files may count as
 different."""
 WORSE = 1.2
-"""Ratio of residuals, single fit to all files over separate fits, above which the single fit is a
-misfit."""
+"""Ratio of the residual of a single fit to all files to that of separate fits, above which the
+single fit is a misfit."""
 
 
 def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Preparation of a record for batch evaluation: even sampling, and smoothing without delay.
+"""Prepare a record for batch evaluation: resample it evenly, and smooth it without delay.
 
 1. The record is interpolated linearly onto a grid of constant period. Gaps divide it into pieces.
 2. If the sampling rate is much higher than the bandwidth of the force requires, blocks of samples
@@ -18,6 +18,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from estimation.baseline import FEWEST_CYCLES, baseline_order, without_baseline
 from estimation.coherent_band import CoherentBand, block_means, coherent_band
@@ -25,17 +26,19 @@ from estimation.compiled import Floats
 from estimation.filters import Lag
 from estimation.smoothing import kernel_width, slope, smooth
 from teleop.evaluation.signals import Signals
+from teleop.evaluation.single_stroke import combined, stroke_band
 from teleop.evaluation.smallest_step import repeated_rounding, smallest_step
-from teleop.evaluation.turning_points import turning_points
+from teleop.evaluation.turning_points import cycle_frequency, turning_points
 
 CORNER = 5.0
 """Corner frequency of the kernel, as a multiple of the upper end of the coherent band."""
 FINENESS = 4.0
-"""Least number of grid points per standard deviation of the kernel, if the record has as many."""
-FEWEST_INNER = 5
-"""Number of zero crossings above which the first and the last are not used."""
+"""Smallest number of grid points per standard deviation of the kernel, if the record has enough."""
 LARGEST_SHAPE = 1.2
-"""Shape of a motion below which it is a sine: 1 for a sine, about 1.4 for a triangle wave."""
+"""Shape factor below which a motion counts as a sine. The shape factor (see `Prepared.sinusoidal`)
+is 1 for a sine, and about 1.4 for a triangle wave."""
+OUTLIERS = 5
+"""Number of samples of the median filter before the shape of a motion is computed."""
 FEWEST = 16
 """Smallest number of samples in a piece between two gaps. Shorter pieces are not used."""
 
@@ -47,9 +50,9 @@ class Prepared:
     t: Floats
     """Time [s]."""
     raw_x: Floats
-    """Position as measured, averaged over a grid period [m]."""
+    """Measured position, delayed by the force lag and averaged over a grid period [m]."""
     raw_f: Floats
-    """Force as measured, averaged over a grid period [N]."""
+    """Measured force, averaged over a grid period [N]."""
     x: Floats
     """Smoothed position [m]."""
     v: Floats
@@ -74,6 +77,8 @@ class Prepared:
     f_rounding: float
     """Standard deviation of the part of the force's rounding error that is the same whenever the
     force has the same value [N]."""
+    ramp: bool
+    """Whether only the trend of position and force shows that the force follows the position."""
 
     @cached_property
     def clock(self) -> Floats:
@@ -98,9 +103,12 @@ class Prepared:
         """Whether the motion is a sine of three cycles or more.
 
         For a sine, (std of v)^2 = (std of x) (std of the acceleration). The ratio is larger for
-        a triangle wave, for holds, and if the frequency varies.
+        a triangle wave, for holds, and if the frequency varies. Single outliers of the position are
+        removed before, because they would count as corners.
         """
-        x = self.palpation - self.palpation.mean()
+        x = self.smoothed(median_filter(self.raw_x, OUTLIERS, mode="nearest"))
+        x = without_baseline(x, self.order)
+        x = x - x.mean()
         spread = float(np.std(x))
         if len(turning_points(x, spread)) - 2 < 2 * FEWEST_CYCLES - 1:
             return False
@@ -113,14 +121,7 @@ class Prepared:
         """Frequency of the palpation [Hz]; NaN for a motion without cycles."""
         if self.order == 0 and not self.sinusoidal:
             return float("nan")
-        x = self.palpation - self.palpation.mean()
-        before = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
-        if len(before) < 2:
-            return self.band.centre
-        crossings = before + x[before] / (x[before] - x[before + 1])
-        if len(crossings) > FEWEST_INNER:  # the baseline moves those at the ends
-            crossings = crossings[1:-1]
-        return (len(crossings) - 1) / float((crossings[-1] - crossings[0]) * self.period)
+        return cycle_frequency(self.palpation, self.period) or self.band.centre
 
     @cached_property
     def palpation(self) -> Floats:
@@ -187,11 +188,13 @@ def prepare(signals: Signals, bandwidth: float | None = None, force_lag: float =
             f"no piece between gaps has {FEWEST} samples or more: expected longer pieces"
         )
     longest = max(pieces, key=lambda piece: len(piece[0]))
-    band = coherent_band(longest[1], longest[2], period)
+    x_noise, f_noise = (measurement_noise(channel) for channel in longest[1:])
+    spectral = coherent_band(longest[1], longest[2], period)
+    stroke = stroke_band(longest[1], longest[2], period, x_noise)
+    band = combined(spectral, stroke) if stroke else spectral
     corner = bandwidth or min(CORNER * band.high, 0.2 / period)
     width = kernel_width(corner)
     length = max(1, int(width / period / FINENESS))
-    x_noise, f_noise = (measurement_noise(channel) for channel in longest[1:])
     f_count = smallest_step(signals.f)
     step = smallest_step(longest[1]) / np.sqrt(12.0 * length)
     grid: list[list[Floats]] = [[] for _ in range(6)]
@@ -221,6 +224,7 @@ def prepare(signals: Signals, bandwidth: float | None = None, force_lag: float =
         count=smallest_step(signals.x),
         f_count=f_count,
         f_rounding=repeated_rounding(f_count, f_noise),
+        ramp=band is stroke,
     )
 
 

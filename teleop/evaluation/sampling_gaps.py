@@ -1,4 +1,4 @@
-"""Detection of gaps between samples, and signal conditioning of the pieces between gaps."""
+"""Detect gaps between samples, and condition the signals in the pieces between gaps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Settings of an evaluation that are stated together with the results."""
+"""Summarise the settings of an evaluation that are stated together with the results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading of measured time, position and force from a file of any supported format."""
+"""Read measured time, position and force from a file of any supported format."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def read_signals(
 
 
 def chosen_table(path: Path, wanted: Wanted, whole: Collection[str] = ()) -> Table:
-    """Return the table of a file with the wanted columns, or with the number that the user states.
+    """Return the table that has the wanted columns, or the number that the user states.
 
     Parameters
     ----------

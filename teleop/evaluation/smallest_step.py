@@ -1,4 +1,4 @@
-"""The smallest step of a measured channel: one count of an encoder or a converter."""
+"""Compute the smallest step of a measured channel: one count of an encoder or a converter."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def repeated_rounding(count: float, noise: float) -> float:
 
     Rounding to counts causes an error with standard deviation count / sqrt(12). Without noise, the
     error is the same whenever the signal has the same value. Noise that is added before the
-    rounding varies the error. It reduces the mean error at a value by a factor: the characteristic
-    function of the noise at 2 pi / count (Widrow).
+    rounding varies the error, and reduces the mean error at a value. The factor of this reduction
+    is the characteristic function of the noise at 2 pi / count (Widrow).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Tracking: how well a position follows a sinusoidal target."""
+"""Compute how well a position follows a sinusoidal target."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from estimation.compiled import Floats
 FEWEST = 2.0
 """Smallest number of periods of the target for which the tracking is computed."""
 ROUNDING = 0.02
-"""Fraction of a period by which the last period may be incomplete. Then, a few missing ticks do not
-exclude a whole period."""
+"""Fraction of a period by which the last period may be incomplete, so that a few missing ticks do
+not exclude a whole period."""
 EARLIEST = 0.25
 """Greatest lead of the position, as a fraction of the period. A larger lead is treated as a
 delay."""
 SPAN = 2.0
-"""The achieved frequency is searched between the target frequency divided and multiplied by this
-factor."""
+"""Limits of the search for the achieved frequency: the target frequency divided by this factor, and
+multiplied by this factor."""
 SAMPLES, PADDING = 64, 8
-"""In the search of the achieved frequency: samples per period of the target, and factor by which
+"""For the search for the achieved frequency: samples per period of the target, and factor by which
 zero-padding lengthens the signal."""
 COLUMNS = {
     "gain": "tracking gain",
@@ -35,7 +35,7 @@ there is no target."""
 
 
 class Tracking(NamedTuple):
-    """Result: how a position follows a sinusoidal target.
+    """Numbers that describe how well a position follows a sinusoidal target.
 
     Gain, phase and delay are values at the frequency of the target.
     """

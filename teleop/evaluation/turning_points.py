@@ -1,12 +1,68 @@
-"""Detection of the points at which a motion reverses."""
+"""Detection of the points at which a motion reverses, and of its cycles."""
 
 from __future__ import annotations
 
+from itertools import pairwise
+
+import numpy as np
+
 from estimation.compiled import Floats
+
+STROKE = 0.2
+"""Least stroke in a record that is mostly at rest, as a fraction of the range of the position."""
+WHOLE = 0.7
+"""Least stroke of a cycle, relative to the median. A motion that begins at its middle has less."""
+FEWEST_INNER = 5
+"""Number of cycles above which the first and the last are not used: the baseline moves them."""
+REGULAR = 0.5
+"""Largest relative difference of the duration of a cycle from the median. A longer cycle contains a
+rest."""
+
+
+def least_stroke(x: Floats) -> float:
+    """Return the smallest stroke that counts, whatever part of the record is at rest [m]."""
+    low, high = np.percentile(x, [1.0, 99.0])
+    return max(float(np.std(x)), STROKE * float(high - low))
+
+
+def cycle_frequency(x: Floats, period: float) -> float | None:
+    """Return the mean frequency of the cycles of a motion [Hz]; None if it has fewer than two.
+
+    A cycle lasts from the middle of one inward stroke to the middle of the next. Rests before,
+    after and between the cycles are not counted.
+
+    Parameters
+    ----------
+    x
+        Position [m], shape (n,).
+    period
+        Sample period [s].
+    """
+    turns = turning_points(x, least_stroke(x))[1:-1]
+    inward = [(start, end) for start, end in pairwise(turns) if x[end] > x[start]]
+    if not inward:
+        return None
+    least = WHOLE * float(np.median([x[end] - x[start] for start, end in inward]))
+    middles = [middle_of_stroke(x, *one) for one in inward if x[one[1]] - x[one[0]] > least]
+    if len(middles) > FEWEST_INNER:
+        middles = middles[1:-1]
+    cycles = np.diff(middles)
+    if not len(cycles):
+        return None
+    typical = float(np.median(cycles))
+    regular = cycles[np.abs(cycles - typical) < REGULAR * typical]
+    return 1.0 / (float(np.mean(regular)) * period)
+
+
+def middle_of_stroke(x: Floats, start: int, end: int) -> float:
+    """Return the index, with fraction, at which an inward stroke is at half of its travel."""
+    level = 0.5 * (x[start] + x[end])
+    i = start + int(np.argmax(x[start : end + 1] >= level))
+    return float(i - (x[i] - level) / (x[i] - x[i - 1]))
 
 
 def turning_points(x: Floats, least: float) -> list[int]:
-    """Return the indices at which the motion reverses, with 0 before them and n after them.
+    """Return 0, the indices of the samples at which the motion reverses, and n.
 
     Parameters
     ----------

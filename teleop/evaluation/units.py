@@ -1,4 +1,4 @@
-"""Units of time, position and force, and the spellings of these units in measurement files."""
+"""Define the units of time, position and force, and their spellings in measurement files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recordings of tests from which no tangent stiffness follows, whatever model is fitted."""
+"""Detect recordings of tests from which no model gives a tangent stiffness."""
 
 from __future__ import annotations
 
@@ -10,27 +10,30 @@ from teleop.evaluation.constancy import rise_at_rest
 from teleop.evaluation.masks import runs
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
+from teleop.evaluation.single_stroke import LEAST_RISE, is_single_stroke
+from teleop.evaluation.speed import typical_speed
 
 FEWEST_PER_CYCLE = 8.0
-"""Least number of samples per cycle of the motion."""
+"""Smallest number of samples per cycle of the motion."""
 SMOOTHED = 9
-"""Number of samples of the median filter before a fall of the force is searched."""
+"""Length of the median filter that is applied before the search for a puncture [samples]."""
 FALL = 0.25
-"""Fall of the force in loading, relative to its range, that is a puncture."""
+"""Smallest fall of the force in loading that counts as a puncture, as a fraction of its range."""
 FALL_NOISE = 12.0
-"""Least fall, in standard deviations of the noise of the force."""
+"""Smallest fall of the force that counts as a puncture, in standard deviations of its noise."""
 FALL_TRAVEL = 0.02
-"""Largest travel during that fall, relative to the travel of the record."""
+"""Largest travel during a puncture, as a fraction of the travel of the record."""
 CREEP = 0.3
-"""Shortest time at a constant force, relative to the record, that is a creep test."""
+"""Shortest time at a constant force in a creep test, as a fraction of the record."""
 CREPT = 0.1
-"""Least travel during that time, relative to the travel of the record."""
+"""Smallest travel at the constant force of a creep test, as a fraction of the travel of the
+record."""
 ZERO = 0.1
-"""Largest force at rest, relative to the force range, that is a force without contact."""
+"""Largest force that counts as a force without contact, as a fraction of the force range."""
 
 
 def unsuited(record: Prepared, phases: Phases) -> str | None:
-    """Return why no tangent stiffness follows from the kind of test; None if one may.
+    """Return why this kind of test gives no tangent stiffness; None if there is no such reason.
 
     Parameters
     ----------
@@ -62,6 +65,17 @@ def unsuited(record: Prepared, phases: Phases) -> str | None:
     return None
 
 
+def no_contact(record: Prepared) -> str:
+    """Return the reason for no stiffness if the force does not follow the displacement."""
+    if is_single_stroke(record.raw_x, record.x_noise):
+        return (
+            f"the force changes by less than {LEAST_RISE:g} standard deviations of its scatter "
+            "while the position moves in one direction: no contact, or a change that the force "
+            "sensor does not resolve"
+        )
+    return "the force does not follow the displacement: no contact"
+
+
 def rests_at_zero(record: Prepared) -> bool:
     """Return whether the highest force is nearly zero, relative to the force range."""
     low, high = np.percentile(record.f, [0.5, 99.5])
@@ -69,13 +83,13 @@ def rests_at_zero(record: Prepared) -> bool:
 
 
 def negative_force(record: Prepared) -> bool:
-    """Return whether the lowest force is negative, and at least three times the highest."""
+    """Return whether the lowest force is negative, and over three times as large as the highest."""
     low, high = np.percentile(record.f, [0.5, 99.5])
     return bool(low < 0.0 and high < -low / 3.0)
 
 
 def too_few_per_cycle(record: Prepared) -> str | None:
-    """Return that the sampling rate is too low for the frequency of the motion; None if not."""
+    """Return a message if there are too few samples per cycle of the motion; otherwise None."""
     each = 1.0 / (record.band.centre * record.period)
     if record.band.coherence == 0.0 or each >= FEWEST_PER_CYCLE:
         return None
@@ -108,13 +122,14 @@ def creep_force(record: Prepared, phases: Phases) -> float | None:
 
 
 def puncture(record: Prepared) -> tuple[float, float, float] | None:
-    """Return the force before and after a puncture [N], and its position [m]; None for none.
+    """Return the force before and after a puncture [N], and its position [m].
 
-    The force falls suddenly while the position continues to increase.
+    In a puncture, the force falls suddenly while the position continues to increase. The result is
+    None without a puncture.
     """
     f = median_filter(record.raw_f, SMOOTHED, mode="nearest")
     x, v = record.x, record.v
-    fast = v > 0.3 * float(np.percentile(np.abs(v), 95))
+    fast = v > 0.3 * typical_speed(v)
     least = max(FALL * float(np.ptp(f)), FALL_NOISE * record.f_noise)
     for start, end in runs(fast):
         if end - start < 4 * SMOOTHED:

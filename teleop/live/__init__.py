@@ -1,1 +1,1 @@
-"""Display of running trials: the live page in a browser, and the progress line on the terminal."""
+"""Show a running trial on the live page in a browser and in the progress line on the terminal."""

@@ -1,9 +1,10 @@
-"""Cells in shared memory with the requests of the live page. The loop reads them at each tick.
+"""Cells in shared memory, which transfer the requests of the live page to the control loop.
 
-The live process writes the cells, and the control process reads them. A cell has 8 bytes, which a
-processor writes in one operation, so that no lock is needed. The state of the pointer takes two
-cells, depth and grip. The two values belong together if the sequence number was even and the same
-before and after they were read.
+The live process writes the cells, and the control process reads them at each tick. A cell has 8
+bytes, which a processor writes in one operation, so that no lock is needed. The state of the
+pointer needs two cells, depth and grip. The live process increases a sequence number before and
+after it writes the two cells. The two values that are read belong together if the sequence number
+was even before they were read, and the same afterwards.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from mmap import mmap
 SIZE = 4096
 """Size of the shared memory [bytes]."""
 STOP, END, ARM, PROCESS, PAGE, SEQUENCE, DEPTH, GRIP = range(8)
-"""Numbers of the cells: counters of the requests STOP, END and ARM, heartbeats of live process and
+"""Indices of the cells: counters of the requests STOP, END and ARM, heartbeats of live process and
 page, and three cells for the pointer."""
 
 
@@ -53,11 +54,11 @@ class CellReader:
 
     def __init__(self, buffer: mmap) -> None:
         self.counts = memoryview(buffer).toreadonly().cast("Q")
-        """Values of the counters and heartbeats, indexed by the number of the cell."""
+        """Values of the counters and heartbeats, by the index of the cell."""
         self._numbers = memoryview(buffer).toreadonly().cast("d")
 
     def pointer(self) -> tuple[int, float, bool] | None:
-        """Return sequence number, depth [m] and grip; None while the live process writes them."""
+        """Return sequence number, depth [m] and grip; None if they are being written."""
         counts = self.counts
         before = counts[SEQUENCE]
         depth, grip = self._numbers[DEPTH], counts[GRIP]

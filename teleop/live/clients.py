@@ -1,4 +1,4 @@
-"""One client of the live page: its connection, its limits, and the rows that were sent to it."""
+"""Clients of the live page: send data to a client, and limit the amount of data and requests."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ MOST_CLIENTS = 8
 MOST_REQUESTS = 400
 """Largest number of messages that a client may send in a second."""
 MOST_UNSENT = 64_000
-"""Number of unsent bytes to a client above which no further frames are sent to it."""
+"""If more bytes to a client are unsent, no further frames are sent to this client."""
 MOST_UNSENT_TEXT = 4 * MOST_UNSENT
-"""Number of unsent bytes to a client above which its connection is aborted."""
+"""If more bytes to a client are unsent, the connection to this client is aborted."""
 ALIVE = 2.0
-"""Longest time between two heartbeats of the live page in control [s]."""
+"""Longest time between two heartbeats of the live page that has control [s]."""
 
 
 class Client:
@@ -55,11 +55,11 @@ class Client:
 
     @property
     def unsent(self) -> int:
-        """Number of bytes that were not yet passed to the operating system."""
+        """Number of bytes that have not been passed to the operating system yet."""
         return self.connection.transport.get_write_buffer_size()
 
     def is_flooding(self) -> bool:
-        """Count a message of the client, and return whether it sent too many in this second."""
+        """Count a message; return whether the client sent too many messages in this second."""
         second = int(self._now())
         if second != self._second:
             self._second, self._requests = second, 0
@@ -67,7 +67,7 @@ class Client:
         return self._requests > MOST_REQUESTS
 
     def send(self, document: dict[str, Any]) -> None:
-        """Send a message; if too many bytes are unsent, abort the connection instead."""
+        """Send a message. If too many bytes are unsent, abort the connection instead."""
         if self.unsent > MOST_UNSENT_TEXT:
             self.abort()
         else:
@@ -83,7 +83,8 @@ class Client:
         history
             The latest rows of the live page.
         frames
-            Frames that were made for other clients in the same period, by their first row.
+            Frames that were created for other clients in this period. The key is the index of the
+            first row, and whether the rows replace all earlier rows.
         """
         clear = self._epoch != history.epoch
         first = history.start if clear else self._next
@@ -96,5 +97,5 @@ class Client:
         broadcast([self.connection], frame)
 
     def abort(self) -> None:
-        """Close the connection at once."""
+        """Close the connection immediately, and discard unsent data."""
         self.connection.transport.abort()

@@ -1,4 +1,4 @@
-"""Control: which client of the live page has control, and whether it may start a trial."""
+"""Store which client of the live page has control, and whether this client may start a trial."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ UNLOCKED = 2.0
 
 
 class Control:
-    """Keeps the client that has control. At most one client has control.
+    """Stores the client that has control. At most one client has control.
 
     Parameters
     ----------
@@ -32,7 +32,10 @@ class Control:
         self._beat = self._unlocked = -math.inf
 
     def ask(self, client: Client) -> bool:
-        """Give control to a client if no other client has it; return whether the client has it."""
+        """Give control to a client unless another client has control.
+
+        Return whether the client now has control.
+        """
         if self.holder is None:
             self.holder = client
             self.lock()
@@ -40,7 +43,7 @@ class Control:
         return self.holder is client
 
     def release(self, client: Client) -> bool:
-        """End the control of a client, and return whether the client had control."""
+        """Take control from a client; return whether the client had control."""
         if self.holder is not client:
             return False
         self.holder = None
@@ -48,14 +51,14 @@ class Control:
         return True
 
     def beat(self, client: Client) -> bool:
-        """Store the time of a client's heartbeat, and return whether the client has control."""
+        """Store the time of a heartbeat, if the client has control; return whether it has."""
         if self.holder is client:
             self._beat = self._now()
         return self.holder is client
 
     @property
     def is_silent(self) -> bool:
-        """Whether the page of the client in control has stopped sending heartbeats."""
+        """Whether a client has control but has sent no heartbeat for longer than `ALIVE`."""
         return self.holder is not None and self._now() - self._beat > ALIVE
 
     @property
@@ -64,11 +67,11 @@ class Control:
         return self._now() - self._unlocked <= UNLOCKED
 
     def unlock(self) -> None:
-        """Accept START during the next `UNLOCKED` seconds."""
+        """Accept START for the next `UNLOCKED` seconds."""
         self._unlocked = self._now()
 
     def lock(self) -> None:
-        """Accept START no longer."""
+        """Refuse START until the next call of `unlock`."""
         self._unlocked = -math.inf
 
     def of(self, client: Client) -> str:

@@ -1,4 +1,4 @@
-"""Display for the condition `mimic`: a bar with marks for target position and slave position."""
+"""A bar of characters that shows target and slave position in the condition `mimic`."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ LEGEND = f"follow {TARGET} with {OWN}; {BOTH} where both are at the same place"
 
 @dataclass(frozen=True)
 class Cue:
-    """Bar that shows the target and the position of the slave, for an operator to follow.
+    """Bar of characters in which the operator sees the target and the position of the slave.
 
     Attributes
     ----------
     depth
-        Greatest displacement of the target [m], which determines the range of the bar.
+        Largest displacement of the target [m], which determines the range of the bar.
     count_in
-        Time at the start of the trial in which the target does not move [s].
+        Time at the start of the trial during which the target does not move [s].
     """
 
     depth: float

@@ -1,4 +1,4 @@
-"""Interface between the server of the live page and the source of its data."""
+"""Interface between the server of the live page and the trial or recording that it shows."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any
 
+from estimation.model import UNITS
 from teleop.live.history import History
 
 NAMES = (
@@ -32,22 +33,32 @@ NAMES = (
     "pointer_depth",
     "pointer_grip",
 )
-"""Columns of a tick that are sent to the live page, besides the columns of the estimators."""
+"""Columns of a tick that are sent to the live page, in addition to those of the estimators."""
 PARTS = ("k", "b", "k_std", "b_std", "held", "misfit")
-"""Columns of an estimator that are sent to the live page, by the end of their names."""
+"""Columns that every estimator has and that are sent to the live page, by the end of their names.
+"""
+FURTHER = tuple(name for name in UNITS if name not in PARTS)
+"""Parameters besides b and k, which are sent if the model of the estimator has them."""
 
 
 def shown_columns(names: Sequence[str], estimators: Sequence[str]) -> list[str]:
-    """Return the columns of a tick that are sent to the live page, in the order of a row."""
-    of_estimators = [f"{name}_{part}" for name in estimators for part in PARTS]
+    """Return the names of the columns that are sent to the live page, in the order of a row."""
+    of_estimators = [f"{name}_{part}" for name in estimators for part in (*PARTS, *FURTHER)]
     return [name for name in (*NAMES, *of_estimators) if name in set(names)]
 
 
 def estimator_indices(names: Sequence[str], estimators: Sequence[str]) -> list[dict[str, Any]]:
-    """Return each estimator's name and the indices of its columns in a row (None if missing)."""
+    """Return each estimator's name and the indices of its columns in a row (None if missing).
+
+    The key `further` contains the indices of the parameters besides b and k, by their names.
+    """
     place = {name: i for i, name in enumerate(names)}
     return [
-        {"name": name, **{part: place.get(f"{name}_{part}") for part in PARTS}}
+        {
+            "name": name,
+            **{part: place.get(f"{name}_{part}") for part in PARTS},
+            "further": {p: place[f"{name}_{p}"] for p in FURTHER if f"{name}_{p}" in place},
+        }
         for name in estimators
     ]
 
@@ -67,7 +78,7 @@ class Feed(ABC):
     def advance(self) -> list[dict[str, Any]]:
         """Add new rows to the history, and return the new messages for all clients.
 
-        The server calls this function 60 times a second.
+        The server calls this method 60 times per second.
         """
 
     @abstractmethod
@@ -76,24 +87,24 @@ class Feed(ABC):
 
     @abstractmethod
     def state(self) -> dict[str, Any]:
-        """Return the fields of the message `state` that describe this source of data."""
+        """Return those fields of the message `state` that describe the trial or recording."""
 
     @abstractmethod
     def request(self, request: dict[str, Any]) -> None:
-        """Carry out a request of a client that is allowed to make it.
+        """Carry out a request. The caller has checked that the client may make this request.
 
         Every client may request `stop`.
 
         Raises
         ------
         BadRequest
-            The request does not apply to this source or at this time.
+            The request is not possible for this source of data, or not at this time.
         """
 
     @abstractmethod
     def beat(self) -> None:
-        """Process a heartbeat of the client in control."""
+        """Process a heartbeat of the client that has control."""
 
     @abstractmethod
     def lost(self) -> None:
-        """React to the end of control: the client in control has released it or is lost."""
+        """React to the end of control: the client has released control, or is disconnected."""

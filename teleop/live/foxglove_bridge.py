@@ -1,8 +1,8 @@
-"""Server that sends the ticks of running trials to viewers of the Foxglove protocol.
+"""Server that sends the ticks of running trials to viewers that use the Foxglove protocol.
 
 The server checks neither a token nor the origin of a request. Any program and any web page on this
-machine can therefore receive the ticks. For this reason, viewers can only view: they can call no
-function and change no value.
+machine can therefore receive the ticks. For this reason, viewers can only view data. They cannot
+call functions or change values.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from teleop.live.ring import RingReader
 ALL, SLOW = "/tick", "/tick_60hz"
 """Topic with every tick, and topic with 60 ticks per second for slow viewers."""
 BATCH = 400
-"""Largest number of ticks that are sent at a time."""
+"""Largest number of ticks that one call of `advance` sends."""
 
 
 class FoxgloveBridge:
-    """Serves the ticks that a ring contains to Foxglove viewers.
+    """Sends the ticks in a ring to Foxglove viewers.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class FoxgloveBridge:
     Attributes
     ----------
     url
-        Address for the viewer.
+        Address that a viewer opens.
 
     Raises
     ------
@@ -111,5 +111,5 @@ class FoxgloveBridge:
         self._channels[SLOW].log(message, log_time=written)
 
     def close(self) -> None:
-        """End the server."""
+        """Stop the server."""
         self._server.stop()

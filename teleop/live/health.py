@@ -1,4 +1,4 @@
-"""Health of the control loop: counts of timing problems over all ticks of a trial."""
+"""Count the timing problems of the control loop during a trial."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from estimation.compiled import Floats
 
 RECENT = 1.0
-"""Length of the time window for the largest lateness that is shown [s]."""
+"""Length of the time window [s]. The live page shows the largest lateness within this window."""
 
 
 class Health:

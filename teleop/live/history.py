@@ -1,4 +1,4 @@
-"""The latest rows of data for the live page, shared by all clients, and frames with these rows."""
+"""Store the latest rows of data for the live page, and create the frames that are sent."""
 
 from __future__ import annotations
 
@@ -15,22 +15,23 @@ SHOWN = 10.0
 MOST_ROWS = 250.0
 """Largest number of rows that are sent per second."""
 HEAD = struct.Struct("<IIIId")
-"""Head of a frame: kind, number of rows, number of columns, flags, time of sending [s]."""
+"""Layout of the head of a frame: kind, number of rows, number of columns, flags, time of sending
+[s]."""
 TICKS = 1
 """Kind of a frame that contains rows of ticks."""
 CLEAR = 1
-"""Flag of a frame: its rows replace all rows that the page shows."""
+"""Flag of a frame whose rows replace all rows that the page shows."""
 LARGEST_FRAME = 32_000
 """Largest total size of the rows in a frame [bytes]."""
 
 
 def decimation(rate: float) -> int:
-    """Return the smallest distance between two rows [ticks], from the rate of the loop [Hz]."""
+    """Return the smallest distance between two sent rows [ticks], for a loop of `rate` [Hz]."""
     return max(1, int(np.ceil(rate / MOST_ROWS)))
 
 
 def decimated(first: int, end: int, last: int, step: int) -> list[int]:
-    """Return the ticks of a batch to send: the newest, and every `step`-th tick before it.
+    """Return the ticks of a batch to send: the newest tick, and every `step`-th tick before it.
 
     Parameters
     ----------
@@ -45,23 +46,23 @@ def decimated(first: int, end: int, last: int, step: int) -> list[int]:
 
 
 class History:
-    """A ring buffer of the latest rows. Old rows are overwritten.
+    """A ring buffer of the latest rows, in which new rows overwrite the oldest rows.
 
     Parameters
     ----------
     columns
         Number of columns.
     rows
-        Number of rows that the buffer holds.
+        Number of rows that the buffer can store.
     now
-        Function that returns the time that is written into the frames [s].
+        Function that returns the time of sending [s], which is written into the frames.
 
     Attributes
     ----------
     epoch
-        Number of times that the rows were cleared.
+        Integer that increases when the rows are cleared, or when a new trial begins.
     end
-        Number of rows so far, which is the index of the next row.
+        Number of rows that were added, which is the index of the next row.
     """
 
     def __init__(
@@ -89,12 +90,12 @@ class History:
         self.end += len(rows)
 
     def clear(self) -> None:
-        """Remove all rows. The next frame tells every page to remove its rows."""
+        """Remove all rows. The next frame to each page has the flag `CLEAR`."""
         self.epoch += 1
         self._start = self.end
 
     def frame(self, first: int, clear: bool) -> tuple[bytes, int]:
-        """Return a frame with the rows from an index on, and the index after its last row.
+        """Return a frame with the rows from index `first` on, and the index after the last row.
 
         Parameters
         ----------

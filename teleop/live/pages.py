@@ -1,4 +1,4 @@
-"""The files of the live page that do not change, such as HTML and scripts."""
+"""Read the fixed files of the live page, such as HTML and scripts."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""The live process: serves the live page in a process other than the control process.
+"""The live process, which serves the live page separately from the control process.
 
     python -m teleop.live.process
 
 Standard input contains one JSON document per line: first the session, then messages about the
-trials. When standard input ends, the control process has ended. The live process writes to standard
-output the address of the page, or a problem, and then the requests that the control process carries
-out between two trials.
+trials. When standard input ends, the control process has ended. To standard output, the live
+process writes the address of the page or a problem. After that, it writes the requests that the
+control process carries out between two trials.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from teleop.live.trial_feed import TrialFeed
 FAREWELL = 1.0
 """Time for which the live process continues after the control process has ended [s]."""
 MOST_UNREAD = 1 << 16
-"""Largest number of bytes that are read from standard input at a time."""
+"""Largest number of bytes that are read from standard input in one call."""
 
 
 class ControlPipe:
@@ -41,7 +41,7 @@ class ControlPipe:
         """Time at which standard input ended [s]; 0 before it ended."""
 
     def read_line(self) -> dict[str, Any]:
-        """Wait for a message.
+        """Wait for a message, and return it.
 
         Raises
         ------
@@ -71,7 +71,7 @@ class ControlPipe:
             feed.receive(loads(line))
 
     def send(self, document: dict[str, Any]) -> None:
-        """Send a document; discard it if the control process does not read."""
+        """Send a document. Discard the document if the control process does not read."""
         try:
             os.write(self._output, dumps(document).encode() + b"\n")
         except (BlockingIOError, BrokenPipeError):

@@ -1,6 +1,6 @@
-"""The progress line: shows time, mode and present estimates during a trial.
+"""The progress line, which shows time, mode and present estimates during a trial.
 
-It is shown on a terminal, or in the output of a notebook.
+The line is shown on a terminal, or in the output of a notebook.
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ from teleop.live.cue import LEGEND, Cue
 from teleop.live.terminal import Terminal
 
 REDRAW, REDRAW_CUE, REDRAW_PLAIN = 0.1, 0.03, 0.5
-"""Time between two updates of the progress line [s]: on a terminal without a target, on a terminal
-with a target that the operator follows, and if standard error is not a terminal, as in a
-notebook."""
+"""Time between two updates of the progress line [s]. The first is for a terminal, the second for a
+terminal and a trial with a target, and the third for other outputs such as a notebook."""
 PLAIN_WIDTH = 100
 """Width of the line if standard error is not a terminal [characters]."""
 SHOWN = 4
@@ -34,7 +33,7 @@ class Status(NamedTuple):
     mode: str
     """Mode of the safety supervisor."""
     target: float
-    """Position of the target that the operator follows [m]; NaN for none."""
+    """Position of the target that the operator follows [m]; NaN without a target."""
     position: float
     """Position of the slave [m]."""
     estimates: Sequence[tuple[str, float, float, float]] | None
@@ -47,7 +46,7 @@ class Progress:
     Parameters
     ----------
     shown
-        Whether to show the line. `report` writes its messages in either case.
+        Whether to show the line. Messages of `report` are always written.
     duration
         Duration of the trial [s].
     hint
@@ -55,7 +54,7 @@ class Progress:
     instructions
         Text that explains how to stop the trial; written once at the start.
     largest_misfit
-        Misfit above which an estimator is marked in the line.
+        Estimators whose misfit is larger are marked in the line.
     cue
         Bar that shows the target in the condition `mimic`; None for another condition.
     """
@@ -78,7 +77,7 @@ class Progress:
         self._drawn = 0
         self._terminal = Terminal(STDERR)
         if shown and instructions:
-            self.report(f"teleop: {instructions}" + (f"; {LEGEND}" if cue else ""))
+            self.report(f"teleop: {instructions}" + (f"\nteleop: {LEGEND}" if cue else ""))
 
     def show(self, t: float, status: Callable[[], Status]) -> None:
         """Update the line, unless the time since the last update is too short.
@@ -113,7 +112,7 @@ class Progress:
         return [f"{HEADING}{note}:", *texts] if texts else []
 
     def report(self, text: str) -> None:
-        """Write a message on a separate line, which remains on the terminal."""
+        """Write a message on a separate line that remains on the terminal."""
         self._terminal.write((self._replacing("") + "\r" if self._shown else "") + text + "\n")
 
     def close(self) -> None:
@@ -123,16 +122,18 @@ class Progress:
         self._terminal.close()
 
     def _draw(self, line: str, texts: list[str]) -> None:
-        """Draw the line with heading and texts of estimators. Omit texts that do not fit."""
+        """Draw the line, followed by those texts of estimators that fit into its width."""
         width = terminal_width() or PLAIN_WIDTH
         if len(texts) > 1 and len(line + "".join(texts)) >= width:
             texts = [SHORT_HEADING, *texts[1:]]
         while texts and len(line + "".join(texts)) >= width:
             texts.pop()
+        if texts == [SHORT_HEADING]:
+            texts = []
         self._terminal.draw(self._replacing((line + "".join(texts))[: width - 1]))
 
     def _replacing(self, text: str) -> str:
-        """Return a text that overwrites the present line; without a terminal, by adding spaces."""
+        """Return the text with control characters or spaces that erase the present line."""
         drawn, self._drawn = self._drawn, len(text)
         return f"\r{text}\x1b[K" if terminal_width() else f"\r{text:<{drawn}}"
 

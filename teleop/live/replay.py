@@ -1,4 +1,4 @@
-"""Replay of a recording on the live page, with a slider for the time."""
+"""Replay a recording on the live page, with a slider for the time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FASTEST = 16.0
 
 
 class Replay(Feed):
-    """Source of data for the live page that replays a recording.
+    """Source of data for the live page, which replays a recording.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class Replay(Feed):
         return float(self._t[-1])
 
     def advance(self) -> list[dict[str, Any]]:
-        """Add the rows up to the present time of the replay; return a message if it is due."""
+        """Add rows up to the present time of the replay; return the message `replay` if due."""
         now = self._now()
         if self._rate:
             self._at = min(self._from + (now - self._since) * self._rate, self.end)
@@ -109,7 +109,7 @@ class Replay(Feed):
         return [self._welcome, *filter(None, [self._trial]), self._position()]
 
     def state(self) -> dict[str, Any]:
-        """Return the state of the replay."""
+        """Return the fields of the message `state`, with the latest fault before this time."""
         faults = [e for e in self._events if e.get("fault") and e["time"] <= self._at]
         text = str(faults[-1]["text"]) if faults else ""
         return {
@@ -141,10 +141,10 @@ class Replay(Feed):
             raise BadRequest(f"{request['type']}: this is a recording")
 
     def beat(self) -> None:
-        """Do nothing, because a recording needs no client in control."""
+        """Do nothing, because the replay continues without a client in control."""
 
     def lost(self) -> None:
-        """Do nothing, because a recording needs no client in control."""
+        """Do nothing, because the replay continues without a client in control."""
 
     def _position(self) -> dict[str, Any]:
         return {
@@ -160,7 +160,10 @@ class Replay(Feed):
         self._from, self._since, self._rate = self._at, self._now(), rate
 
     def _seek(self, t: float) -> None:
-        """Show the `SHOWN` seconds before time t [s]; t is limited to the recorded time."""
+        """Continue the replay at time t [s], and show the `SHOWN` seconds before t.
+
+        t is limited to the time of the recording.
+        """
         if not math.isfinite(t):
             raise BadRequest("seek: expected a time")
         self._at = min(max(t, float(self._t[0])), self.end)

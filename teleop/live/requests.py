@@ -1,4 +1,4 @@
-"""Requests of the live page: small JSON objects, which are checked before they are used."""
+"""Check the requests of the live page, which are small JSON objects."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ IN_CONTROL = {"end", "unlock", "start", "pointer", "choose", "next", "repeat", "
 
 
 class BadRequest(ValueError):
-    """A message from a client is not a valid request."""
+    """A request from a client is not valid, or is not possible at present."""
 
 
 def parse_request(message: str | bytes) -> dict[str, Any]:
@@ -48,8 +48,8 @@ def parse_request(message: str | bytes) -> dict[str, Any]:
     Raises
     ------
     BadRequest
-        The message is binary, is not a JSON object, or is not a known request with the right
-        fields.
+        The message is binary, is not a JSON object, or is not one of the requests in `FIELDS` with
+        all fields of this request.
     """
     if isinstance(message, bytes):
         raise BadRequest("expected text")

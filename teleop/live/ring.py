@@ -1,9 +1,9 @@
-"""A ring buffer of messages in shared memory. One process writes it, and another process reads it.
+"""A ring buffer of messages in shared memory, with one process that writes and one that reads.
 
 The ring has no lock, and writing needs no system call. A reader that hangs or ends can therefore
 not delay the writer. The writer overwrites the oldest messages. Each slot contains the number of
-its message twice, before and after the message. If a reader finds a number other than expected, the
-writer has overwritten the slot, and the reader discards it.
+its message twice, before and after the message. If a reader finds another number than expected, the
+writer has overwritten the slot, and the reader discards this slot.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ AFTER = 8
 SLOTS = 4096
 """Number of slots in the ring for the ticks of a control loop."""
 MARGIN = 64
-"""Number of oldest slots that are not read, because the writer will overwrite them next."""
+"""Number of slots with the oldest messages, which are not read. The writer overwrites them next."""
 
 
 def stride(size: int) -> int:
@@ -51,7 +51,7 @@ class RingWriter:
     size
         Largest size of a message [bytes].
     now
-        Function that returns the time that is stored with a message [s].
+        Function that returns the time of writing [s], which is stored with a message.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class RingWriter:
             raise ValueError(f"a message of {length} bytes: expected at most {self._size}")
         number = self.newest + 1
         start = HEAD + number % self._slots * self._stride
-        # The fields are written in this order, so that the numbers enclose the message.
+        # The fields are written in this order: a number is before and after the message.
         self._pack(self._buffer, start, number, length, self._now(), message, number)
         self._words[0] = self.newest = number
 

@@ -1,8 +1,8 @@
-"""Security of the live page: who may connect to it, and the headers of its responses.
+"""Decide who may connect to the live page, and define the headers of the responses.
 
-Only a page of this server with the right token may connect. The headers `Host` and `Origin` are
-compared with the exact address of the server. This refuses pages of other origins. It also refuses
-other host names that an attacker directs to this machine (DNS rebinding).
+Only a page of this server with the correct token may connect. The headers `Host` and `Origin` are
+compared with the exact address of the server. Pages of other origins are therefore refused. Host
+names that an attacker directs to this machine (DNS rebinding) are refused, too.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
     "img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""Content security policy of the page: it may only load files of this server."""
+"""Content security policy, with which the page may load only files of this server."""
 HEADERS = {
     "Content-Security-Policy": POLICY,
     "X-Content-Type-Options": "nosniff",
@@ -28,7 +28,7 @@ HEADERS = {
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 """Addresses that only programs of this machine can reach."""
 ANY_ADDRESS = ("", "0.0.0.0", "::")
-"""Addresses with which a server listens at all addresses of a machine."""
+"""Addresses that make a server listen at all addresses of a machine."""
 
 
 def new_token() -> str:
@@ -37,7 +37,7 @@ def new_token() -> str:
 
 
 def is_token(given: object, token: str) -> bool:
-    """Return whether a value equals the token. The comparison takes the same time for any text."""
+    """Return whether `given` equals the token, in a time that does not depend on `given`."""
     if not isinstance(given, str):
         return False
     return hmac.compare_digest(given.encode(errors="replace"), token.encode())

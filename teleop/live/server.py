@@ -1,4 +1,4 @@
-"""The server of the live page: HTTP for its files, and a WebSocket for data and requests."""
+"""The server of the live page, with HTTP for files and a WebSocket for data and requests."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from teleop.live.security import HEADERS, Gate, is_token
 PERIOD = 1.0 / 60.0
 """Time between two frames of data [s]."""
 GREETING = 2.0
-"""Time within which a client has to open the connection and to send its token [s]."""
+"""Time within which a client must open the connection, and then must send its token [s]."""
 MOST_CONNECTIONS = 64
-"""Largest number of open connections, including those that have not sent a token yet."""
+"""Largest number of open connections, including clients that have not sent a token yet."""
 REPEAT = 1.0
-"""Longest time between two messages with the state [s]."""
+"""Longest time between two messages `state` [s]."""
 VIEWS = ("main", "operator")
 
 
 class Server:
     """Sends the data of a feed to the clients, and passes the clients' requests to the feed.
 
-    One task sends all data. The same task sends the heartbeat to the control process, so that a
-    failure of the task is detected.
+    One task sends all data to the clients, and also sends the heartbeat to the control process. If
+    this task fails, the control process therefore detects the failure.
 
     Parameters
     ----------
@@ -62,12 +62,12 @@ class Server:
 
     @contextlib.asynccontextmanager
     async def serving(self, host: str, port: int) -> AsyncIterator[int]:
-        """Serve the page within the block.
+        """Serve the page within a `with` block.
 
         Parameters
         ----------
         host
-            Address to listen at.
+            Address at which the server listens.
         port
             Port; 0 for any free port.
 
@@ -81,7 +81,7 @@ class Server:
             The address cannot be used.
         """
         quiet = logging.getLogger("teleop.live")
-        quiet.setLevel(logging.CRITICAL)  # a refused connection is no event for the terminal
+        quiet.setLevel(logging.CRITICAL)  # a refused connection is not shown on the terminal
         outer = self
 
         class Connection(ServerConnection):
@@ -118,7 +118,7 @@ class Server:
             yield int(used)
 
     async def run(self) -> None:
-        """Send the data until the task is cancelled."""
+        """Send the data once per `PERIOD` until the task is cancelled."""
         due = time.monotonic()
         while True:
             self.fan_out()
@@ -157,7 +157,7 @@ class Server:
             self._feed.lost()
 
     def _process_request(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Answer the request for a file; return None if a WebSocket is allowed to open."""
+        """Return the response to the request for a file; None if a WebSocket may be opened."""
         path = request.path
         refusal = self._gate.refusal(request.headers.get_all, path == "/ws")
         if refusal:
@@ -169,7 +169,7 @@ class Server:
         return response(HTTPStatus.NOT_FOUND, Page("text/plain", b"not found\n"))
 
     async def _converse(self, connection: ServerConnection) -> None:
-        """Receive the requests of a connection until it ends."""
+        """Receive the requests of a connection until the connection ends."""
         client = Client(connection)
         try:
             async with asyncio.timeout(GREETING):
@@ -203,7 +203,7 @@ class Server:
                 self._lose_control()
 
     def _receive(self, client: Client, request: dict[str, Any]) -> None:
-        """Carry out a request of a client, or send it the reason why this is not possible."""
+        """Carry out a request of a client, or send the client the reason for a refusal."""
         kind = request["type"]
         if kind == "ping":
             client.send({"type": "pong", "at": request["at"]})

@@ -1,4 +1,4 @@
-"""Runs the server of the live page until the program ends it."""
+"""Run the server of the live page until a given function requests its end."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def check_address(host: str, port: int) -> None:
     Raises
     ------
     InputError
-        The address means all addresses of the machine, or the port number is not valid.
+        `host` stands for all addresses of the machine, or the port number is not valid.
     """
     if host in ANY_ADDRESS:
         raise InputError(f"host {host!r}: expected one address or name of this machine")
@@ -42,7 +42,7 @@ def serve_until(
     port: int,
     ready: Callable[[str], object],
 ) -> None:
-    """Serve the live page until a function returns True.
+    """Serve the live page until `stopped` returns True.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def serve_until(
     feed
         Source of the data.
     host, port
-        Address to listen at.
+        Address and port at which the server listens; port 0 for any free port.
     ready
         Function that is called with the URL of the live page as soon as the page can be opened.
 

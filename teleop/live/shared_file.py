@@ -1,4 +1,4 @@
-"""A file in memory that the control process and the live process map, to share data."""
+"""A file in memory through which the control process and the live process share data."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ MEMORY = Path("/dev/shm")
 
 
 class SharedFile:
-    """A memory-mapped file whose creator removes its name when the other process has opened it.
+    """A memory-mapped file. The process that creates the file also removes its name.
+
+    The name is removed as soon as the other process has opened the file.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Output to a terminal from a separate thread. A stopped terminal blocks only this thread."""
+"""Write to a terminal from a separate thread, so that a stopped terminal blocks no other thread."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ class Terminal:
     """Writes to a terminal without blocking the caller.
 
     While a terminal is stopped (Ctrl-S), or while its output is not read, a write to the terminal
-    blocks. A separate thread therefore writes the text. Making the file descriptor non-blocking is
-    not a solution, because the shell uses the same descriptor.
+    blocks. A separate thread therefore writes the text. A non-blocking file descriptor is not a
+    solution, because the shell uses the same descriptor.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class Terminal:
         self._thread = threading.Thread(target=self._write_all, daemon=True)
 
     def draw(self, text: str) -> None:
-        """Write text. If the text of the previous call is not yet written, it is replaced."""
+        """Write text. The new text replaces that of an earlier `draw` that is not written yet."""
         with self._changed:
             self._line = encoded(text)
             self._wake()

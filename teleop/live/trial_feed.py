@@ -1,4 +1,4 @@
-"""Feed of running trials: reads rows from the loop's ring, and writes requests to the cells."""
+"""Source of data for the live page that reads running trials, and passes requests to the loop."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ IN_CONDITION = {
 }
 """Instruction to the operator, by control condition."""
 OUTSIDE_TRIALS = {"next", "repeat", "skip", "notes"}
-"""Requests that the control process carries out between two trials."""
+"""Requests that the control process carries out only between two trials."""
 SENT = {"name": "sent", "unit": "s", "meaning": "time at which the loop wrote the tick"}
-"""Additional column at the end of each row."""
+"""Additional column, which is the last column of each row."""
 
 
 class TrialFeed(Feed):
@@ -49,7 +49,8 @@ class TrialFeed(Feed):
     session
         Description of the session: `may_arm`, `pointer` and `choices` of the message `welcome`.
     send
-        Function that sends a request to the control process, which reads it between two trials.
+        Function that sends a request to the control process. The control process reads requests
+        between two trials.
     bridge
         Server for Foxglove viewers; None for no such server.
     """
@@ -166,11 +167,11 @@ class TrialFeed(Feed):
             raise BadRequest(f"{kind}: this is not a recording")
 
     def beat(self) -> None:
-        """Pass the heartbeat of the page in control to the loop."""
+        """Send the loop the heartbeat of the page that has control."""
         self._cells.count(PAGE)
 
     def lost(self) -> None:
-        """Release the handle. A trial that the page has armed is then stopped by the loop."""
+        """Release the handle. The loop then stops a trial that the page has armed."""
         self._cells.point(0.0, False)
 
     def _start(self) -> None:
@@ -181,7 +182,10 @@ class TrialFeed(Feed):
         self._cells.count(ARM)
 
     def _choose(self, request: dict[str, Any], active: bool) -> None:
-        """Send chosen settings to the control process; restart a trial that waits for START."""
+        """Send chosen settings to the control process, and end a trial that waits for START.
+
+        The control process then begins a trial with the new settings.
+        """
         choices = self._session["choices"]
         for name in request.keys() - {"type"}:
             if request[name] not in choices[name]:
@@ -234,7 +238,7 @@ class TrialFeed(Feed):
         self._news.append(document)
 
     def _read_ticks(self) -> None:
-        """Read all new ticks, and add rows of some of them, with the newest, to the history."""
+        """Read all new ticks. Add the newest tick and some of the others to the history."""
         first, end = max(self._read + 1, self._ring.oldest), self._ring.newest + 1
         found, slots = self._ring.read(range(first, end))
         if not found:

@@ -1,1 +1,1 @@
-"""Output for a person: tables, figures and HTML pages."""
+"""Contains the output that a person reads: tables, figures and HTML pages."""

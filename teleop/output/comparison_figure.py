@@ -1,4 +1,4 @@
-"""Figure of stiffness and damping in several recordings, by group."""
+"""Draw the stiffness and damping of several recordings, by group."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from teleop.evaluation.result import Result
 from teleop.output.figure_files import plain
 
 SPREAD = 0.35
-"""Width on the axis for the recordings of a group, as a fraction of the distance between two
-groups."""
+"""Width over which the recordings of a group are spread on the axis, as a fraction of the distance
+between two groups."""
 WIDE = 10.0
 """Ratio of the largest to the smallest stiffness above which the stiffness axis is logarithmic."""
 CHARACTERS = 9.0
-"""The group names are rotated if they have more characters per inch of width than this."""
+"""Largest number of characters per inch of width for which group names are written horizontally."""
 LONGEST_LEVEL = 24
-"""Largest number of characters of the name of a level that are shown."""
+"""Number of characters to which the name of a level is shortened."""
 
 
 def comparison_figure(

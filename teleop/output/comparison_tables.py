@@ -1,4 +1,4 @@
-"""Tables of a comparison of recordings: recordings, groups, and analysis of variance."""
+"""Print tables that compare recordings: results, means of groups, and analysis of variance."""
 
 from __future__ import annotations
 
@@ -8,16 +8,20 @@ from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
 
-from teleop.evaluation.comparison import RESULT, Compared, Group, Mean
+from teleop.evaluation.comparison import AVERAGE, KIND_OF_K, RESULT, Compared, Group, Mean
+from teleop.evaluation.result import Result
 from teleop.output.console import plain_console, print_table
 from teleop.output.result_tables import with_half
 from teleop.output.table_files import TextTable, shortened
 from teleop.printable import one_line
 
 CAPTION = (
-    "result: mean of the results of n recordings, which have no e_f. Other rows: mean of the "
-    "averages of an online estimator over each record. \u00b1: 95 % interval of the mean, from the "
-    "spread between the recordings; for n = 1 that of the recording."
+    "result: mean of the results of n recordings, which have no e_f; its k is the tangent "
+    "stiffness at half of the force range. Other rows: mean of the averages of an online "
+    "estimator over each record, without the count-in of mimic and the ramp at the end of "
+    "autonomous; their k is the slope of a line through the datum. The two kinds of k agree only "
+    "for a linear specimen. \u00b1: 95 % interval of the mean, from the spread between the "
+    "recordings; for n = 1 that of the recording."
 )
 """Note below the table of groups that explains the rows of the table."""
 TRACKING_CAPTION = (
@@ -27,7 +31,7 @@ POOLED = (
     "Recordings of several subjects are pooled: the interval counts the repeats of a subject as "
     "independent, and is too narrow if the subjects differ."
 )
-"""Note below the table of groups if a group has several subjects with several recordings."""
+"""Note below the table of groups, if a group contains several recordings of several subjects."""
 FILES_NAMED = 3
 """Largest number of files that a note lists for one reason."""
 
@@ -53,13 +57,13 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
                 count = f"{count} {mark}"
             symbols = ("k", "b", "e_f")
             values = [mean_text(means[name]) if name in means else "-" for name in symbols]
-            rows.append([*group.levels, method, count, *values])
-    headings = [*by, "method", "n", "k [N/m]", "b [N s/m]", "e_f [N]"]
-    return TextTable(headings, rows, len(by) + 1, notes)
+            rows.append([*group.levels, method, KIND_OF_K.get(method, AVERAGE), count, *values])
+    headings = [*by, "method", "k is", "n", "k [N/m]", "b [N s/m]", "e_f [N]"]
+    return TextTable(headings, rows, len(by) + 2, notes)
 
 
 def tracking_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable | None:
-    """Return the table of gain, phase and error in `mimic`, by group; None without such trials."""
+    """Return the table of tracking in the condition `mimic`, by group; None without such trials."""
     rows = [
         [
             *group.levels,
@@ -84,7 +88,7 @@ def scaled(mean: Mean, size: float) -> Mean:
 
 
 def missing_text(method: str, missing: Mapping[str, str]) -> str:
-    """Return the reasons why a method has no value for some files, each with the files' names."""
+    """Return the reasons why a method has no value for some files, with the names of the files."""
     files: dict[str, list[str]] = {}
     for file, reason in missing.items():
         files.setdefault(reason, []).append(Path(file).name)
@@ -109,7 +113,7 @@ def letters(index: int) -> str:
 
 
 def mean_text(mean: Mean) -> str:
-    """Return a mean and the half width of its 95 % interval as text; a dash if it is not finite."""
+    """Return a mean with the half width of its interval; a dash if the mean is not finite."""
     if not math.isfinite(mean.value):
         return "-"
     if not math.isfinite(mean.half):
@@ -120,20 +124,32 @@ def mean_text(mean: Mean) -> str:
 def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequence[str]) -> None:
     """Print the results of the recordings, and the table of groups."""
     console = plain_console()
+    folder, names = in_folder([row.file for row in rows])
     print_table(
         console,
-        "results, with 95 % intervals",
-        ("recording", "k [N/m]", "b [N s/m]"),
-        [[row.file, result_text(row, "k"), result_text(row, "b")] for row in rows],
+        f"{folder}: results, with 95 % intervals" if folder else "results, with 95 % intervals",
+        ("recording", "tangent k [N/m]", "at force [N]", "at depth [mm]", "b [N s/m]"),
+        [
+            [name, result_text(row, "k"), *tangent_texts(row.result), result_text(row, "b")]
+            for name, row in zip(names, rows, strict=True)
+        ],
     )
-    for row in rows:
+    for name, row in zip(names, rows, strict=True):
         if not row.result.identifiable:
             reasons = "; ".join(row.result.reasons)
-            console.print(f"  {row.file}: no result: {reasons}", style="yellow")
+            console.print(f"  {name}: no result: {reasons}", style="yellow")
     title = f"by {', '.join(by)}" if by else "all"
     print_text_table(title, group_table(groups, by))
     if tracking := tracking_table(groups, by):
         print_text_table("tracking", tracking)
+
+
+def in_folder(files: Sequence[str]) -> tuple[str, list[str]]:
+    """Return the folder of files, and their names in it; an empty folder if the folders differ."""
+    folders = {str(Path(file).parent) for file in files}
+    if len(folders) > 1 or folders == {"."}:
+        return "", list(files)
+    return folders.pop(), [Path(file).name for file in files]
 
 
 def print_text_table(title: str, table: TextTable) -> None:
@@ -154,12 +170,19 @@ def result_text(row: Compared, symbol: str) -> str:
     return with_half(value, 0.5 * (high - low))
 
 
+def tangent_texts(result: Result) -> list[str]:
+    """Return force [N] and depth [mm] of the tangent as text; dashes for no result."""
+    if result.force is None or result.depth is None:
+        return ["-", "-"]
+    return [f"{result.force:.3g}", f"{result.depth * 1e3:.3g}"]
+
+
 def effect_cells(effects: Iterable[Mapping[str, Any]]) -> list[list[str]]:
     """Return the cells of the analysis of variance of one response, one row for each effect."""
     return [
         [
             effect["source"].replace(" x ", " \N{MULTIPLICATION SIGN} "),
-            f"{effect['f']:.1f}",
+            f"{effect['f']:.1f}" if effect["f"] < 1000.0 else f"{effect['f']:.0f}",
             f"{effect['degrees']}, {effect['error_degrees']}",
             "< 0.001" if effect["p"] < 0.001 else f"{effect['p']:.3f}",
             f"{effect['eta_squared']:.3f}",

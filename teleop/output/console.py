@@ -1,4 +1,4 @@
-"""Output of results to the console: tables for a person, or one JSON document for a program."""
+"""Print results to the console: tables for a person, or one JSON document for a program."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ import re
 import shutil
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, TextIO
+from typing import Any, TextIO, cast
 
 from rich import box
 from rich.cells import cell_len
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
@@ -38,7 +39,7 @@ def print_json(document: Mapping[str, Any]) -> None:
 
 
 class PlainConsole(Console):
-    """A console that prints escapes for control characters, and breaks lines between words."""
+    """A console that prints control characters as escapes, and breaks lines only between words."""
 
     def print(self, *objects: Any, **options: Any) -> None:
         """Print objects. Text is wrapped to the terminal width, unless `soft_wrap` is true."""
@@ -92,14 +93,14 @@ def wrapped(text: str, width: int) -> str:
 
 
 def number(value: float, digits: int) -> str:
-    """Return a number as text with `digits` decimals; a dash if it is not finite."""
+    """Return a number as text with `digits` decimals; a dash for a number that is not finite."""
     if not math.isfinite(value):
         return "-"
     return f"{round(value, digits) + 0.0:.{digits}f}"  # 0 instead of -0
 
 
 def small(value: float) -> str:
-    """Return a number as text with at least three significant digits; a dash if not finite."""
+    """Return a number as text with three or more significant digits; a dash if it is not finite."""
     if not math.isfinite(value) or value == 0.0:
         return number(value, 3)
     return number(value, min(max(2 - math.floor(math.log10(abs(value))), 0), 9))
@@ -117,13 +118,32 @@ def print_table(
         console.print(part)
 
 
+class TrimmedTable(Table):
+    """A table without spaces at the ends of its lines.
+
+    In a terminal that is as wide as the text, a space more would begin another line.
+    """
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Yield the segments of the table, line by line."""
+        segments = cast(Iterable[Segment], super().__rich_console__(console, options))
+        for line in Segment.split_lines(segments):
+            while line and not line[-1].text.rstrip():
+                line.pop()
+            if line:
+                text, style, control = line.pop()
+                line.append(Segment(text.rstrip(), style, control))
+            yield from line
+            yield Segment.line()
+
+
 def fitting_tables(
     title: str,
     headings: Sequence[str],
     rows: Iterable[Sequence[str]],
     left: int = 1,
     styles: Sequence[str] = (),
-) -> list[Table | str]:
+) -> list[TrimmedTable | str]:
     """Return a table that fits the width of the terminal, as one or several tables and lines.
 
     If the table is too wide, headings are divided into two lines. If it is still too wide, the
@@ -134,7 +154,7 @@ def fitting_tables(
     Parameters
     ----------
     title
-        Title of the table; empty for none.
+        Title of the table; empty for no title.
     headings, rows
         Text of the cells.
     left
@@ -147,7 +167,7 @@ def fitting_tables(
     width = terminal_width()
     names = list(headings)
     legend: list[str] = []
-    found: list[Table | str] = []
+    found: list[TrimmedTable | str] = []
     if total(widths(names, cells)) > width:
         names = [BREAK.sub(lambda found: (found[1] or "") + "\n", name, count=1) for name in names]
     texts = set(range(left))
@@ -163,7 +183,7 @@ def fitting_tables(
         for row in cells:
             row[widest] = numbers.get(row[widest], "")
     for part in parts(widths(names, cells), left, width):
-        table = Table(
+        table = TrimmedTable(
             title=title or None, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold"
         )
         for i in part:
@@ -176,7 +196,7 @@ def fitting_tables(
 
 
 def numbered(texts: Iterable[str]) -> dict[str, str]:
-    """Return a different number, from 1, for each different text that is not empty."""
+    """Return the number of each distinct text that is not empty; the numbers start at 1."""
     distinct = dict.fromkeys(text for text in texts if text)
     return {text: str(number) for number, text in enumerate(distinct, start=1)}
 
@@ -209,8 +229,8 @@ def parts(columns: Sequence[int], left: int, width: int) -> list[list[int]]:
 
     Returns
     -------
-    Indices of the columns of each table. Each table has at least one column that is not part of
-    every table.
+    Indices of the columns of each table. Each table has at least one column in addition to the
+    `left` columns, if there is one.
     """
     first = list(range(left))
     found = [first[:]]

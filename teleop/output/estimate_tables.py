@@ -1,4 +1,4 @@
-"""Tables of estimates: values at the end with intervals, averages over time, and remarks."""
+"""Print tables of estimates: values at the end with intervals, averages over time, and remarks."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from teleop.output.result_tables import print_models, print_result, with_half
 from teleop.recording.gaps import Gap, missing_text
 
 STALL = 20.0
-"""The longest sample period is printed if it exceeds the median by this factor."""
+"""Ratio of the longest to the median sample period above which a warning is printed."""
 GAPS_LISTED = 3
 """Largest number of gaps between samples that are listed."""
 MEANINGLESS = 1e6
-"""Ratio of an interval to the value above which the interval is not shown, because it is too
-wide."""
+"""An interval is shown only if the ratio of its half width to the estimate is less than this value.
+A wider interval contains no information."""
 HEADINGS = ("", "k [N/m]", "b [N s/m]", "e_f [N]", "one-step rms [N]", "rise time [s]")
 """Headings of the table of averages."""
 AVERAGES = "averages, from the first estimate of each estimator on"
@@ -29,9 +29,10 @@ AT_END = "estimates at the end, \u00b1 95 % interval"
 LEAST_SQUARES = "least squares"
 """Name of the least-squares fit to all samples, in the table of averages."""
 COMPARISON = "compared with least squares"
-"""Title of the table of comparisons."""
+"""Title of the table that compares the estimators with least squares."""
 RMS_RATIO = "rms/window"
-"""Heading of the one-step error divided by that of least squares over a window of 1 s."""
+"""Heading of a column: the one-step error of an estimator, divided by the one-step error of least
+squares over a window of 1 s."""
 
 
 def estimate_cells(rows: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
@@ -57,8 +58,8 @@ def digits(value: float) -> int:
 def with_interval(value: float, half: float, decimals: int) -> str:
     """Return a value and the half width of its 95 % interval as text.
 
-    The half width is rounded to two significant digits. If it is not known or is too wide, only the
-    value is returned, with `decimals` decimals.
+    The half width is rounded to two significant digits. If the half width is not known or too
+    large, only the value is returned, with `decimals` decimals.
     """
     if not half < MEANINGLESS * max(abs(value), 1.0):
         return number(value, decimals)
@@ -101,7 +102,7 @@ def print_estimates(
 
 
 def further_lines(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return lines with the estimates of further parameters, such as k3, at the end."""
+    """Return lines with the final estimates of further parameters, such as k3."""
     lines = []
     for name, row in rows.items():
         if row["held"] == 1.0:
@@ -119,7 +120,7 @@ def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], li
     """Return headings and cells of the table of estimates at the end.
 
     The columns are the estimates with 95 % intervals, the fraction of samples at which the estimate
-    was held, the misfit and, if it was measured, the computing time.
+    was held constant, the misfit and, if it was measured, the computing time per sample.
     """
     timed = any("cost_us" in row for row in rows.values())
     headings = ["", "k [N/m]", "b [N s/m]", "held", "misfit", *(["cost [us]"] if timed else [])]
@@ -163,6 +164,12 @@ def percent(share: float) -> str:
     return f"{share:.0%}" if math.isfinite(share) else "-"
 
 
+def left_out_lines(summary: Mapping[str, Any]) -> list[str]:
+    """Return a line that states which part of the record the tables of estimates leave out."""
+    left_out = summary["left_out"]
+    return [f"results and tables leave out {left_out}"] if left_out else []
+
+
 def print_estimated(console: Console, summary: Mapping[str, Any]) -> None:
     """Print the names of the channels that an observer estimated, because they have no sensor."""
     for name in summary.get("estimated_channels", ()):
@@ -201,8 +208,9 @@ def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:
         f"datum: {datum['position_m'] * 1e3:.6g} mm, {datum['force_n']:.6g} N ({datum['source']})",
         f"conditioning: {summary['conditioning']}, bandwidth {summary['bandwidth_hz']:.3g} Hz; "
         + (f"force lag {lag * 1e3:g} ms compensated" if lag else "no force lag compensated"),
+        *left_out_lines(summary),
         f"memory of the estimators: {summary['memory_s']:.3g} s",
-        f"excitation: {summary['excitation']['mean']:.2f} (0 none, 1 a sine about the datum)",
+        f"excitation: {summary['excitation']['mean']:.2f} (0 at rest, 1 for a sine about zero)",
         summary["software"],
     ]
 

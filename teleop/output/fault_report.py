@@ -1,4 +1,4 @@
-"""Report of a fault: cause, values of the channels, stopping time, and timing of the loop."""
+"""Write the report of a fault: cause, values of the channels, stopping time, timing of the loop."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def write_fault_report(folder: Path, recording: Recording, fault: dict[str, Any]
 
 
 def fault_text(recording: Recording, fault: dict[str, Any]) -> str:
-    """Return the text of the report of a fault, with the parameters of `write_fault_report`."""
+    """Return the text of the report of a fault. See `write_fault_report` for the parameters."""
     t = recording["time"]
     lines = [
         f"what      {fault['text']}",

@@ -1,4 +1,4 @@
-"""Figure of force against position, at the hand and at the slave."""
+"""Draw the force against the position, at the hand and at the slave."""
 
 from __future__ import annotations
 

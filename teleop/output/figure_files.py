@@ -1,4 +1,4 @@
-"""Files of figures, and texts in figures that may come from a user."""
+"""Write figures to files, and prepare texts of users, such as file names, for figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of a batch evaluation: fitted model, residual and phases; and complex modulus."""
+"""Draw the results of a batch evaluation: fitted model, residual, phases and complex modulus."""
 
 from __future__ import annotations
 
@@ -28,15 +28,14 @@ PHASE_LINES: dict[str, dict[str, Any]] = {
     "hold": {"linewidth": 1.0, "linestyle": "", "marker": ".", "markersize": 3.0},
     "unloading": {"linewidth": 1.2, "linestyle": (0, (5, 1.5))},
 }
-"""Line width, dashes and markers of the phases, with which the phases also differ without
-colours."""
+"""Line width, dashes and markers of each phase, so that the phases also differ without colours."""
 MODEL = "#000000"
 MOST_POINTS = 4000
-"""Largest number of samples that are drawn in a line."""
+"""Approximate largest number of samples that are drawn in a line."""
 
 
 def fit_figure(title: str, evaluation: Evaluation) -> Figure:
-    """Return a figure of force against displacement and time, with best model and residual.
+    """Return a figure of force against displacement and time, with the best model and its residual.
 
     The models are fitted to the force minus a baseline, which varies more slowly than the
     palpation. The figure shows the measured force, and the force of the model plus this baseline.
@@ -44,7 +43,7 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
     Parameters
     ----------
     title
-        Title of the figure, the name of the file.
+        Title of the figure: the name of the file.
     evaluation
         Evaluation of the file.
     """
@@ -70,7 +69,7 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
     fit = best_fit(evaluation)
     if fit is not None:
         force = fit.predicted + record.f - fitted.f
-        draw_fit(over_x, over_t, fit.name, (x, t, force), every)
+        draw_fit(over_x, over_t, drawn_name(evaluation, fit), (x, t, force), every)
         left = record.f - datum.f - force
         residual.plot(t[::every], left[::every], color=MODEL, linewidth=0.6)
     else:
@@ -98,6 +97,13 @@ def best_fit(evaluation: Evaluation) -> BatchFit | None:
     if not evaluation.analysis.result.identifiable:
         return None
     return next((fit for fit in evaluation.models if fit.identifiable), None)
+
+
+def drawn_name(evaluation: Evaluation, fit: BatchFit) -> str:
+    """Return the name of the model that is drawn, and why it is not the first of the table."""
+    if fit is evaluation.models[0]:
+        return fit.name
+    return f"{fit.name} ({evaluation.models[0].name}: not all parameters identifiable)"
 
 
 def draw_phases(
@@ -135,7 +141,7 @@ def draw_fit(
     modelled
         Displacement [mm], time [s] and force of the model [N], each of shape (n,).
     every
-        Only one of this number of samples is drawn.
+        Distance between two samples that are drawn [samples].
     """
     x, t, force = (values[::every] for values in modelled)
     over_x.plot(x, force, color=MODEL, linewidth=0.6, label=name)

@@ -1,4 +1,4 @@
-"""The HTML page of a recording: result, estimates, figures, events and settings."""
+"""Create the HTML page of a recording: result, estimates, figures, events and settings."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from teleop.output.fault_report import fault_text
 from teleop.output.feedback_figure import feedback_figure
 from teleop.output.figure_files import plain
 from teleop.output.fit_figures import fit_figure
-from teleop.output.result_tables import motion_line, result_lines
+from teleop.output.result_tables import motion_line, result_lines, tangent_lines
 from teleop.output.tracking_figure import tracking_figure
 from teleop.output.trial_figures import ambiguity_figure, fault_figure, timing_figure
 from teleop.output.trial_tables import tracking_lines
@@ -37,8 +37,8 @@ from teleop.recording.gaps import missing_text
 from teleop.recording.recording import Recording
 
 MARGIN = 0.1
-"""Candidates of the multi-estimator are tied with the best if their monitoring signal exceeds the
-smallest monitoring signal by at most this fraction.
+"""Candidates of the multi-estimator are tied if their monitoring signals exceed the smallest
+monitoring signal by at most this fraction.
 
 The data are not sufficient to choose between tied candidates.
 """
@@ -62,7 +62,7 @@ def report_page(
     Parameters
     ----------
     name
-        Name of the recording, the title of the page.
+        Name of the recording. It is the title of the page.
     evaluation, summary
         Evaluation of the recording, and summary of this evaluation. Both are None for a trial that
         was stopped before there were enough samples.
@@ -73,7 +73,8 @@ def report_page(
     link
         Path of the recording, relative to the folder of the page; empty to show only its name.
     tracking
-        Gain, phase and error of the slave in a trial of `mimic`; None for another file.
+        Gain, phase and error of the slave in a trial of the condition `mimic`; None for any other
+        file.
     """
     values = of_recording(recording) | of_evaluation(name, evaluation, summary, truth)
     values["tracking"] = ""
@@ -121,7 +122,7 @@ def of_recording(recording: Recording | None) -> dict[str, Any]:
 
 
 def facts(recording: Recording) -> Iterator[tuple[str, str]]:
-    """Yield name and value of: the date, the rig, the settings in `STATED`, and the software."""
+    """Yield the name and value of the date, the rig, each setting in `STATED`, and the software."""
     session = recording.session
     yield "date", session.get("created", "not known")
     yield "rig", session.get("rig", "not known")
@@ -155,7 +156,8 @@ def of_evaluation(
     rows = summary["estimates"].items()
     return {
         "summary": summary,
-        "result": [*result_lines(summary), motion_line(summary)],
+        "result": result_lines(summary),
+        "result_details": [*tangent_lines(summary["result"]["tangent"]), motion_line(summary)],
         "gaps": e.gaps,
         "lines": evaluation_lines(summary),
         "further": further_lines(summary["estimates"]),

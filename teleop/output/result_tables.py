@@ -1,4 +1,4 @@
-"""Tables of an evaluation: result for publication, batch models, and several files together."""
+"""Print the result of an evaluation, its batch models, and the fit to several files together."""
 
 from __future__ import annotations
 
@@ -14,6 +14,10 @@ MOST_DECIMALS = 12
 """Largest number of decimals of a printed value."""
 
 
+UNDETERMINED = 1e-200
+"""Width of the interval of a parameter on which the record does not depend."""
+
+
 def print_result(summary: Mapping[str, Any], name: str) -> None:
     """Print the result of the evaluation of a file: k and b, or the reasons why there are none."""
     console = plain_console()
@@ -25,7 +29,8 @@ def print_result(summary: Mapping[str, Any], name: str) -> None:
     for reason in result["reasons"]:
         style = "yellow" if result["identifiable"] else "red"
         console.print(f"  - {reason}", style=style)
-    print_tangent(result["tangent"])
+    for line in tangent_lines(result["tangent"]):
+        console.print(f"  {line}")
     console.print(f"  {motion_line(summary)}")
     counts = Counter(phase["phase"] for phase in summary["phases"])
     phases = ", ".join(f"{count} {phase}" for phase, count in counts.items())
@@ -50,15 +55,17 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
     lines = []
     for symbol, unit, what in (("k", "N/m", "stiffness"), ("b", "N s/m", "damping")):
         values = [result[f"{symbol}{end}"] for end in ("_low", "", "_high")]
+        if values[2] - values[0] < UNDETERMINED:
+            lines.append(f"{what:9} {symbol} is not determined")
+            continue
         low, value, high = (significant(each, values[2] - values[0]) for each in values)
         lines.append(f"{what:9} {symbol} = {value} {unit} (95 % interval {low} to {high})")
     if (frequency := result["damping_at_hz"]) is not None:
         lines.append(f'b is the equivalent viscous damping k"/omega at {frequency:.3g} Hz')
     change = result["b_change_per_ms_of_lag"]
-    lines.append(
-        f"1 ms of lag of the force changes b by {change:.3g} N s/m "
-        f"({change / max(abs(result['b']), 1e-300):.2g} times b)"
-    )
+    ratio = change / max(abs(result["b"]), UNDETERMINED)
+    times = f" ({ratio:.2g} times b)" if abs(result["b"]) > UNDETERMINED else ""
+    lines.append(f"1 ms of lag of the force changes b by {change:.3g} N s/m{times}")
     return lines
 
 
@@ -74,20 +81,20 @@ def motion_line(summary: Mapping[str, Any]) -> str:
     )
 
 
-def print_tangent(tangent: Mapping[str, Any]) -> None:
-    """Print force and depth at which the tangent stiffness holds, and the secant stiffness."""
+def tangent_lines(tangent: Mapping[str, Any]) -> list[str]:
+    """Return lines with force and depth of the tangent stiffness, and the secant stiffness."""
     if tangent["force_n"] is None:
-        return
-    console = plain_console()
-    console.print(
-        f"  k is the tangent stiffness at {tangent['force_n']:.3g} N, "
+        return []
+    lines = [
+        f"k is the tangent stiffness at {tangent['force_n']:.3g} N, "
         f"{tangent['depth_m'] * 1e3:.3g} mm from the {tangent['depth_from']}"
-    )
+    ]
     if tangent["secant_n_per_m"] is not None:
-        console.print(
-            f"  secant there {tangent['secant_n_per_m']:.4g} N/m; it changes by "
+        lines.append(
+            f"secant there {tangent['secant_n_per_m']:.4g} N/m; it changes by "
             f"{tangent['secant_change_per_0.1mm']:.1%} for a datum error of 0.1 mm"
         )
+    return lines
 
 
 def print_material(material: Mapping[str, Any]) -> None:
@@ -123,13 +130,23 @@ def print_models(summary: Mapping[str, Any]) -> None:
         ),
     )
     console.print("  rms: error of the predicted force, which includes the noise of the sensor")
+    best = summary["best_model"]
+    if best is not None and best != models[0]["name"]:
+        console.print(
+            f"  {best}: the best model whose parameters are all identifiable, drawn by --plot-fit"
+        )
+    if summary["contact_point"] is None:
+        console.print(
+            "  hunt-crossley: the force out of contact is not known, and is taken as 0 N of the "
+            f"file; xc is relative to the datum ({summary['datum']['source']})"
+        )
     for fit in models:
         cells = [parameter_text(name, one) for name, one in fit["parameters"].items()]
         console.print(f"  {fit['name']}: {', '.join(cells)}")
 
 
 def parameter_text(name: str, one: Mapping[str, Any]) -> str:
-    """Return a parameter and half width of its interval as text, or that it is not identifiable."""
+    """Return a parameter with the half width of its interval, or "not identifiable", as text."""
     if not one["identifiable"]:
         return f"{name} not identifiable"
     half = 0.5 * (one["high"] - one["low"])
@@ -137,14 +154,14 @@ def parameter_text(name: str, one: Mapping[str, Any]) -> str:
 
 
 def with_half(value: float, half: float) -> str:
-    """Return a value and a half width, both rounded to two significant digits of the half width."""
+    """Return a value and a half width as text, with two significant digits of the half width."""
     if not math.isfinite(half) or half <= 0.0:
         return f"{value:.4g}"
     return f"{significant(value, half)} \u00b1 {significant(half, half)}"
 
 
 def significant(value: float, width: float) -> str:
-    """Return a value as text, rounded to two significant digits of `width`, its uncertainty."""
+    """Return a value as text, rounded to two significant digits of its uncertainty `width`."""
     decimals = 3
     if width > 0.0:
         decimals = min(1 - math.floor(math.log10(width)), MOST_DECIMALS)
@@ -152,7 +169,7 @@ def significant(value: float, width: float) -> str:
 
 
 def print_together(together: Mapping[str, Any]) -> None:
-    """Print Kelvin-Voigt fits to each file and to all files, and whether one body fits all."""
+    """Print Kelvin-Voigt fits to each file and to all files, and whether one fit describes all."""
     console = plain_console()
     names = [Path(row["file"]).name for row in together["alone"]]
     if len(set(names)) < len(names):

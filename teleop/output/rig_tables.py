@@ -1,4 +1,4 @@
-"""Tables of rigs: channels, drives, ports, tare, and the lag of a force channel."""
+"""Print tables of a rig: channels, drives, ports, zero offsets, and lag of the force channel."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Any, TextIO
 from rich import box
 from rich.console import Group
 from rich.live import Live
-from rich.table import Table
 
 from drivers.rig import UNITS as CHANNEL_UNITS
 from teleop.control.tare import Tare
-from teleop.output.console import fitting_tables, number, plain_console, small
+from teleop.output.console import TrimmedTable, fitting_tables, number, plain_console, small
 from teleop.output.trial_tables import print_rejected
 
 if TYPE_CHECKING:
@@ -27,9 +26,9 @@ SHOWN_IN = {"N": ("N", 1.0), "m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
 """For each SI unit, the unit that is shown and the factor that converts a value to it."""
 
 
-def table(title: str, *headings: str) -> Table:
+def table(title: str, *headings: str) -> TrimmedTable:
     """Return an empty table. The first two columns are for text, the other columns for numbers."""
-    made = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold")
+    made = TrimmedTable(title=title, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold")
     for i, heading in enumerate(headings):
         made.add_column(heading, justify="left" if i < 2 else "right", no_wrap=True)
     return made
@@ -49,7 +48,7 @@ CHANNEL_HEADINGS = (
 """Headings of the table of the channels."""
 
 
-def channel_tables(title: str, channels: Sequence[Row]) -> list[Table | str]:
+def channel_tables(title: str, channels: Sequence[Row]) -> list[TrimmedTable | str]:
     """Return the table of a rig's channels, in one or more tables that fit the terminal."""
     rows = []
     for c in channels:
@@ -73,7 +72,7 @@ def channel_tables(title: str, channels: Sequence[Row]) -> list[Table | str]:
 
 @contextlib.contextmanager
 def live_channels(stream: TextIO) -> Iterator[Callable[[Sequence[Row]], None]]:
-    """Within the block, show a table of the channels that can be updated, on a terminal only.
+    """Show a table of the channels within the block, if the stream is a terminal.
 
     Yields
     ------
@@ -150,10 +149,11 @@ def print_emulation(
         Options of `teleop run` for the emulated palpation, by name.
     """
     console = plain_console()
-    console.print(f"{name}: emulated, {palpation['specimen']} cube, Ctrl-C ends it")
+    body = f"{palpation['specimen']} cube, depth {palpation['depth'].removesuffix('mm')} mm"
+    console.print(f"{name}: emulated, {body}, Ctrl-C ends it")
     for bus, port in ports.items():
         console.print(f"  {bus}: {port}")
-    console.print("  for another operator or cube, type its name and Enter, such as mimic medium")
+    console.print("  for another operator, cube or depth, type it and Enter: mimic medium 5mm")
     options = " ".join(f"--{option} {value}" for option, value in palpation.items())
     command = f"teleop run --rig {out} {options}"
     any_condition = "" if "condition" in palpation else ", with any --condition"

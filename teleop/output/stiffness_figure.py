@@ -1,4 +1,4 @@
-"""Figure of the estimated stiffness in several trials, with the values of the paper."""
+"""Draw the estimated stiffness in several trials, with the values of the paper."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of a sweep: effect of each factor on a result, and map of a result over two factors."""
+"""Draw figures of a sweep: the effect of each factor on a result, and a map over two factors."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ BINS = 8
 INCHES = 2.4
 """Smallest width of a panel [in]."""
 CHARACTERS = 18
-"""Total number of characters of the level names of a panel above which the names are written
-vertically."""
+"""Largest total number of characters of the level names of a panel for which the names are written
+horizontally."""
 
 
 class Levels(NamedTuple):
@@ -35,7 +35,7 @@ class Levels(NamedTuple):
     names: tuple[str, ...]
     """Name of each level; empty if the positions are the values of the factor."""
     level: NDArray[np.intp]
-    """Index of the level of each row, shape (n,)."""
+    """Index of the level of each row of the sweep's table, shape (n,)."""
 
 
 class SweepRows(NamedTuple):
@@ -131,7 +131,7 @@ def draw_effect(
 
 
 def label_axis(axes: Axes, factor: str, levels: Levels) -> None:
-    """Label an axis with the name of a factor, and with names of its levels if there are any."""
+    """Label the horizontal axis with a factor and its levels, and make it logarithmic if needed."""
     axes.set_xlabel(plain(factor))
     if levels.names:
         name_ticks(axes, levels.places, levels.names)
@@ -140,14 +140,14 @@ def label_axis(axes: Axes, factor: str, levels: Levels) -> None:
 
 
 def name_ticks(axes: Axes, places: Floats, names: Sequence[str]) -> None:
-    """Write names to the horizontal axis; vertically, if they are too long for their distance."""
+    """Write names to the horizontal axis; write them vertically if they have many characters."""
     axes.set_xticks(places.tolist(), [plain(name) for name in names])
     if sum(map(len, names)) > CHARACTERS:
         axes.tick_params(axis="x", labelrotation=90)
 
 
 def is_logarithmic(places: Floats) -> bool:
-    """Return whether the values of a factor are evenly spaced on a logarithmic axis only."""
+    """Return whether the values of a factor are more evenly spaced on a logarithmic axis."""
     if len(places) < 3 or places[0] <= 0.0:
         return False
     even, even_logarithm = (np.diff(one) for one in (places, np.log(places)))

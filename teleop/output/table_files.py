@@ -1,4 +1,4 @@
-"""Output of tables to files: CSV, LaTeX with booktabs, and Markdown."""
+"""Write tables to files: CSV, LaTeX with the package booktabs, and Markdown."""
 
 from __future__ import annotations
 
@@ -31,6 +31,8 @@ LATEX = {
     "\u2212": "$-$",
 }
 """Characters with a meaning in LaTeX, and their replacements."""
+MINUS = re.compile(r"(?<![\w-])-(?=\d)")
+"""Pattern of the sign of a negative number."""
 MARKDOWN = re.compile(r"[\\`*_\[\]<>|#~]")
 """Pattern of one character with a meaning in Markdown."""
 
@@ -87,7 +89,8 @@ def latex_text(table: TextTable) -> str:
     for i, row in enumerate(shortened(table.rows, left)):
         if i and left > 1 and first[i] != first[i - 1]:
             lines.append("\\midrule")
-        lines.append(" & ".join(map(latex, row)) + r" \\")
+        numbers = (MINUS.sub("$-$", latex(text)) for text in row[left:])
+        lines.append(" & ".join([*map(latex, row[:left]), *numbers]) + r" \\")
     lines += ["\\bottomrule", "\\end{tabular}"]
     if not table.notes:
         return "\n".join(["% \\usepackage{booktabs}", *lines, ""])

@@ -1,4 +1,4 @@
-"""Figure of target, slave position and their difference over time, in the condition `mimic`."""
+"""Draw target, slave position and their difference over time, in the condition `mimic`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of a trial: channels at a fault, timing of the loop, and tied candidates."""
+"""Draw figures of a trial: channels at a fault, timing of the loop, and tied candidates."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from teleop.recording.recording import Recording
 
 
 def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
-    """Return a figure of the channels and commands during about one second around a fault.
+    """Return a figure of the channels and commands from 0.5 s before a fault to 0.5 s after it.
 
     Parameters
     ----------
@@ -93,15 +93,15 @@ def timing_figure(recording: Recording) -> Figure:
 
 
 def ambiguity_figure(t: Floats, tied: Ambiguity, winner: Estimates) -> Figure:
-    """Return a figure of the candidates that the data cannot separate from the best candidate.
+    """Return a figure of the candidates that fit the data about as well as the best candidate.
 
     Parameters
     ----------
     t
         Times at which the candidates are compared [s], shape (n,).
     tied
-        Ranges of k and b over the tied candidates (those that the data cannot separate) at each
-        time.
+        Ranges of k and b at each time. They contain all tied candidates, which fit the data about
+        as well as the best candidate.
     winner
         The best candidate at each time, which is the estimate of the multi-estimator.
     """

@@ -1,4 +1,4 @@
-"""Console output of a trial: estimates, true values, timing of the loop, safety, recording."""
+"""Print the results of a trial: estimates, true values, timing of the loop, safety, recording."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console
 
 from teleop.output.console import number, plain_console
-from teleop.output.estimate_tables import print_estimated, print_estimates
+from teleop.output.estimate_tables import left_out_lines, print_estimated, print_estimates
 from teleop.recording.gaps import Gap, missing_text
 from teleop.safety.events import time_text
 
@@ -25,6 +25,7 @@ def print_trial(summary: Mapping[str, Any]) -> None:
         The results that `Trial.summary` returned.
     """
     console = plain_console()
+    print_fault(console, summary["safety"])
     console.print(
         f"{summary['condition']}, {summary['specimen']}, {duration(summary)}", style="bold"
     )
@@ -32,6 +33,8 @@ def print_trial(summary: Mapping[str, Any]) -> None:
         console.print("  INTERRUPTED before the end", style="bold yellow")
     if summary["estimates"]:
         print_estimates(summary["estimates"], {})
+        for line in left_out_lines(summary):
+            console.print(f"  {line}")
     elif summary["interrupted"]:
         console.print(
             f"  no estimates: {summary['contact_s']:.2f} s of contact, expected at least "
@@ -43,9 +46,8 @@ def print_trial(summary: Mapping[str, Any]) -> None:
     print_tracking(console, summary["tracking"])
     print_feedback(console, summary["feedback"])
     print_estimated(console, summary)
-    console.print(
-        f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 a sine of 1 Hz about zero)"
-    )
+    excitation = summary["excitation"]["mean"]
+    console.print(f"  excitation: {excitation:.2f} (0 at rest, 1 for a sine of 1 Hz about zero)")
     if summary["contact"] < 1.0:
         console.print(f"  no contact in {1.0 - summary['contact']:.0%} of the samples")
     loop = summary["loop"]
@@ -54,7 +56,7 @@ def print_trial(summary: Mapping[str, Any]) -> None:
     else:
         print_loop(console, summary)
     print_rejected(console, summary["rejected"])
-    print_safety(console, summary["safety"])
+    print_limited(console, summary["safety"])
     recording = summary["recording"]
     if recording["path"]:
         path = recording["path"]
@@ -133,7 +135,7 @@ def tracking_lines(tracking: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def print_feedback(console: Console, feedback: Mapping[str, Any] | None) -> None:
-    """Print which stiffness and force the hand felt, and the lowest energy that the hand gave."""
+    """Print the felt stiffness, the error of the felt force, and the lowest energy at the hand."""
     if not feedback:
         return
     channel = f", channel {feedback['channel']}" if feedback["channel"] else ""
@@ -189,15 +191,19 @@ def print_rejected(console: Console, rejected: Mapping[str, Mapping[str, int]]) 
         console.print(f"  {device}: rejected {reasons}", style="yellow")
 
 
-def print_safety(console: Console, safety: Mapping[str, Any]) -> None:
-    """Print which soft limits reduced the command, and the fault that stopped the trial."""
+def print_limited(console: Console, safety: Mapping[str, Any]) -> None:
+    """Print which soft limits reduced the command."""
     held = [f"{name} {count} ticks" for name, count in safety["limited_ticks"].items() if count]
     if held:
         console.print(f"  soft limits limited the command: {', '.join(held)}", style="yellow")
+
+
+def print_fault(console: Console, safety: Mapping[str, Any]) -> None:
+    """Print the fault that stopped the trial, and further faults."""
     if safety["fault"]:
         fault = safety["fault"]
         console.print(
-            f"  STOPPED for safety {time_text(fault['time'])}: {fault['text']}", style="bold red"
+            f"STOPPED for safety {time_text(fault['time'])}: {fault['text']}", style="bold red"
         )
         for text in safety["further_faults"]:
             console.print(f"  also: {text}", style="red")

@@ -1,4 +1,4 @@
-"""Self-contained HTML pages: one file with all texts and figures, which opens offline."""
+"""Create HTML pages that can be read offline: one file contains all texts and figures."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Recordings of trials: the message with the data of a tick, the recorder, and MCAP files."""
+"""Write and read recordings of trials, which are MCAP files with one message per tick."""

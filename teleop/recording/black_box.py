@@ -1,4 +1,4 @@
-"""The black box: stores in memory the ticks shortly before and after a fault."""
+"""The black box, which stores the ticks shortly before and after a fault in memory."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Event
 
 BEFORE, AFTER = 5.0, 1.0
-"""The ticks of this time before a fault, and of this time after it, are stored [s]."""
+"""Time before a fault, and time after the fault, from which the ticks are stored [s]."""
 
 
 class BlackBox(Sink):
@@ -63,7 +63,7 @@ class BlackBox(Sink):
         return from_messages(self._layout.definition, messages, self._events, metadata)
 
     def write(self, path: Path, metadata: dict[str, dict[str, str]], start: int) -> None:
-        """Write the stored ticks and events to an MCAP file; an existing file is overwritten.
+        """Write the stored ticks and events to an MCAP file. An existing file is overwritten.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Bounds for reading a file that may be damaged: number of bytes, and memory."""
+"""Limit the number of bytes and the memory when a file is read that may be damaged."""
 
 from __future__ import annotations
 
@@ -35,12 +35,14 @@ def check_memory(path: Path | str, size: int) -> None:
 
 
 class BoundedFile:
-    """A file that is never read beyond its end, even if a record states a wrong length.
+    """A file that is read only up to its end, and at most `LARGEST_RECORD` bytes at a time.
+
+    A reader may request more bytes than that, because a damaged record can state a wrong length.
 
     Parameters
     ----------
     file
-        A regular file, at its beginning.
+        A regular file, from which nothing has been read yet.
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -49,7 +51,7 @@ class BoundedFile:
         """Number of bytes that have not been read yet."""
 
     def read(self, count: int) -> bytes:
-        """Read at most `count` bytes."""
+        """Return the next `count` bytes; fewer at the end, or if `count` is too large."""
         data = self._file.read(min(count, self.left, LARGEST_RECORD))
         self.left -= len(data)
         return data

@@ -1,4 +1,7 @@
-"""Encoding of a tick: a ROS 2 message of doubles in Common Data Representation (CDR)."""
+"""Encoding of the message of a tick, a ROS 2 message of doubles in CDR.
+
+CDR is the Common Data Representation.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Decompression of the chunks of MCAP files.
+"""Decompress the chunks of MCAP files.
 
-Not more bytes are decompressed than the size that a chunk declares, so that no chunk can fill the
-memory.
+At most one byte more than the size that a chunk declares is decompressed, so that no chunk can fill
+the memory.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from mcap.records import Chunk
 LARGEST = 64 << 20
 """Size of the largest chunk that is read [bytes]. The recorder writes chunks below 1 MiB."""
 PIECE = 1 << 20
-"""Largest number of bytes that are decompressed at a time."""
+"""Largest number of bytes that one call of the zstd reader decompresses."""
 
 
 def chunk_data(chunk: Chunk) -> bytes:

@@ -1,4 +1,4 @@
-"""Export of recordings to CSV, HDF5, MATLAB and Parquet files."""
+"""Export recordings to CSV, HDF5, MATLAB and Parquet files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from teleop.recording.stream import RecordingStream
 def write_csv(file: BinaryIO, recording: RecordingStream) -> None:
     """Write the columns of a recording as CSV. The header of each column is `name [unit]`.
 
-    Settings, session and events are not in the CSV file, but in a separate file, see `description`.
+    Settings, session and events are written to a separate file, see `description`.
     """
     writer = table_writer(file, recording.units)
     for columns in blocks(recording):
@@ -29,9 +29,9 @@ def write_csv(file: BinaryIO, recording: RecordingStream) -> None:
 
 
 def description_of(path: Path) -> Path | None:
-    """Return the path of the file that describes a CSV file; None for another format.
+    """Return the path of the description of a CSV file; None if `path` is not a CSV file.
 
-    The standard "CSV on the Web" defines the name of this file.
+    The standard "CSV on the Web" defines the name of the description.
     """
     is_csv = path.suffix.lower() in FORMATS and format_of(path) == "csv"
     return path.with_name(f"{path.name}-metadata.json") if is_csv else None
@@ -92,7 +92,7 @@ def write_matlab(file: BinaryIO, recording: RecordingStream) -> None:
     """Write a MATLAB file with one variable per column.
 
     The variables `units`, `session`, `settings` and `events` contain the other data. The MATLAB
-    format stores one variable after another, so that the whole recording must fit into the memory.
+    format stores one variable after another. The whole recording must therefore fit into memory.
 
     Raises
     ------
@@ -168,13 +168,13 @@ def format_of(path: Path) -> str:
 def export_recording(file: Path, path: Path, overwrite: bool = False) -> RecordingStream:
     """Write a recording to a file in the format that the ending of `path` determines.
 
-    With a CSV file, settings, session and events are written to an additional file, whose path is
-    given by `description_of`.
+    If the file is a CSV file, settings, session and events are written to an additional file.
+    `description_of` returns the path of the additional file.
 
     Parameters
     ----------
     file
-        The recording. It is read twice: first to check that it is complete, then to export it.
+        The recording. It is read twice: once to check that it is complete, and once to export it.
     path
         The file to write.
     overwrite
@@ -187,8 +187,8 @@ def export_recording(file: Path, path: Path, overwrite: bool = False) -> Recordi
     Raises
     ------
     InputError
-        The recording cannot be read or is not complete; or the new file cannot be written, exists
-        and may not be overwritten, its ending is unknown, or a library is not installed.
+        The recording cannot be read or is not complete. The new file cannot be written, exists and
+        may not be overwritten, or has an unknown ending. A library is not installed.
     """
     format_of(path)
     recording = RecordingStream(file)
@@ -207,7 +207,7 @@ def blocks(recording: RecordingStream) -> Iterator[dict[str, Floats]]:
 
 
 def missing(library: str, name: str) -> InputError:
-    """Return the error for a format whose library is not installed.
+    """Return the error that is raised if the library of a format is not installed.
 
     Parameters
     ----------
@@ -254,5 +254,5 @@ def table_writer(file: BinaryIO, units: Mapping[str, str]) -> Any:
 
 
 def rows_of(columns: Mapping[str, Floats]) -> Iterable[tuple[float, ...]]:
-    """Return the rows of a table as Python floats, because these are written with all digits."""
+    """Return the rows of a table as Python floats, which the CSV writer writes with all digits."""
     return zip(*(column.tolist() for column in columns.values()), strict=True)

@@ -1,4 +1,4 @@
-"""Gaps in a recording: ticks that are missing because the recorder did not receive them."""
+"""Find the gaps in a recording, in which ticks are missing that the recorder did not receive."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Gap(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Number of missing ticks, and time of the gap, as text for a message."""
+        """Text for a message, with the number of missing ticks and the time of the gap."""
         if self.start is None:
             return f"{self.ticks} before {self.end:.3f} s"
         if self.end is None:
@@ -41,8 +41,8 @@ def missing_ticks(
     """Return the gaps in a recording.
 
     The loop measures `dt` at every tick, even if the tick is not recorded. If the time between two
-    successive recorded ticks is greater than `dt`, ticks are missing between the two. Periods that
-    the loop skipped are not gaps.
+    successive recorded ticks is larger than `dt` of the second one, ticks are missing between the
+    two. Periods that the loop skipped are not gaps.
 
     Parameters
     ----------
@@ -51,9 +51,9 @@ def missing_ticks(
     dt
         Time since the previous tick [s], even if that tick is not recorded, shape (n,).
     dropped
-        Total number of ticks that were dropped before each recorded tick, shape (n,).
+        Number of ticks dropped from the start of the trial to each recorded tick, shape (n,).
     total_dropped
-        Total number of ticks that were dropped until the end of the trial.
+        Number of ticks dropped from the start to the end of the trial.
     """
     finder = GapFinder()
     finder.add(t, dt, dropped)
@@ -84,7 +84,7 @@ class GapFinder:
         self._last = float(t[-1]), float(dropped[-1])
 
     def gaps(self, total_dropped: int = 0) -> tuple[Gap, ...]:
-        """Return the gaps so far. `total_dropped` is the same as for `missing_ticks`."""
+        """Return the gaps found so far. `total_dropped` is the same as for `missing_ticks`."""
         if self._first is None:
             return ()
         gaps = list(self._found)
@@ -96,7 +96,7 @@ class GapFinder:
 
 
 def missing_text(gaps: Sequence[Gap]) -> str:
-    """Return a message with number and times of missing ticks; empty if there are no gaps."""
+    """Return a message with the number and times of missing ticks; empty if there are no gaps."""
     if not gaps:
         return ""
     places = ", ".join(gap.text for gap in gaps[:LISTED])

@@ -1,4 +1,4 @@
-"""Checks of the content of a recording, because the file may be damaged."""
+"""Check the content of a recording, whose file may be damaged."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from teleop.recording.cdr import CDR
 MOST_COLUMNS = 4096
 """Largest number of columns in a recording."""
 LONGEST_NAME = 63
-"""Largest number of characters in the name of a column. It is the limit of MATLAB."""
+"""Largest number of characters in the name of a column, which is also the limit of MATLAB."""
 LATEST = 1e7
 """Largest magnitude of the time of a tick or an event, from the beginning of the trial [s]."""
 COLUMN = re.compile(r"float64 ([A-Za-z]\w*)(?:\s*#[^\n]*)?", re.ASCII)
 """Pattern of the line for one column in the definition of a tick's message."""
 LARGEST_NUMBER = 10**300
-"""Largest magnitude of a number in an event."""
+"""Largest magnitude of a numerical value in an event."""
 NUMBER = float | int | None
 EVENT = {
     "text": str,
@@ -49,8 +49,8 @@ def message_size(definition: str) -> int:
     Raises
     ------
     ValueError
-        The definition does not describe a tick. It may contain only doubles with distinct names,
-        and the first must be `time`.
+        The definition does not describe a tick. All items must be doubles with distinct names, and
+        the first name must be `time`.
     """
     if "\0" in definition:
         raise ValueError("the definition of its ticks is not text")
@@ -67,14 +67,14 @@ def message_size(definition: str) -> int:
 
 
 def check_ticks(ticks: NDArray[np.uint8], sequence: NDArray[np.uint32]) -> None:
-    """Check the messages of successive ticks.
+    """Check the messages of n successive ticks.
 
     Parameters
     ----------
     ticks
-        Bytes of the messages, shape (ticks, bytes per message).
+        Bytes of the messages, shape (n, bytes per message).
     sequence
-        Sequence number of each message, shape (ticks, 1).
+        Sequence number of each message, shape (n, 1).
 
     Raises
     ------
@@ -97,7 +97,8 @@ def read_event(document: bytes) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        An item is missing, is too large, or has another type than in `EVENT`.
+        The document is not valid JSON, or an item of the event is missing, is too large, or does
+        not have its type in `EVENT`.
     """
     event = loads(document)
     time = event.get("time")
@@ -115,9 +116,10 @@ def read_event(document: bytes) -> dict[str, Any]:
 
 
 def is_valid_metadata(metadata: dict[str, str]) -> bool:
-    """Return whether a metadata record is valid: no zero byte, and a valid JSON document.
+    """Return whether a metadata record is valid.
 
-    Only the text with the key `json` has to be a JSON document. This text may be missing.
+    No text may contain a zero byte. A text with the key `json` must be a JSON document. This key
+    may be missing.
     """
     try:
         loads(metadata.get("json", "{}"))

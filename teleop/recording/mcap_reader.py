@@ -1,4 +1,4 @@
-"""Reads the intact part of a recording, an MCAP file that `teleop run` has written."""
+"""Read the intact part of a recording, which is an MCAP file that `teleop run` has written."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ CUT = "its end is missing"
 
 @dataclass
 class Source:
-    """A channel of the MCAP file, and the expected sequence number of its next message.
+    """A channel of the MCAP file, with the expected sequence number of the next message.
 
-    If the next message has another sequence number, a chunk is missing.
+    If the next message has another sequence number, a chunk of the file is missing.
     """
 
     topic: str
@@ -51,14 +51,14 @@ class Source:
     """Expected sequence number of the next message; None before the first message."""
 
     def follow(self, sequence: int, count: int) -> None:
-        """Check that no message is missing between the previous and the next messages.
+        """Check that no message is missing before a block of messages.
 
         Parameters
         ----------
         sequence
-            Sequence number of the first of the next messages.
+            Sequence number of the first message in the block.
         count
-            Number of next messages.
+            Number of messages in the block.
 
         Raises
         ------
@@ -112,13 +112,13 @@ def read_ticks(path: Path, contents: Contents) -> Iterator[NDArray[np.uint8]]:
     path
         The recording.
     contents
-        Object to which the other content is added while the ticks are read; `messages` remains
-        empty. When the first ticks are yielded, it already contains the definition, and the
+        Object to which the other content is added while the ticks are read. `contents.messages`
+        remains empty. When the first ticks are yielded, `contents` has the definition, and the
         metadata at the beginning of the file.
 
     Yields
     ------
-    Bytes of successive messages, shape (ticks, bytes per message).
+    Bytes of n successive messages, shape (n, bytes per message).
 
     Raises
     ------
@@ -141,7 +141,7 @@ def read_ticks(path: Path, contents: Contents) -> Iterator[NDArray[np.uint8]]:
 
 
 class ReaderWithoutIndices(StreamReader):
-    """MCAP reader that skips message indices, because parsing them takes longer than the ticks."""
+    """MCAP reader that skips message indices. Parsing these takes longer than parsing the ticks."""
 
     def _read_record(self, opcode: int, length: int) -> McapRecord | None:
         if opcode == Opcode.MESSAGE_INDEX:
@@ -221,7 +221,7 @@ def read_chunk(
 def records(
     data: bytes, contents: Contents, channels: dict[int, Source]
 ) -> Iterator[Schema | Channel | Message | NDArray[np.uint8]]:
-    """Yield the records of a chunk. The messages of successive ticks are joined to one byte array.
+    """Yield the records of a chunk. Messages of successive ticks are yielded as one byte array.
 
     Raises
     ------
@@ -264,8 +264,8 @@ def records(
 def consecutive_records(data: bytes, place: int, stride: int) -> NDArray[np.uint8]:
     """Return the consecutive records of the same type and channel that start at byte `place`.
 
-    The result is an array of bytes of shape (records, stride), where `stride` is the size of a
-    record [bytes].
+    `stride` is the size of a record [bytes]. The result contains the bytes of n records, shape
+    (n, stride).
     """
     count = (len(data) - place) // stride
     rows = np.frombuffer(data, np.uint8, count * stride, place).reshape(count, stride)

@@ -1,4 +1,4 @@
-"""Writes ticks and events to an MCAP file, which can be read even if the writer was killed."""
+"""Write ticks and events to an MCAP file that can be read even if the process is killed."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ EVENT_SCHEMA = {
 
 
 class Disk(io.RawIOBase):
-    """A file to write. It stores the first write error, because the MCAP writer does not report it.
+    """An open file that stores its first write error, which the MCAP writer does not report.
 
-    If the path is a symbolic link and `overwrite` is True, the target of the link is written. If it
-    is a symbolic link and `overwrite` is False, an error is raised.
+    If the path is a symbolic link and `overwrite` is True, the target of the link is written. If
+    the path is a symbolic link and `overwrite` is False, an error is raised.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class Disk(io.RawIOBase):
         Raises
         ------
         OSError
-            The write failed; the first such error is stored in `error`.
+            The data could not be written. The first such error is stored in `error`.
         """
         try:
             rest = memoryview(data)
@@ -109,7 +109,7 @@ class Disk(io.RawIOBase):
         return self._file.seek(offset, whence)
 
     def close(self) -> None:
-        """Close the file. An error is stored in `error`, because a delayed write may fail here."""
+        """Close the file. If a delayed write fails here, the error is stored in `error`."""
         try:
             self._file.close()
         except OSError as error:
@@ -240,7 +240,7 @@ class McapFile:
     def end(self, dropped: int) -> None:
         """Write the total number of dropped ticks.
 
-        The number in the last recorded tick may be smaller, because ticks after it may have been
+        The value in the last recorded tick may be smaller, because later ticks may have been
         dropped.
         """
         if self.error is None:
@@ -248,11 +248,11 @@ class McapFile:
                 self._writer.write_metadata(END, {"dropped": str(dropped)})
 
     def close(self) -> None:
-        """Write the end of the MCAP file, and close the file."""
+        """Write the last records of the MCAP file, and close the file."""
         with self._suppressed_write_errors():
             self._writer.close()
         self._disk.close()
 
     def remove(self) -> None:
-        """Remove the closed file. This is called if the file contains no tick."""
+        """Remove the closed file. The recorder calls this method if the file contains no tick."""
         self._disk.remove()

@@ -1,4 +1,4 @@
-"""The message of a tick: the recorded quantities and estimates as doubles, packed into bytes.
+"""Pack the recorded quantities and estimates of a tick into a message of doubles.
 
 The message is a ROS 2 message in CDR encoding. PlotJuggler, Lichtblick and Foxglove show such
 messages without a plug-in, and numpy reads all ticks of a recording in one step.
@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable, Mapping
-from operator import attrgetter
 from typing import TYPE_CHECKING
 
-from estimation.estimate_columns import Column, estimate_columns, estimate_row, misfit_columns
+from estimation.estimate_columns import Column, estimate_columns, misfit_columns
 from teleop.recording.cdr import CDR
-from teleop.recording.tick_columns import COLUMNS
+from teleop.recording.tick_columns import COLUMNS, values_of
 
 if TYPE_CHECKING:
     from estimation import Estimator
@@ -30,10 +29,8 @@ POINTER = (
     Column("pointer_grip", "-", "1 while the pointer holds the handle"),
     Column("pointer_clock", "s", "time of the measurement on the clock of the loop"),
 )
-"""Further columns if the pointer of the live page is the operator. They allow an exact repetition
-of the trial."""
-VALUES = attrgetter(*(column.source for column in COLUMNS))
-"""Function that returns the values of `COLUMNS` from the record of a tick."""
+"""Additional columns if the pointer of the live page is the operator. With these columns, the trial
+can be repeated exactly."""
 
 
 class Layout:
@@ -55,6 +52,9 @@ class Layout:
         Names of the estimators.
     columns
         Name, unit and meaning of each double in the message.
+    first_of_estimates
+        Index of the first column of the regressors besides v and x, which precede the estimates
+        and the misfit.
     size
         Size of the message [bytes].
     """
@@ -73,9 +73,9 @@ class Layout:
             Column(f"{REGRESSOR}{name}", unit, f"regressor of {name}, as given to the estimators")
             for name, unit in model
         )
-        of_tick = (Column(name, unit, meaning) for name, unit, _, meaning in COLUMNS)
+        self.first_of_estimates = len(COLUMNS) + 1
         self.columns = (
-            *of_tick,
+            *COLUMNS,
             DROPPED,
             *regressors,
             *estimate_columns(bank),
@@ -102,17 +102,14 @@ class Layout:
         dropped
             Number of ticks dropped so far, because the recorder was too slow.
         """
-        estimates = estimate_row(record.estimates)
         further: tuple[float, ...] = ()
         if pointer := self._pointer:
             further = pointer.depth, pointer.grip, record.measurement.time
         return self._struct.pack(
             CDR,
-            *VALUES(record),
+            *values_of(record),
             dropped,
-            *record.further,
-            *estimates,
-            *record.misfit,
+            *record.estimated.estimates,
             *record.link,
             *further,
         )

@@ -1,4 +1,4 @@
-"""Creation of a new file for a recording, in a folder named after the date."""
+"""Create a new file for a recording, in a folder whose name is the date."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from teleop.files import unwritable
 
 LONGEST = 60
-"""Largest number of characters that condition and specimen take in the file name."""
+"""Largest number of characters of condition and specimen together in the file name."""
 
 
 def new_recording(condition: str, specimen: str) -> Path:

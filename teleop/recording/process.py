@@ -1,12 +1,12 @@
-"""The recorder process: receives data from the control process and writes them to an MCAP file.
+"""The recorder process, which receives data from the control process and writes an MCAP file.
 
     python -m teleop.recording.process
 
-Standard input is a pipe with the data that `teleop/recording/frames.py` describes. The process
-writes a status to standard output when the file is open, and again at the end. It writes the
-progress line to standard error, if the session requests a progress line. The process ends when the
-pipe is closed, because the control process closes the pipe, exits, or is killed. In each of these
-cases, all ticks that were written to the pipe are recorded.
+Standard input is a pipe with the data that `teleop/recording/frames.py` describes. The recorder
+process writes a status to standard output when the file is open, and again at the end. It writes
+the progress line to standard error, if the session requests a progress line. The recorder process
+ends when the control process closes the pipe, exits, or is killed. In each of these cases, all
+ticks that were written to the pipe are recorded.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ PAIR = struct.Struct("<2d")
 
 
 def send(**status: Any) -> None:
-    """Send a status as one line of JSON to the control process, if this process still runs."""
+    """Send a status as one line of JSON to the control process, if that process still runs."""
     try:
         print(json.dumps(status), flush=True)
     except BrokenPipeError:
@@ -77,7 +77,7 @@ def read_session() -> dict[str, Any]:
 
 
 class FrameReader:
-    """Divides the data of the pipe into frames, and passes the frames to file and progress line.
+    """Divides the data of the pipe into frames, which it passes to the file and the progress line.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class FrameReader:
         self._rest = b""
 
     def process(self, data: bytes) -> None:
-        """Process the next data from the pipe. The data may end within a frame."""
+        """Process the next data from the pipe, which may end within a frame."""
         data = self._rest + data
         place, end = 0, len(data)
         while end - place >= FRAME.size:
@@ -213,7 +213,7 @@ class FileMonitor:
         self._reported = False
 
     def update(self) -> None:
-        """Flush the file every `FLUSH` seconds, and check it every `CHECK` seconds."""
+        """Flush the file every `FLUSH` s, and check that it still exists every `CHECK` s."""
         now, file = time.monotonic(), self._file
         if now - self._flushed >= FLUSH:
             self._flushed = now
@@ -228,7 +228,7 @@ class FileMonitor:
 
 
 def finish(file: McapFile, ticks: int) -> dict[str, Any]:
-    """Complete the file, or remove it if it contains no tick; return the status for the end.
+    """Complete the file, or remove a file without ticks; return the status sent at the end.
 
     Parameters
     ----------

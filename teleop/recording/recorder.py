@@ -1,4 +1,4 @@
-"""Starts the recorder process, and sends it the ticks and events of the control loop."""
+"""Start the recorder process, and send the ticks and events of the control loop to it."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Event
 
 PIPE_SIZE = 1 << 20
-"""Requested size of the pipe's buffer [bytes]. It can hold about two seconds of ticks.
+"""Requested size of the pipe's buffer [bytes], enough for about two seconds of ticks.
 
-It is the largest size that Linux by default allows to every user.
+Linux allows every user this size by default, but no larger size.
 """
 TIMEOUT = 20.0
 """Longest wait for the recorder to start, and to end [s]."""
 
 
 class RecorderProcess(Sink):
-    """Sink that sends ticks and events to a recorder in another process.
+    """Sends ticks and events to a recorder in another process.
 
     Parameters
     ----------
     path
-        MCAP file of the recording; None to show the progress line only.
+        MCAP file of the recording. If None, the process only shows the progress line.
     layout
         Layout of the message of a tick.
     metadata
@@ -45,8 +45,8 @@ class RecorderProcess(Sink):
     show
         Whether to show the progress line.
     wait
-        Whether the loop waits while the pipe is full, for trials in virtual time. In real time, a
-        tick for which the pipe has no room is dropped.
+        Whether the loop waits while the pipe is full. True for trials in virtual time. In real
+        time, a tick is dropped if it does not fit into the pipe.
     overwrite
         Whether to overwrite an existing file.
     hint
@@ -116,7 +116,7 @@ class RecorderProcess(Sink):
             self._failure = "the recorder did not start"
 
     def begin(self, start: int) -> None:
-        """Wait until the recorder has opened the file. After this, `push` may be called.
+        """Wait until the recorder has opened the file. Call `push` only after this method.
 
         Parameters
         ----------
@@ -144,7 +144,7 @@ class RecorderProcess(Sink):
             os.set_blocking(self._pipe, False)
 
     def push(self, message: bytes) -> None:
-        """Send the message of one tick to the recorder; drop the tick if it cannot be sent."""
+        """Send the message of one tick to the recorder. If the pipe is full, drop the tick."""
         if self._failure:
             return
         try:
@@ -163,7 +163,7 @@ class RecorderProcess(Sink):
             self._failure = "the recorder was killed"
 
     def event(self, event: Event) -> None:
-        """Store an event. It is sent before the next tick for which the pipe has room."""
+        """Store an event, which is sent as soon as the pipe is not full, before the next tick."""
         data = json.dumps(event_record(event)).encode()
         self._waiting.append(FRAME.pack(EVENT, len(data)) + data)
 
@@ -211,7 +211,7 @@ class RecorderProcess(Sink):
         self.process.wait()
 
     def _status(self) -> dict[str, Any] | None:
-        """Return the next status from the recorder; None if the recorder has ended or been killed.
+        """Return the next status from the recorder; None if the recorder has ended or was killed.
 
         A recorder that sends no status within `TIMEOUT` is killed.
         """
@@ -223,7 +223,7 @@ class RecorderProcess(Sink):
 
     @contextlib.contextmanager
     def _timeout(self) -> Iterator[None]:
-        """Kill the recorder if the block lasts longer than `TIMEOUT`."""
+        """Kill the recorder if the `with` block lasts longer than `TIMEOUT`."""
         watchdog = threading.Timer(TIMEOUT, self.process.kill)
         watchdog.start()
         try:

@@ -1,4 +1,4 @@
-"""Recording of a trial: columns with their units, events, session and settings."""
+"""Read the recording of a trial, which contains columns with units, events and settings."""
 
 from __future__ import annotations
 
@@ -81,16 +81,16 @@ class Recording:
 
     @property
     def estimated_channels(self) -> list[str]:
-        """Names of the channels that an observer estimated. All other channels had a sensor."""
+        """Names of the channels that were estimated by an observer instead of measured."""
         names = self.session.get("estimated_channels", "none")
         return [] if names == "none" else names.split(", ")
 
     def estimated(self) -> Recording:
-        """Return a recording with only those ticks at which the estimators were updated."""
+        """Return a recording that contains only the ticks at which the estimators were updated."""
         return self.where(np.isfinite(self["x"]))
 
     def where(self, part: NDArray[np.bool_]) -> Recording:
-        """Return a recording with only those ticks for which `part`, shape (ticks,), is True."""
+        """Return a recording that contains only the ticks where `part`, shape (ticks,), is True."""
         columns = self.columns
         if not part.all():
             columns = {name: column[part] for name, column in columns.items()}
@@ -101,7 +101,7 @@ class Recording:
         return {name: estimates_in(self.columns, name) for name in self.estimators}
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Return the columns, with one row per tick, indexed by time [s].
+        """Return the columns as a table with one row per tick. The index is the time [s].
 
         Raises
         ------
@@ -124,7 +124,10 @@ class Recording:
         return misfit_in(self.columns, estimator)
 
     def regression(self) -> Regression:
-        """Return the samples that the estimators received: position, velocity and force."""
+        """Return the samples that the estimators received.
+
+        These are displacement, velocity, force, and further regressors of the model.
+        """
         further = [column for name, column in self.columns.items() if name.startswith(REGRESSOR)]
         x, v, f, dt = (self[name] for name in ("x", "v", "f", "paired_dt"))
         return Regression(x, v, f, dt, np.reshape(further, (len(further), len(self))).T)
@@ -194,15 +197,15 @@ def load(path: Path | str, is_wanted: Callable[[str], bool] = bool) -> Recording
     path
         The file.
     is_wanted
-        Function that takes the name of a column and returns whether to read it. Default: all
-        columns.
+        Function that takes the name of a column and returns whether to read this column. By
+        default, all columns are read.
 
     Raises
     ------
     InputError
         The file cannot be read, is not a recording of `teleop run`, or is not complete, or the
         columns are too large for the memory of this machine. If the recording is not complete, the
-        message states the command that recovers its intact part.
+        message states the command that recovers the intact part.
     """
     stream = RecordingStream(Path(path))
     return stored(stream, stream.blocks(is_wanted))
@@ -223,7 +226,7 @@ def stored(stream: RecordingStream, blocks: Iterable[dict[str, Floats]]) -> Reco
     Raises
     ------
     InputError
-        The same errors as for `load`.
+        The recording is not complete, or is too large for the memory of this machine.
     """
     parts: dict[str, list[Floats]] = {}
     size = 0

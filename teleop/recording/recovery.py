@@ -1,4 +1,4 @@
-"""Recovery: writes the intact part of an incomplete recording to a new, complete recording."""
+"""Write the intact part of an incomplete recording to a new, complete recording."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Recovery:
 
     @property
     def loss(self) -> str:
-        """Reason why the rest of the recording is missing, as text."""
+        """Text that states why the rest of the recording is missing."""
         if self.damage == CUT:
             return f"the rest was cut off ({self.damage})"
         return f"the rest could not be read ({self.damage})"

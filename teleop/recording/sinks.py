@@ -1,4 +1,4 @@
-"""Sinks: objects that receive the ticks and events of the control loop, and store them."""
+"""Sinks, which are objects that receive the ticks and events of the control loop."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ class Outcome(NamedTuple):
     dropped: int
     """Number of ticks that were dropped because the pipe was full."""
     problem: str
-    """Reason why the file does not contain all received ticks; empty if it contains them."""
+    """Reason why received ticks are missing from the file; empty if no received tick is missing."""
     at_path: bool = True
-    """Whether the file is still at its path."""
+    """Whether the file is still at `path`."""
 
 
 class Sink(ABC):
-    """Base class of the objects that receive the ticks and events of the control loop.
+    """Base class of objects that receive the ticks and events of the control loop.
 
-    The methods `push` and `event` do not write to a disk, so that the control loop never waits for
-    a disk.
+    The methods `push` and `event` do not write to a disk. The control loop therefore never waits
+    for a disk.
     """
 
     dropped = 0

@@ -1,4 +1,4 @@
-"""Reading of a recording in blocks of ticks. Only one block at a time is in memory."""
+"""Read a recording in blocks of ticks, so that only one block at a time is in memory."""
 
 from __future__ import annotations
 
@@ -87,22 +87,22 @@ class RecordingStream:
 
     @property
     def events(self) -> list[dict[str, Any]]:
-        """Events of the trial so far."""
+        """Events in the part of the recording that has been read."""
         return self.contents.events
 
     @property
     def gaps(self) -> tuple[Gap, ...]:
-        """Parts of the recording so far in which ticks are missing."""
+        """Gaps (missing ticks) in the part of the recording that has been read."""
         return self._gaps.gaps(dropped_in_all(self.contents.metadata))
 
     def blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[dict[str, Floats]]:
-        """Yield the columns of successive ticks, each of shape (ticks,).
+        """Yield blocks of n successive ticks: the columns by name, each of shape (n,).
 
         Parameters
         ----------
         is_wanted
-            Function that takes the name of a column and returns whether it is needed. Default: all
-            columns.
+            Function that takes the name of a column and returns whether to yield this column. By
+            default, all columns are yielded.
 
         Raises
         ------
@@ -119,7 +119,7 @@ class RecordingStream:
             )
 
     def intact_blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[dict[str, Floats]]:
-        """Yield the columns as `blocks` does, but without an error if the end is missing."""
+        """Yield the columns as `blocks` does, but raise no error if the recording is incomplete."""
         names = list(self.units)
         wanted = [name for name in names if is_wanted(name)]
         needed = [name for i, name in enumerate(names) if i == 0 or name in (*OF_GAPS, *wanted)]
@@ -149,6 +149,6 @@ class RecordingStream:
 
 
 def dropped_in_all(metadata: dict[str, dict[str, str]]) -> int:
-    """Return the total number of dropped ticks from the metadata of a file; 0 if not valid."""
+    """Return the total number of dropped ticks in the metadata; 0 if missing or not valid."""
     text = metadata.get(END, {}).get("dropped", "")
     return int(text) if re.fullmatch(r"[0-9]{1,15}", text) else 0

@@ -1,4 +1,4 @@
-"""Timing of the control loop, computed from the columns of a recording."""
+"""Compute statistics of the timing of the control loop from the columns of a recording."""
 
 from __future__ import annotations
 

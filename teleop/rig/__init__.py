@@ -1,1 +1,1 @@
-"""Work with a rig before a trial: check, tare, emulation, and lag of the force channel."""
+"""Check, tare and emulate a rig before a trial, and measure the lag of its force channel."""

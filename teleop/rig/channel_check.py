@@ -1,4 +1,4 @@
-"""Check of a rig: statistics of the samples of every channel, and round-trip times to devices."""
+"""Check the channels of a rig at rest, and measure the round-trip times to the devices."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from teleop.safety import ChannelLimits
 from teleop.safety.rig_limits import rig_limits
 
 NEAR_END = 0.98
-"""A sample counts as saturated if its distance from mid-range exceeds this fraction of half the
-range."""
+"""Distance of a sample from the middle of the range, as a fraction of half the range, above which
+the sample is treated as saturated."""
 PINGS = 20
 """Number of round-trip times that are measured for each device."""
 TIMEOUT = 0.5
@@ -33,15 +33,15 @@ class ChannelReport(NamedTuple):
     name: str
     """Name of the channel."""
     source: str
-    """Device and signal of the channel, DEVICE.SIGNAL."""
+    """Device and signal of the channel, in the form DEVICE.SIGNAL."""
     rate_hz: float
     """Sampling rate, the inverse of the median time between samples [Hz]."""
     jitter_s: float
     """Standard deviation of the time between samples [s]."""
     age_s: float
-    """Age of the latest sample at a tick: median over all ticks [s]."""
+    """Median over all ticks of the age of the latest sample [s]."""
     oldest_s: float
-    """Age of the latest sample at a tick: maximum over all ticks [s]."""
+    """Maximum over all ticks of the age of the latest sample [s]."""
     mean: float
     """Mean of the samples."""
     noise: float
@@ -72,7 +72,7 @@ def listen(
     seconds
         Duration of the measurement [s].
     show
-        Function that is called four times per second with the statistics so far.
+        Function that is called four times per second with the present statistics.
     """
     limits = rig_limits(rig.file.sections).channels
     logs = {name: ChannelLog() for name, _ in rig.file.sections.channels.items()}
@@ -100,7 +100,7 @@ class ChannelLog:
         self._ages: list[float] = []
 
     def add(self, now: float, value: float, age: float) -> None:
-        """Add the sample of a tick. If it is the same sample as before, add only its age.
+        """Add the sample of a tick. If the sample is not new, add only its age.
 
         Parameters
         ----------
@@ -159,7 +159,7 @@ def channel_problem(
     values
         Samples, shape (n,), in the channel's SI unit.
     oldest
-        Greatest age of a sample at a tick [s].
+        Largest age of a sample at a tick [s].
     saturated
         Fraction of the samples that are near or beyond the ends of the sensor's range.
     limits
@@ -177,7 +177,7 @@ def channel_problem(
 def round_trips(rig: WiredRig, clock: Clock) -> Iterator[tuple[str, float]]:
     """Yield name and median round-trip time [s] of each device that supports a ping.
 
-    If an answer takes longer than `TIMEOUT`, its time is taken to be `TIMEOUT`.
+    If an answer takes longer than `TIMEOUT`, the round-trip time is set to about `TIMEOUT`.
     """
     for name, device in rig.devices.items():
         times = []

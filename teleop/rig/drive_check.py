@@ -1,6 +1,6 @@
-"""Check of the drives of a rig: small strokes of the drives, then a test of the watchdogs.
+"""Check the drives of a rig by small strokes, and then test their watchdogs.
 
-The check is a trial with the safety supervisor. Its limits are tighter than the limits of the rig.
+The check is a trial with the safety supervisor and with limits tighter than those of the rig.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ SILENCE = 2.0
 LONGEST = 60.0
 """Longest duration of the whole check [s]."""
 QUICK = AdmittanceParameters(mass=0.015, damping=15.0)
-"""Admittance with a time constant of 1 ms, so that its velocity quickly follows the wanted
-velocity."""
+"""Admittance with a time constant of 1 ms, so that the velocity of the drives quickly reaches the
+wanted velocity."""
 
 
 class DrivesReport(NamedTuple):
@@ -73,7 +73,7 @@ class DriveCheck(Condition):
     rig
         The rig.
     drives
-        Object that measures the travel of each drive, by the name of the drive.
+        Objects that measure the travel of the drives, by the name of the drive.
     damping
         Damping of the admittance: ratio of force to steady velocity [N s/m].
     direction
@@ -140,8 +140,8 @@ class DriveCheck(Condition):
     def _stroke(self, direction: int, length: float, seconds: float) -> Iterator[float]:
         """Yield the velocities [m/s] of a motion in one direction and of the standstill after it.
 
-        The travel of the drives is checked at every tick. The motion has the length `length` [m]
-        and takes `seconds`. The motion is shorter if the limits do not permit this length.
+        The motion has the length `length` [m] and takes `seconds` [s]. It is shorter if the limits
+        do not permit this length. The travel of the drives is checked at every tick.
         """
         for drive in self._drives.values():
             drive.begin()
@@ -170,7 +170,7 @@ class DriveCheck(Condition):
             )
 
     def _check_length(self, length: float) -> None:
-        """Add a problem if the limits shortened a stroke too much. The problem ends the check."""
+        """Add a problem, which ends the check, if the limits shortened a stroke too much."""
         for name, strokes in self.strokes.items():
             if strokes[-1].commanded < ENOUGH * length:
                 self.problems.setdefault(
@@ -192,11 +192,11 @@ def arming_text(rig: RigFile) -> str:
 
 
 def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
-    """Check the watchdogs of the drives; if `move`, also the sign and scale of the motion.
+    """Check the watchdogs of the drives. If `move` is True, also check sign and scale of motion.
 
-    The drives are enabled at standstill, and are disabled at the end. To test the watchdogs, no
-    commands are sent until the watchdogs have stopped the drives. To check sign and scale, the
-    drives make small strokes.
+    The drives are enabled at standstill, and are disabled at the end. To check sign and scale, the
+    drives make small strokes. To test the watchdogs, no commands are then sent until the watchdogs
+    have stopped the drives.
 
     Parameters
     ----------

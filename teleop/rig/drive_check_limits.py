@@ -11,7 +11,7 @@ from teleop.safety import Limits
 REACH = 1e-3
 """Largest distance of the slave from its position at the start of the check [m]."""
 SOFT_FORCE, HARD_FORCE = 0.025, 0.05
-"""Soft and hard limit for the change of the contact force, as fractions of the rig's hard limit."""
+"""Soft and hard limit of the change of the contact force, as fractions of the rig's hard limit."""
 
 
 def narrow_limits(limits: Limits, zero: ForceZero) -> Limits:

@@ -1,4 +1,4 @@
-"""Result of the check of a drive, and remark on travel that differs from the commanded travel."""
+"""Result of the check of a drive, with a remark if its travel differs from the commanded travel."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 LARGEST_DEVIATION = 0.05
-"""Largest deviation of measured from commanded travel without a remark, as a fraction of the
-commanded travel.
+"""Largest deviation of measured from commanded travel for which there is no remark, as a fraction
+of the commanded travel.
 
-An error of the scale by this fraction changes k as much as the 95 % interval of a good estimate.
-The travel of the emulated drives without lost motion deviates by at most half of this fraction.
+If the scale is wrong by this fraction, the error of k is as large as the 95 % interval of a good
+estimate. The travel of emulated drives without lost motion deviates by at most half of this
+fraction.
 """
 
 
@@ -21,11 +22,11 @@ class Stroke(NamedTuple):
     commanded: float
     """Commanded travel [m], > 0."""
     moved: float
-    """Travel that the encoder measured, in the direction of the stroke [m]; NaN without an
-    encoder."""
+    """Travel that the encoder measured [m], positive in the direction of the stroke. NaN if the
+    drive has no encoder."""
     explained: float
-    """Part of the difference between commanded and measured travel that encoder resolution and
-    drive compliance can cause [m]."""
+    """Largest difference between commanded and measured travel that encoder resolution and drive
+    compliance can cause [m]."""
 
     @property
     def lost(self) -> float:
@@ -46,7 +47,7 @@ class DriveReport(NamedTuple):
     commanded_m: float
     """Commanded travel of the longest stroke [m]; NaN if the drive was not moved."""
     moved_m: float
-    """Travel of the longest stroke that the encoder measured [m].
+    """Measured travel of the longest stroke [m].
 
     NaN if the drive was not moved or has no encoder.
     """
@@ -87,11 +88,11 @@ def drive_report(
 
 
 def remark(name: str, strokes: Sequence[Stroke]) -> str:
-    """Return a remark if the measured travel differs from the commanded travel; empty if not.
+    """Return a remark if the measured travel differs too much from the commanded travel.
 
-    The losses of travel in the two longest strokes are compared. If the loss is the same in the
-    longer stroke, lost motion or friction is the likely cause. If the loss is proportional to the
-    length of the stroke, a wrong scale is the likely cause.
+    The remark is empty if the difference is small. Otherwise, the losses of travel in the two
+    longest strokes are compared. If the two losses are equal, lost motion or friction is the likely
+    cause. If the loss increases with the length of the stroke, a wrong scale is the likely cause.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Comparison of the commanded travel of a drive with the measured travel."""
+"""Compare the commanded travel of a drive with the measured travel."""
 
 from __future__ import annotations
 
@@ -70,11 +70,11 @@ class DriveTravel:
 
     @property
     def explained(self) -> float:
-        """Difference of the travels that encoder resolution and drive compliance can cause [m]."""
+        """Largest travel error that encoder resolution and drive compliance can cause [m]."""
         return self._resolution + self._compliance * abs(self._force - self._start_force)
 
     def problem(self, settled: bool) -> str:
-        """Return the problem of the measured travel so far; empty if there is no problem.
+        """Return a text that describes the problem of the measured travel; empty for no problem.
 
         Parameters
         ----------

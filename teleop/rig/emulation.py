@@ -1,8 +1,9 @@
-"""Emulation of the devices of a rig, connected to a simulated telemanipulator."""
+"""Emulate the devices of a rig, and connect them to a simulated telemanipulator."""
 
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,17 +24,19 @@ if TYPE_CHECKING:
     from sim_backend import SimulatedRig
 
 ANY = "any"
-"""Name of the palpation with an operator that can be used in every condition."""
+"""Name that stands for every condition. The simulated operator is then an `AttentiveOperator`."""
+DEPTH = re.compile(r"(\d+\.?\d*|\.\d+)mm")
+"""Depth in a typed line."""
 
 
 def read_fault(text: str, rig: RigFile) -> PlannedFault:
-    """Return the fault that the value of an option describes, for example `corrupt:force@3`.
+    """Return the planned fault that a text describes, for example `corrupt:force@3`.
 
     Parameters
     ----------
     text
-        Kind of fault, name of a bus or device, and time after the drives are enabled [s], in the
-        form KIND:NAME@SECONDS.
+        Text of the form KIND:NAME@SECONDS: kind of fault, name of a bus or device, and time after
+        the drives are enabled [s].
     rig
         Rig file whose devices are emulated.
 
@@ -112,7 +115,7 @@ def make_emulator(
 
 @dataclass(frozen=True)
 class Palpation:
-    """A simulated palpation, to which the emulated devices are connected."""
+    """Settings of a simulated palpation, which the emulated devices measure and move."""
 
     settings: TrialSettings
     """Settings of the simulated telemanipulator."""
@@ -121,26 +124,28 @@ class Palpation:
 
     @property
     def text(self) -> str:
-        """Condition and palpated body as text, for example `mimic, soft cube`."""
-        is_any = self.mimic is AttentiveOperator
-        return f"{ANY if is_any else self.settings.condition}, {self.settings.palpated}"
+        """Condition, palpated body and depth as text, such as `mimic, soft cube, depth 10.9 mm`."""
+        is_any, settings = self.mimic is AttentiveOperator, self.settings
+        depth = f"depth {settings.setup.depth * 1e3:g} mm"
+        return f"{ANY if is_any else settings.condition}, {settings.palpated}, {depth}"
 
     def rig(self, now: Callable[[], float]) -> SimulatedRig:
         """Return a new simulated telemanipulator; the function `now` returns the time [s]."""
         return make_simulated_rig(self.settings, now, NEVER, self.mimic)
 
     def changed(self, line: str) -> Palpation:
-        """Return a copy of the palpation with the condition and the cube that a line contains.
+        """Return a copy of the palpation with the values that a line contains.
 
         Parameters
         ----------
         line
-            Name of a condition (or `any`), name of a cube, or both, for example `mimic medium`.
+            Name of a condition (or `any`), name of a cube, and depth, such as `mimic medium 5mm`,
+            or some of them.
 
         Raises
         ------
         InputError
-            The line contains any other word, or no word.
+            The line contains any other word, or no word, or the depth is out of its range.
         """
         changes: dict[str, Any] = {}
         mimic, words = self.mimic, line.split()
@@ -151,12 +156,14 @@ class Palpation:
                 changes["condition"], mimic = word, MimickedSine
             elif word in CUBES:
                 changes["cube"] = word
+            elif depth := DEPTH.fullmatch(word):
+                changes["depth"] = float(depth[1]) * 1e-3
             else:
                 words = []
         if not words:
             raise InputError(
                 f"{line.strip()!r}: expected a condition ({', '.join((*CONDITIONS, ANY))}), a cube "
-                f"({', '.join(CUBES)}), or both"
+                f"({', '.join(CUBES)}), a depth such as 5mm, or several of them"
             )
         return Palpation(replace(self.settings, **changes), mimic)
 

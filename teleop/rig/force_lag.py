@@ -1,15 +1,15 @@
-"""Measurement of the lag of a force channel and the lost motion of a rig, with a reference spring.
+"""Measure the lag of a force channel and the lost motion of a rig with a reference spring.
 
 If a spring of stiffness k without damping is displaced by x, the measured force is
 
     f = L(k play(x)) + c
 
-where L is a first-order lag with time constant tau, play is the play operator (backlash) of half
-width delta, and c is an offset. Both L and play delay the force. Let x be a sine of amplitude A and
+L is a first-order lag with time constant tau, play is the play operator (backlash) of half width
+delta, and c is an offset. Both L and play delay the force. Let x be a sine of amplitude A and
 angular frequency omega, with omega tau << 1 and delta << A. Then the lag changes the apparent
-damping by -k tau, and the lost motion changes it by about -4 k delta / (pi omega A). The second
-change depends on the speed omega A, the first does not. Lag and lost motion can therefore be
-separated only if the speed varies within the record.
+damping by -k tau. The lost motion changes the apparent damping by about -4 k delta / (pi omega A).
+The change by the lost motion depends on the speed omega A, and the change by the lag does not. Lag
+and lost motion can therefore be separated only if the speed varies during the recording.
 
 References
 ----------
@@ -33,15 +33,15 @@ from teleop.errors import InputError
 LONGEST = 0.1
 """Longest lag that can be measured [s]."""
 SPEEDS = 1.3
-"""Smallest ratio of the 90 % to the 10 % quantile of stroke speed with which lag and lost motion
-can be separated."""
+"""Smallest ratio of the 90 % quantile of the stroke speeds to the 10 % quantile with which lag and
+lost motion can be separated."""
 STROKE = 0.02
 """Half width of the play operator that removes small motions before strokes are detected, as a
 fraction of the range of x."""
 SETTLED = 0.3
 """Time at the start of the record that is not fitted, because of the transient of the lag [s]."""
 STEP = 0.02
-"""Step of the numerical derivatives, as a fraction of the scale of the parameter."""
+"""Step of a parameter in the numerical derivatives, as a fraction of the parameter's scale."""
 
 
 class ForceLag(NamedTuple):
@@ -50,15 +50,15 @@ class ForceLag(NamedTuple):
     lag: Interval
     """Time constant of the first-order lag, with its 95 % confidence interval [s]."""
     lost_motion: Interval
-    """Lost motion: distance by which the tip stays behind the encoder position, in both directions
-    of motion, with its 95 % confidence interval [m]."""
+    """Lost motion, with its 95 % confidence interval [m]. This is the distance by which the tip is
+    behind the encoder position in each direction of motion."""
     k: float
     """Stiffness of the spring [N/m]."""
     rms: float
     """Root mean square of the residual of the force [N]."""
     separable: bool
-    """Whether lag and lost motion can be separated. If not, `lag` is the estimate without lost
-    motion, and the confidence intervals include every combination of lag and lost motion that
+    """Whether lag and lost motion can be separated. If not, `lag` is the estimate for zero lost
+    motion. The confidence intervals then include every combination of lag and lost motion that
     causes the measured delay."""
 
     def summary(self) -> dict[str, Any]:
@@ -91,14 +91,14 @@ class SpringFit(NamedTuple):
 
     @property
     def independent(self) -> float:
-        """Effective number of independent residuals, from their autocorrelation."""
+        """Effective number of independent residuals, computed from their autocorrelation."""
         r = self.residual
         correlation = max(0.0, float(r[1:] @ r[:-1]) / max(float(r @ r), 1e-300))
         return len(r) * (1.0 - correlation) / (1.0 + correlation)
 
 
 class SpringRecord:
-    """Recorded position and force of a spring, to which a stiffness can be fitted (`fit`).
+    """Recorded position and force of a spring. `fit` estimates the stiffness of the spring.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ class SpringRecord:
             Time constant of the first-order lag of the force channel [s].
         lost_motion
             Lost motion [m]. A negative value means that the tip is ahead of the encoder position.
-            It is permitted so that a numerical search for the best value can pass through zero.
+            Negative values are permitted so that a numerical search can pass through zero.
         """
         tip = play(self.position, abs(lost_motion))
         if lost_motion < 0.0:
@@ -160,9 +160,10 @@ def play(x: Floats, half_width: float) -> Floats:
 
 
 def stroke_speeds(position: Floats, dt: Floats) -> Floats:
-    """Return the mean speed of each stroke, from one turning point to the next [m/s].
+    """Return the mean speed [m/s] of each stroke, shape (m,).
 
-    The incomplete strokes at the start and at the end are omitted.
+    A stroke is the motion from one turning point to the next. The incomplete strokes at the start
+    and at the end are omitted.
     """
     smooth = play(position, STROKE * float(np.ptp(position)))
     step = np.diff(smooth)
@@ -246,7 +247,7 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
 
 
 def not_separated(record: SpringRecord, alone: float, equal: float) -> ForceLag:
-    """Return the result for a record from which lag and lost motion cannot be separated.
+    """Return the result if lag and lost motion cannot be separated.
 
     The upper bound of the lag is computed for zero lost motion. The upper bound of the lost motion
     is computed for zero lag.

@@ -1,4 +1,4 @@
-"""Generated text files, with a checksum that shows whether a person has edited the file."""
+"""Write and check generated text files, whose checksum shows whether a person has edited them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from drivers.input_file import read_input
 
 
 def with_checksum(text: str, writer: str) -> str:
-    """Return a text with an additional first line: a comment that states writer and checksum.
+    """Return the text with an additional first line: a comment that states writer and checksum.
 
     Parameters
     ----------

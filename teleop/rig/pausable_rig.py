@@ -1,4 +1,4 @@
-"""A rig to which the commands can be paused, to test the watchdogs of the drives."""
+"""A rig for the test of the watchdogs of the drives. The commands to the rig can be paused."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class PausableRig(Rig):
 
     def __init__(self, rig: WiredRig) -> None:
         self.paused = False
-        """Whether the commands are paused. Then no commands are sent, and drive errors are not
-        reported."""
+        """Whether the commands are paused. If True, no commands are sent, and the measurement does
+        not contain the errors of the drives."""
         self.applied = STANDSTILL
         """Latest command that the drives have applied."""
         drives = dict(rig.file.sections.drives.items())
@@ -36,7 +36,7 @@ class PausableRig(Rig):
         """Do nothing: the caller that opened the rig closes it."""
 
     def read(self) -> Measurement:
-        """Return the measurement of the rig; while paused, without the errors of the drives."""
+        """Return the measurement of the rig, without the errors of the drives while paused."""
         measurement = self._rig.read()
         if not self.paused:
             return measurement

@@ -1,4 +1,4 @@
-"""Measurement of lag and lost motion of the simulated rig, with a simulated reference spring."""
+"""Measure lag and lost motion of the simulated rig with a simulated reference spring."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from teleop.trial.settings import TrialSettings
 SPRING = 5000.0
 """Stiffness of the reference spring [N/m]."""
 SPRING_DEPTH = 5e-3
-"""Compression of the reference spring [m]."""
+"""Largest compression of the reference spring [m]."""
 
 
 def measure_simulated_lag(cube: CubeName, seed: int = 0) -> tuple[ForceLag, Setup]:

@@ -1,4 +1,4 @@
-"""Measurement of the contact datum in a trial in which the slave moves forward until contact."""
+"""Measure the contact datum in a trial in which the slave moves forward until contact."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from teleop.trial.stop_switch import StopSwitch
 SPEED = 1e-3
 """Speed of the approach [m/s]."""
 REACH = 4e-3
-"""Greatest travel of the approach [m]."""
+"""Largest travel of the approach [m]."""
 SOFT_FORCE = 5.0
 """Largest soft limit of the contact force during the approach [N]."""
 AWAY = 2e-3
 """Distance between the simulated slave and the cube at the start [m]."""
 TOUCH = 0.5
-"""Smallest contact force that counts as contact [N].
+"""Smallest contact force that is treated as contact [N].
 
 If ten times the standard deviation of the noise is larger than this force, ten times the standard
 deviation is used instead.
@@ -86,7 +86,7 @@ def touch(
     zero
         Readings of the sensors without load.
     rig
-        Rig file of the rig; None for the simulated rig. There, the slave starts away from the cube.
+        Rig file of the rig. None for the simulated rig, whose slave starts away from the cube.
     cube
         Name of the cube on the simulated rig.
     sensors
@@ -189,9 +189,9 @@ def contact_position(recording: Recording) -> float:
 
 
 def squared_residuals(x: Floats, f: Floats, start: float) -> float:
-    """Return the sum of squared residuals [N^2] if a spring that begins at `start` is fitted.
+    """Fit the stiffness of a spring that begins at `start`; return the sum of squares [N^2].
 
-    Only the stiffness of the spring is fitted.
+    The sum of squares is that of the residuals of the force.
 
     Parameters
     ----------

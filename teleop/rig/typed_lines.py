@@ -1,4 +1,4 @@
-"""Lines that a person types while a loop is running. Reading them does not block the loop."""
+"""Read lines that a person types while a loop is running, without blocking the loop."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ LARGEST = 4096
 
 
 class TypedLines:
-    """Reads complete lines from standard input. A process in the background reads nothing.
+    """Reads complete lines from standard input, but none while the process is in the background.
 
     Parameters
     ----------

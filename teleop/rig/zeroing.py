@@ -1,4 +1,4 @@
-"""Measurement of the zero offsets of the force sensors, on a rig at rest and without load."""
+"""Measure the zero offsets of the force sensors of a rig at rest and without load."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from teleop.errors import InputError
 LISTENING = 0.5
 """Time over which the forces are averaged [s]."""
 REST = 5e-5
-"""Largest range of the measured position during `LISTENING` if the slave is at rest [m]."""
+"""Largest variation of the measured position during `LISTENING` for a slave at rest [m]."""
 MAX_NOISE = 0.5
 """Largest standard deviation of the noise of a force sensor without load [N]."""
 

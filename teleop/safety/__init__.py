@@ -1,6 +1,6 @@
-"""Safety: limits, checks of the channels, and the supervisor that limits the desired command."""
+"""Safety supervisor, which checks the measurements and limits the desired command."""
 
-from teleop.safety.channels import ChannelState, check_channel
+from teleop.safety.channels import ChannelState, check_channels
 from teleop.safety.events import Event, Fault, Mode, describe, stops_immediately
 from teleop.safety.limits import ChannelLimits, Limits
 from teleop.safety.state import Request, Supervision, Verdict
@@ -17,7 +17,7 @@ __all__ = [
     "Supervision",
     "Verdict",
     "activate",
-    "check_channel",
+    "check_channels",
     "describe",
     "rearm",
     "stops_immediately",

@@ -1,22 +1,24 @@
-"""Check of one measured channel for range, age, rate of change and frozen values."""
+"""Check of the measured channels for range, age, rate of change and frozen values."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from drivers import CHANNELS, Measurement, new_tuple
 from teleop.safety.events import Fault
 from teleop.safety.limits import ChannelLimits
 
 MIN_INTERVAL = 1e-3
-"""Shortest time between two samples with which the rate of change is computed [s].
+"""Shortest time that is used to compute the rate of change between two samples [s].
 
 With a shorter time, measurement noise alone could exceed `max_rate`.
 """
 SAME_SAMPLE = 1e-6
-"""Largest difference between two sampling times that belong to the same sample [s].
+"""Largest difference between two sampling times that are treated as equal [s].
 
-If the same sample is read twice, its unchanged value does not count as frozen.
+A sample that is read twice is not a sign of a frozen sensor.
 """
 
 
@@ -30,12 +32,8 @@ class ChannelState(NamedTuple):
     changed: float = math.nan
     """Time of the latest tick at which the value changed [s]."""
     travel: float = 0.0
-    """Sum of the commanded changes of the value since the tick at which it last changed, in the
+    """Sum of the commanded changes since the tick at which the measured value last changed, in the
     channel's SI unit."""
-
-
-new_state = tuple.__new__
-"""Constructor of `ChannelState` from a tuple; it takes half the time of `ChannelState(...)`."""
 
 
 class DetectedFault(NamedTuple):
@@ -50,67 +48,96 @@ class DetectedFault(NamedTuple):
     limit: float
     """Limit that the value exceeds, in SI units; NaN if the fault has no limit."""
     since: float
-    """Time since which the fault has been present [s]."""
+    """Time at which the fault began [s]."""
 
 
-def check_channel(
-    name: str,
-    last: ChannelState,
-    value: float,
-    age: float,
-    now: float,
-    travel: float,
-    limits: ChannelLimits,
-) -> tuple[ChannelState, DetectedFault | None]:
-    """Check a sample against the limits of its channel.
+def check_channels(
+    states: Sequence[ChannelState],
+    measurement: Measurement,
+    travels: Sequence[float],
+    limits: Mapping[str, ChannelLimits],
+) -> tuple[tuple[ChannelState, ...], list[DetectedFault]]:
+    """Check the samples of all channels against the limits of each channel.
+
+    Parameters
+    ----------
+    states
+        State of the check of each channel after the previous tick, in the order of `CHANNELS`.
+    measurement
+        Measurement of this tick.
+    travels
+        Magnitude of the commanded change of each value since the previous tick, in the channel's
+        SI unit.
+    limits
+        Limits of each channel, by its name.
+
+    Returns
+    -------
+    states
+        States after this tick. The state of a channel with a fault does not change.
+    faults
+        The faults that were detected.
+    """
+    now, faults = measurement.time, []
+    new_states = []
+    for name, state, value, age, travel in zip(
+        CHANNELS, states, measurement.channels, measurement.age, travels, strict=True
+    ):
+        limit = limits[name]
+        last, last_sampled, changed, last_travel = state
+        fault = None
+        if not (limit.low <= value <= limit.high and abs(age) <= limit.max_age):
+            fault = invalid_sample(name, last, value, age, now, limit)
+        elif value != last:
+            sampled = now - age
+            step, interval = abs(value - last), sampled - last_sampled
+            possible = limit.max_rate * (interval if interval > MIN_INTERVAL else MIN_INTERVAL)
+            if step > possible:
+                fault = DetectedFault(Fault.JUMP, name, step, possible, now)
+            else:
+                state = new_tuple(ChannelState, (value, sampled, now, 0.0))
+        else:
+            sampled, travel = now - age, travel + last_travel
+            is_new = sampled - last_sampled > SAME_SAMPLE
+            if is_new and now - changed > limit.frozen_time:
+                fault = DetectedFault(Fault.FROZEN, name, value, limit.frozen_time, changed)
+            elif is_new and travel > limit.frozen_travel:
+                fault = DetectedFault(Fault.FROZEN, name, value, limit.frozen_travel, changed)
+            else:
+                state = new_tuple(ChannelState, (value, sampled, changed, travel))
+        if fault:
+            faults.append(fault)
+        new_states.append(state)
+    return tuple(new_states), faults
+
+
+def invalid_sample(
+    name: str, last: float, value: float, age: float, now: float, limits: ChannelLimits
+) -> DetectedFault | None:
+    """Return the fault of a sample that is out of range or too old.
+
+    None if the value is NaN because the rig does not have the channel.
 
     Parameters
     ----------
     name
         Name of the channel.
     last
-        State of the check after the previous tick.
+        Latest valid value of the channel; NaN if there was none.
     value, age
         The sample, in the channel's SI unit, and its age [s].
     now
         Time of the tick [s].
-    travel
-        Magnitude of the commanded change of the value since the previous tick, in the channel's
-        SI unit.
     limits
         Limits of the channel.
-
-    Returns
-    -------
-    state
-        State of the check after this tick; unchanged if there is a fault.
-    fault
-        The fault that was detected, or None.
     """
-    if not limits.low <= value <= limits.high:
-        if value != value:
-            if not limits.required and math.isnan(last.value):
-                return last, None
-            return last, DetectedFault(Fault.NOT_A_NUMBER, name, value, math.nan, now)
-        if math.isinf(value):
-            return last, DetectedFault(Fault.INFINITE, name, value, math.nan, now)
-        limit = limits.high if value > limits.high else limits.low
-        return last, DetectedFault(Fault.OUT_OF_RANGE, name, value, limit, now)
-    if not abs(age) <= limits.max_age:
-        return last, DetectedFault(Fault.STALE, name, age, limits.max_age, now - age)
-    sampled = now - age
-    if value != last.value:
-        step, interval = abs(value - last.value), sampled - last.sampled
-        possible = limits.max_rate * (interval if interval > MIN_INTERVAL else MIN_INTERVAL)
-        if step > possible:
-            return last, DetectedFault(Fault.JUMP, name, step, possible, now)
-        return new_state(ChannelState, (value, sampled, now, 0.0)), None
-    travel += last.travel
-    if sampled - last.sampled > SAME_SAMPLE:
-        if now - last.changed > limits.frozen_time:
-            return last, DetectedFault(Fault.FROZEN, name, value, limits.frozen_time, last.changed)
-        if travel > limits.frozen_travel:
-            return last, DetectedFault(
-                Fault.FROZEN, name, value, limits.frozen_travel, last.changed
-            )
-    return new_state(ChannelState, (value, sampled, last.changed, travel)), None
+    if limits.low <= value <= limits.high:
+        return DetectedFault(Fault.STALE, name, age, limits.max_age, now - age)
+    if value != value:
+        if not limits.required and math.isnan(last):
+            return None
+        return DetectedFault(Fault.NOT_A_NUMBER, name, value, math.nan, now)
+    if math.isinf(value):
+        return DetectedFault(Fault.INFINITE, name, value, math.nan, now)
+    limit = limits.high if value > limits.high else limits.low
+    return DetectedFault(Fault.OUT_OF_RANGE, name, value, limit, now)

@@ -1,11 +1,11 @@
-"""The checks that the safety supervisor makes at each tick."""
+"""Checks that the safety supervisor makes at each tick."""
 
 from __future__ import annotations
 
 import math
 
 from drivers import CHANNELS, Command, Measurement
-from teleop.safety.channels import ChannelState, DetectedFault, check_channel
+from teleop.safety.channels import DetectedFault
 from teleop.safety.events import DISCONNECTED, Fault
 from teleop.safety.limits import Limits
 from teleop.safety.state import Request, Supervision
@@ -17,48 +17,6 @@ AVERAGING_TIME = 1.0
 """Averaging time for the fraction of skipped periods and for the drift of the rig's clock [s]."""
 
 
-def check_channels(
-    state: Supervision, measurement: Measurement, dt: float, limits: Limits
-) -> tuple[tuple[ChannelState, ...], list[DetectedFault]]:
-    """Check the samples of every channel against the limits of the channel.
-
-    Parameters
-    ----------
-    state
-        State of the supervisor after the previous tick.
-    measurement
-        Measurement of this tick.
-    dt
-        Time since the previous tick [s].
-    limits
-        Limits of rig and channels.
-
-    Returns
-    -------
-    channel_states
-        State of the check of each channel after this tick, in the order of `CHANNELS`.
-    faults
-        The faults that were detected.
-    """
-    master, slave = abs(state.applied[0]) * dt, abs(state.applied[1]) * dt
-    faults = []
-    channel_states = []
-    now, limits_of = measurement.time, limits.channels
-    for name, last, value, age, travel in zip(
-        CHANNELS,
-        state.channel_states,
-        measurement.channels,
-        measurement.age,
-        (0.0, master, slave, 0.0, state.velocity_change),
-        strict=True,
-    ):
-        channel_state, fault = check_channel(name, last, value, age, now, travel, limits_of[name])
-        channel_states.append(channel_state)
-        if fault:
-            faults.append(fault)
-    return tuple(channel_states), faults
-
-
 def check_motion(
     measurement: Measurement,
     dt: float,
@@ -67,7 +25,7 @@ def check_motion(
     drift: float,
     limits: Limits,
 ) -> list[DetectedFault]:
-    """Return the faults of rig, loop and hard limits. They stop a moving slave without a ramp.
+    """Return the faults of rig, loop and hard limits, which stop a moving slave without a ramp.
 
     Parameters
     ----------
@@ -207,10 +165,10 @@ def update_following_error(
 ) -> float:
     """Return the following error of the slave after this tick [m].
 
-    The following error is the commanded travel minus the measured travel. The travel that the
-    compliance of the drive and an allowed gain error (`GAIN_ERROR`) can cause is subtracted. If
-    `check_loop` detects a fault in the time step of a tick, the following error does not change at
-    this tick, because the command during this time is not known.
+    The following error is the commanded travel minus the measured travel. The compliance of the
+    drive and an allowed gain error (`GAIN_ERROR`) can also cause a difference between these
+    travels, which is subtracted. If `check_loop` detects a fault in the time step of a tick, the
+    following error stays the same at this tick, because the command during this time is not known.
 
     Parameters
     ----------
@@ -223,12 +181,13 @@ def update_following_error(
     limits
         Limits of rig and channels.
     """
-    if math.isnan(state.position):
+    before = state.position
+    if before != before:
         return 0.0
     if not 0.0 <= dt <= limits.max_gap:
         return state.following_error
-    travel = state.applied.slave_velocity * dt
-    error = state.following_error + travel - (measurement.slave_position - state.position)
+    travel = state.applied[1] * dt
+    error = state.following_error + travel - (measurement.slave_position - before)
     pressed = measurement.contact_force - state.channel_states[CONTACT_FORCE].value
     if pressed == pressed:
         error -= limits.drive_compliance * pressed
@@ -246,9 +205,9 @@ def update_skipped_fraction(state: Supervision, request: Request, dt: float) -> 
 def update_clock_drift(state: Supervision, request: Request, dt: float, limits: Limits) -> float:
     """Return the time [s] by which the rig's clock fell behind the loop's clock.
 
-    Only about the last `AVERAGING_TIME` seconds have an effect. If the rig's clock jumps forward,
-    the result is at least -`max_gap`. A clock that stops after such a jump is therefore still
-    detected.
+    Only about the last `AVERAGING_TIME` seconds have an effect. The result is at least -`max_gap`,
+    even if the rig's clock jumps forward. If the clock stops after such a jump, the fault is
+    therefore still detected.
     """
     if state.mode is DISCONNECTED:
         return 0.0

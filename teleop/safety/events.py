@@ -1,4 +1,4 @@
-"""Modes of the safety supervisor, kinds of fault, and events."""
+"""Define the modes of the safety supervisor, the kinds of fault, and the events of a trial."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ class Mode(IntEnum):
 DISCONNECTED, IDLE, READY, ACTIVE, STOPPING, FAULT = Mode
 """The modes as constants of this module, for fast access.
 
-In Python 3.11, access to `Mode.IDLE` takes 90 ns, access to `IDLE` 7 ns.
+In Python 3.11, access to `Mode.IDLE` takes 90 ns. Access to `IDLE` takes 7 ns.
 """
 
 
 class Fault(StrEnum):
-    """Kinds of fault, the most severe first.
+    """Kinds of fault, in the order of severity, with the most severe kind first.
 
     Faults that are detected at the same tick are reported in this order. NOT_A_NUMBER is before
     CONTROL_FAILURE, because a measured NaN can cause a control failure.
@@ -66,10 +66,10 @@ LAST_IMMEDIATE = SEVERITY[Fault.NOT_AT_REST]
 
 
 def stops_immediately(fault: Fault) -> bool:
-    """Return whether a kind of fault stops the drives without a ramp (IEC 60204-1, category 0).
+    """Return whether a kind of fault stops the drives without a ramp (stop category 0).
 
-    After every other fault, the command first decreases to zero on a ramp (stop category 1),
-    because the drives can still be commanded.
+    After a fault of another kind, the command first decreases to zero on a ramp (stop category 1),
+    because the drives can still be commanded. IEC 60204-1 defines the stop categories.
     """
     return SEVERITY[fault] <= LAST_IMMEDIATE
 
@@ -92,28 +92,28 @@ class Event(NamedTuple):
     limit: float = float("nan")
     """Limit that the value exceeds, in SI units; NaN if there is none."""
     since: float = float("nan")
-    """Time since which the fault has been present [s]."""
+    """Time at which the fault began [s]; NaN if there is no fault."""
 
 
 def time_text(time: float) -> str:
-    """Return the time of a fault in the trial [s] as text, for use within a sentence.
+    """Return the time of a fault as a part of a sentence.
 
-    A negative time is before the drives were armed.
+    `time` is the time in the trial [s]. It is negative before the drives were armed.
     """
     return f"at {time:.3f} s" if time >= 0.0 else "before the drives were armed"
 
 
 UNITS = {"force": "N", "position": "m", "velocity": "m/s", "": ""}
-"""SI unit of each quantity; a channel's name ends with its quantity."""
+"""SI unit of each quantity. The name of a channel ends with the name of its quantity."""
 
 
 def unit_of(source: str) -> str:
-    """Return the SI unit of the channel that is the source of a fault; empty for another source."""
+    """Return the SI unit of the source of a fault; empty if the source is not a channel."""
     return UNITS.get(source.rpartition("_")[2], "")
 
 
 def describe(fault: Fault, source: str, value: float, limit: float) -> str:
-    """Return one line that describes a fault, with its source, the measured value and the limit.
+    """Return one line of text that describes a fault.
 
     Parameters
     ----------

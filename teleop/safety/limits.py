@@ -26,15 +26,15 @@ class ChannelLimits:
     high: float
     """Upper end of the sensor's range."""
     max_rate: float = math.inf
-    """Greatest rate of change that is physically possible [unit/s]."""
+    """Largest rate of change that is physically possible [unit/s]."""
     max_age: float = 0.02
-    """Greatest age of a sample [s]."""
+    """Largest age of a sample [s]."""
     frozen_time: float = math.inf
     """Longest time for which a working sensor can give exactly the same value [s]."""
     frozen_travel: float = math.inf
-    """Greatest commanded change for which the measured value may remain unchanged [unit]."""
+    """Largest commanded change for which the measured value may remain unchanged [unit]."""
     required: bool = True
-    """Whether the rig must have the channel. If not, the value may be NaN from the start."""
+    """Whether the rig must have the channel. If not, all values of the channel may be NaN."""
 
     def __post_init__(self) -> None:
         if not -math.inf < self.low < self.high < math.inf:
@@ -65,7 +65,7 @@ class ChannelLimits:
 
 
 def default_channel_limits() -> dict[str, ChannelLimits]:
-    """Return the limits of each channel for a linear actuator with a 1 kN force sensor."""
+    """Return the limits of each channel of a rig with a linear actuator and a 1 kN force sensor."""
     return {
         "master_force": ChannelLimits(-200.0, 200.0, max_rate=2e4, frozen_time=0.05),
         "master_position": ChannelLimits(
@@ -83,8 +83,8 @@ def default_channel_limits() -> dict[str, ChannelLimits]:
 class Limits:
     """Limits of the telemanipulator.
 
-    Soft limits reduce the command; motion away from a soft limit remains possible. If a hard
-    limit is exceeded, the safety supervisor enters the mode fault and stops the drives.
+    Soft limits reduce the command, but permit motion away from the limit. If a hard limit is
+    exceeded, the safety supervisor enters the mode fault and stops the drives.
 
     Raises
     ------
@@ -94,35 +94,35 @@ class Limits:
     """
 
     max_velocity: float = 0.2
-    """Soft limit: greatest commanded speed of the slave [m/s].
+    """Soft limit: largest commanded speed of the slave [m/s].
 
     The hard limit of the measured speed is twice this value.
     """
     max_acceleration: float = 10.0
-    """Soft limit: greatest commanded acceleration and deceleration of the slave [m/s^2].
+    """Soft limit: largest commanded acceleration and deceleration of the slave [m/s^2].
 
-    This is also the deceleration of the slave in a stop with a ramp.
+    During a stop with a ramp, the slave decelerates with this value.
     """
     max_master_velocity: float = 0.5
-    """Soft limit: greatest commanded speed of the master [m/s]."""
+    """Soft limit: largest commanded speed of the master [m/s]."""
     max_master_acceleration: float = 25.0
-    """Soft limit: greatest commanded acceleration of the master [m/s^2]."""
+    """Soft limit: largest commanded acceleration of the master [m/s^2]."""
     soft_position: tuple[float, float] = (-20e-3, 20e-3)
     """Soft limits of the slave's position, lower and upper [m]; the slave stops at these limits."""
     hard_position: tuple[float, float] = (-25e-3, 25e-3)
     """Hard limits of the slave's position, lower and upper [m]."""
     soft_force: float = 60.0
-    """Soft limit: contact force, in magnitude, above which the slave does not press further [N]."""
+    """Soft limit: magnitude of the contact force above which the slave presses no further [N]."""
     hard_force: float = 80.0
     """Hard limit of the magnitude of the contact force [N]."""
     following_error: float = 2e-3
     """Hard limit of the difference between commanded and measured travel of the slave [m]."""
     drive_compliance: float = 0.0
-    """Compliance of the slave's drive: displacement of the drive per contact force [m/N]."""
+    """Compliance of the slave's drive: displacement divided by contact force [m/N]."""
     rest_velocity: float = 2e-3
-    """Greatest speed of the slave that counts as rest [m/s]."""
+    """Largest speed at which the slave is treated as at rest [m/s]."""
     rest_master_force: float = 5.0
-    """Greatest force on the handle at which the drives may be armed [N]."""
+    """Largest force on the handle at which the drives may be armed [N]."""
     preflight: float = 0.05
     """Time for which all checks must pass before the mode becomes ready [s]."""
     start_ramp: float = 0.1
@@ -130,7 +130,7 @@ class Limits:
     max_gap: float = 0.08
     """Longest time between two ticks [s]; shorter than the watchdog times of the drives."""
     max_skipped_fraction: float = 0.25
-    """Greatest fraction of periods that the loop may skip, averaged over about one second."""
+    """Largest fraction of periods that the loop may skip, averaged over about one second."""
     channels: dict[str, ChannelLimits] = field(default_factory=default_channel_limits)
     """Limits of each channel, by the name of the channel."""
 
@@ -161,8 +161,8 @@ class Limits:
         """Return the limits for measurements from which zero offsets are subtracted.
 
         The range of each channel is shifted by its zero offset, so that the raw sample is still
-        compared with the range of the sensor. All other limits do not change: they are limits of
-        the values after subtraction.
+        compared with the range of the sensor. The other limits do not change, because they are
+        limits of the values after subtraction.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Limits for a palpation on the simulated rig, computed from palpation depth and body."""
+"""Compute the limits for a palpation on the simulated rig from the palpation depth and the body."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ SOFT, HARD = 1.5, 1.8
 The force limits are the forces of the body at these positions.
 """
 SPEED = 14.0
-"""Greatest speed, in palpation depths per second. A palpation with a sine of 2 Hz needs 6.3."""
+"""Largest speed, in palpation depths per second. A palpation with a sine of 2 Hz needs 6.3."""
 STOPPING = 0.015
-"""Time in which the slave can brake from the greatest speed to zero [s]."""
+"""Time in which the slave can brake from the largest speed to zero [s]."""
 ACCELERATION = 26.0
-"""Greatest acceleration, as a multiple of depth times frequency squared. A sine needs the factor
+"""Largest acceleration, as a multiple of depth times frequency squared. A sine needs the factor
 19.7."""
 FOLLOWING, FROZEN = 0.15, 0.03
-"""Greatest following error, and greatest commanded travel while the encoder value is constant.
+"""Largest following error, and largest commanded travel while the encoder value is constant.
 
 Both are fractions of the palpation depth.
 """
 FROZEN_SPEED = 0.1
-"""Greatest commanded change of velocity while the measured velocity does not change.
+"""Largest commanded change of velocity while the measured velocity does not change.
 
-It is a fraction of the greatest speed.
+It is given as a fraction of the largest speed.
 """
 
 
@@ -44,7 +44,7 @@ def palpation_limits(
     Parameters
     ----------
     law
-        Law from which the force of the palpated body is computed.
+        Law of the contact force of the palpated body. The force limits are computed from it.
     depth
         Intended depth of the palpation [m].
     scale

@@ -1,4 +1,4 @@
-"""Conversion of the limits in a rig file to SI units."""
+"""Convert the limits in a rig file to SI units."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def rig_limits(rig: RigSections) -> Limits:
 
 
 def optional_limits(limits: ChannelLimits) -> ChannelLimits:
-    """Return limits for a channel that the rig does not have; its value is always NaN."""
+    """Return limits for a channel that the rig does not have, so that its value may be NaN."""
     return ChannelLimits(limits.low, limits.high, required=False)
 
 

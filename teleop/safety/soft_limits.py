@@ -1,10 +1,10 @@
-"""Soft limits: they reduce the desired command; motion away from a limit remains possible."""
+"""Soft limits, which reduce the desired command but permit motion away from a limit."""
 
 from __future__ import annotations
 
 import math
 
-from drivers import STANDSTILL, Command, Measurement
+from drivers import STANDSTILL, Command, Measurement, new_tuple
 from teleop.safety.limits import Limits
 from teleop.safety.state import Supervision
 
@@ -14,14 +14,14 @@ VELOCITY, ACCELERATION, POSITION, FORCE = 1, 2, 4, 8
 APPROACH_TIME = 0.05
 """Shortest time in which the expected contact force may reach the soft limit [s].
 
-It is used if the limits act on master and slave separately.
+This time is used only if the limits act on master and slave separately.
 """
 CONTACT = 0.1
 """Contact force below which the direction of the force is treated as unknown [N]."""
 
 
 def ramp_down(command: Command, dt: float, limits: Limits) -> Command:
-    """Return the next command of a ramp on which both velocities decrease to zero.
+    """Return the next command of a ramp that decreases both velocities to zero.
 
     Parameters
     ----------
@@ -30,13 +30,15 @@ def ramp_down(command: Command, dt: float, limits: Limits) -> Command:
     dt
         Time since the previous tick [s].
     limits
-        Limits, of which the greatest accelerations of master and slave are used.
+        Limits of the rig. Only the largest accelerations of master and slave are used.
     """
     return limit_acceleration(STANDSTILL, command, dt, limits)
 
 
 def limit_acceleration(wanted: Command, last: Command, dt: float, limits: Limits) -> Command:
-    """Return the command nearest to the wanted command that the acceleration limits permit.
+    """Return the permitted command that is nearest to the wanted command.
+
+    A command is permitted if the accelerations of master and slave do not exceed their limits.
 
     Parameters
     ----------
@@ -47,13 +49,16 @@ def limit_acceleration(wanted: Command, last: Command, dt: float, limits: Limits
     dt
         Time since the previous tick [s].
     limits
-        Limits, of which the greatest accelerations of master and slave are used.
+        Limits of the rig. Only the largest accelerations of master and slave are used.
     """
-    master, slave = limits.max_master_acceleration * dt, limits.max_acceleration * dt
-    return Command(
-        min(max(wanted[0], last[0] - master), last[0] + master),
-        min(max(wanted[1], last[1] - slave), last[1] + slave),
-    )
+    (master, slave), (last_master, last_slave) = wanted, last
+    step = limits.max_master_acceleration * dt
+    low, high = last_master - step, last_master + step
+    master = low if master < low else high if master > high else master
+    step = limits.max_acceleration * dt
+    low, high = last_slave - step, last_slave + step
+    slave = low if slave < low else high if slave > high else slave
+    return new_tuple(Command, (master, slave))
 
 
 def limit_command(
@@ -68,10 +73,10 @@ def limit_command(
     """Apply the soft limits to the desired command.
 
     If `stiffness` is None, the velocities of master and slave are reduced by the same factor, so
-    that the operator feels the limit of the slave. In the direction of a soft position limit at
-    distance d, the speed is at most sqrt(a d), where a is the greatest acceleration. A deceleration
-    of a / 2 can then stop the slave at the limit. If the contact force exceeds the soft force
-    limit, the slave does not move against this force.
+    that the operator feels the limit of the slave. d is the distance to a soft position limit, and
+    a the largest acceleration. Towards the limit, the speed is at most sqrt(a d). A deceleration of
+    a / 2 can then stop the slave at the limit. If the contact force exceeds the soft force limit,
+    the slave does not move against this force.
 
     Parameters
     ----------
@@ -114,16 +119,15 @@ def limit_together(
 ) -> tuple[Command, int]:
     """Reduce the velocities of master and slave by the same factor; see `limit_command`."""
     master, slave = desired
-    factor, flags = 1.0, 0
-    for velocity, maximum in (
-        (slave, limits.max_velocity * ramp),
-        (master, limits.max_master_velocity * ramp),
-    ):
-        if abs(velocity) * factor > maximum:
-            factor, flags = maximum / abs(velocity), VELOCITY
+    factor, flags, speed = 1.0, 0, abs(slave)
+    fastest, fastest_master = limits.max_velocity * ramp, limits.max_master_velocity * ramp
+    if speed > fastest:
+        factor, flags = fastest / speed, VELOCITY
+    if abs(master) * factor > fastest_master:
+        factor, flags = fastest_master / abs(master), VELOCITY
     braking = braking_speed(slave, measurement, limits)
-    if abs(slave) * factor > braking:
-        factor = braking / abs(slave)
+    if speed * factor > braking:
+        factor = braking / speed
         flags |= POSITION
     f = measurement.contact_force
     if slave * f > 0.0 and abs(f) > limits.soft_force:
@@ -135,12 +139,12 @@ def limit_together(
 def limit_separately(
     desired: Command, measurement: Measurement, ramp: float, stiffness: float, limits: Limits
 ) -> tuple[Command, int]:
-    """Limit the master's velocity by the master's limits, and the slave's velocity by all others.
+    """Limit the velocity of the master by its own limit, and that of the slave by all others.
 
-    The limits of the slave therefore have no direct effect on the hand: their effect passes through
-    the channel, with its delay. The speed of the slave against the contact force f is at most
-    (soft_force - |f|) / (stiffness `APPROACH_TIME`), so that the expected force does not exceed the
-    soft limit within `APPROACH_TIME`.
+    The hand therefore feels the limits of the slave only through the channel, with its delay. f is
+    the contact force. The speed of the slave into the contact is at most
+    (soft_force - |f|) / (stiffness times `APPROACH_TIME`), so that the expected force does not
+    exceed the soft limit within `APPROACH_TIME`.
     """
     master, slave = desired
     flags = 0
@@ -166,7 +170,7 @@ def limit_separately(
 
 
 def braking_speed(slave: float, measurement: Measurement, limits: Limits) -> float:
-    """Return the greatest speed [m/s] at which the slave can brake before its position limit."""
+    """Return the largest speed [m/s] at which the slave can stop before its position limit."""
     low, high = limits.soft_position
     x = measurement.slave_position
     distance = high - x if slave > 0.0 else x - low

@@ -1,4 +1,4 @@
-"""Input, output and state of the safety supervisor at a tick."""
+"""Define input, output and state of the safety supervisor at a tick."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class Request(NamedTuple):
     stiffness: float | None = None
     """Expected slope of the contact force against the position of the slave [N/m].
 
-    If it is given, the soft limits act on master and slave separately. If it is None, they act on
-    master and slave together.
+    If a slope is given, the soft limits act on master and slave separately. If the value is None,
+    the soft limits act on master and slave together.
     """
 
 
@@ -45,8 +45,7 @@ class Supervision(NamedTuple):
     since: float = math.nan
     """Time at which the present mode was entered [s].
 
-    Before arming: the latest time at which the rig was not at rest, if this is later than the time
-    at which the mode was entered.
+    Before arming, it is the latest time at which the rig was not at rest, if this time is later.
     """
     time: float = math.nan
     """Time of the tick [s]."""
@@ -59,7 +58,8 @@ class Supervision(NamedTuple):
     following_error: float = 0.0
     """Following error: commanded travel minus measured travel of the slave [m].
 
-    The travel that the compliance and an allowed gain error of the drive can cause is subtracted.
+    The difference that the compliance and an allowed gain error of the drive can cause is
+    subtracted.
     """
     skipped_fraction: float = 0.0
     """Fraction of periods that the loop has skipped, averaged over about one second."""
@@ -68,7 +68,7 @@ class Supervision(NamedTuple):
     channel_states: tuple[ChannelState, ...] = (ChannelState(),) * len(CHANNELS)
     """State of the check of each channel, in the order of `CHANNELS`."""
     causes: tuple[DetectedFault, ...] = ()
-    """The first fault, then the first fault of each other kind; empty unless the mode is fault."""
+    """The first fault of each kind, in the order of detection; empty unless the mode is fault."""
 
     @property
     def immediate(self) -> bool:
@@ -82,7 +82,7 @@ class Verdict(NamedTuple):
     state: Supervision
     """State of the supervisor after this tick."""
     command: Command
-    """The command to apply to the drives."""
+    """The command to send to the drives."""
     limited: int = 0
     """Sum of the flags of the soft limits that reduced the command."""
     events: tuple[Event, ...] = ()

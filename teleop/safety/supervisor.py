@@ -1,9 +1,9 @@
-"""The safety supervisor: a pure function that converts the desired to the applied command.
+"""The safety supervisor, a pure function that converts the desired command to the applied command.
 
     supervise(state, measurement, desired, request, limits) -> state, command, events
 
-The function opens no file, reads no clock and stores no data. All data that are needed at the next
-tick, including faults, are part of the returned state, which the loop passes to the function at
+The function opens no file, reads no clock and stores no data. The returned state contains all data
+that are needed at the next tick, including faults. The loop passes this state to the function at
 the next tick. Every behaviour in docs/safety.md can therefore be tested without a rig.
 """
 
@@ -11,10 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from drivers import STANDSTILL, Command, Measurement
-from teleop.safety.channels import DetectedFault
+from drivers import STANDSTILL, Command, Measurement, new_tuple
+from teleop.safety.channels import DetectedFault, check_channels
 from teleop.safety.checks import (
-    check_channels,
     check_command,
     check_motion,
     check_rest,
@@ -48,7 +47,7 @@ def supervise(
     request: Request,
     limits: Limits,
 ) -> Verdict:
-    """Check the data of a tick, and return the command to apply, the mode and the events.
+    """Check the data of a tick, and return the command for the drives, the mode and the events.
 
     Parameters
     ----------
@@ -57,7 +56,7 @@ def supervise(
     measurement
         Measurement of the rig.
     desired
-        Command of the control condition; used in mode active only.
+        Desired command; used only in the mode active.
     request
         Requests of a person, and data from the loop.
     limits
@@ -84,7 +83,11 @@ def supervise(
             )
         return stop_for_faults(state, faults, dt, request.halt, limits)
 
-    channel_states, faults = check_channels(state, measurement, dt, limits)
+    applied = state.applied
+    travels = (0.0, abs(applied[0]) * dt, abs(applied[1]) * dt, 0.0, state.velocity_change)
+    channel_states, faults = check_channels(
+        state.channel_states, measurement, travels, limits.channels
+    )
     faults += check_motion(measurement, dt, following_error, skipped_fraction, drift, limits)
     faults += request.faults
     if state.mode is ACTIVE:
@@ -134,7 +137,7 @@ def supervise(
     events = (Event(now, mode, text),) if mode is not state.mode else ()
     since = state.since if mode is state.mode and not not_at_rest else now
     velocity_change = abs(command[1] - state.applied[1])
-    state = Supervision(
+    values = (
         mode,
         since,
         now,
@@ -145,14 +148,16 @@ def supervise(
         skipped_fraction,
         drift,
         channel_states,
+        (),
     )
-    return Verdict(state, command, limited, events, arm)
+    state = new_tuple(Supervision, values)
+    return new_tuple(Verdict, (state, command, limited, events, arm))
 
 
 def activate(verdict: Verdict) -> Verdict:
     """Return the output of the supervisor for this tick, with the mode changed to active.
 
-    Called when all drives are in operation.
+    Call this function when all drives are in operation.
 
     Parameters
     ----------
@@ -169,9 +174,9 @@ def stop_for_faults(
 ) -> Verdict:
     """Return the output of the supervisor in mode fault.
 
-    The command decreases to zero on a ramp. If a fault requires an immediate stop, the command is
-    zero. Each kind of fault is stored and reported once. Faults that are detected at the same tick
-    are ordered by severity, the most severe first.
+    The command decreases to zero on a ramp. If a fault or `halt` requires an immediate stop, the
+    command is zero immediately. Each kind of fault is stored and reported once. Faults that are
+    detected at the same tick are ordered by severity, the most severe first.
 
     Parameters
     ----------

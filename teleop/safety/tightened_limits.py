@@ -1,4 +1,4 @@
-"""Limits of a trial that are tighter than those of its rig."""
+"""Limits of a trial that are tighter than the limits of the rig."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from teleop.safety.limits import Limits
 class TightenedLimits:
     """Limits of a trial that replace limits of the rig. None means that the rig's limit remains.
 
-    Each limit must be at least as tight as the limit of the rig. Only limits for which a smaller
-    value is always safer are included. The greatest acceleration, for example, is not included,
-    because a smaller acceleration makes every stop longer.
+    Each limit must be at least as tight as the limit of the rig. A limit is included only if a
+    smaller value is always safer. The largest acceleration, for example, is not included, because a
+    smaller acceleration makes every stop longer.
     """
 
     max_velocity: float | None = None
-    """Greatest commanded speed of the slave [m/s]."""
+    """Largest commanded speed of the slave [m/s]."""
     max_master_velocity: float | None = None
-    """Greatest commanded speed of the master [m/s]."""
+    """Largest commanded speed of the master [m/s]."""
     soft_position: tuple[float, float] | None = None
     """Soft limits of the slave's position, lower and upper [m]; the slave stops at these limits."""
     hard_position: tuple[float, float] | None = None
     """Hard limits of the slave's position, lower and upper [m]."""
     soft_force: float | None = None
-    """Soft limit: contact force, in magnitude, above which the slave does not press further [N]."""
+    """Soft limit: magnitude of the contact force above which the slave presses no further [N]."""
     hard_force: float | None = None
     """Hard limit of the magnitude of the contact force [N]."""
     following_error: float | None = None
     """Hard limit of the difference between commanded and measured travel of the slave [m]."""
     rest_master_force: float | None = None
-    """Greatest force on the handle at which the drives may be armed [N]."""
+    """Largest force on the handle at which the drives may be armed [N]."""
 
     @property
     def stated(self) -> dict[str, Any]:
@@ -42,7 +42,7 @@ class TightenedLimits:
         return {name: value for name, value in values.items() if value is not None}
 
     def applied(self, limits: Limits) -> Limits:
-        """Return limits of the rig, with each limit replaced for which this object has a value.
+        """Return the limits of the rig, with the limits of this object that are not None.
 
         Raises
         ------
@@ -54,7 +54,8 @@ class TightenedLimits:
     def looser(self, limits: Limits) -> Iterator[tuple[str, Any, Any]]:
         """Yield each limit of this object that is looser than the limit of the rig.
 
-        Each item consists of the name, the value in this object and the value of the rig.
+        Each item consists of the name of the limit, its value in this object, and its value for the
+        rig.
         """
         for name, value in self.stated.items():
             present = getattr(limits, name)

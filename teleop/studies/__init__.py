@@ -1,1 +1,1 @@
-"""Studies: series and sweeps, which consist of many trials that are evaluated together."""
+"""Run studies, which consist of many trials: the trials of the paper, series and sweeps."""

@@ -1,8 +1,8 @@
-"""Analysis of variance of repeated trials, with statsmodels.
+"""Compute the analysis of variance of repeated trials, with statsmodels.
 
 All estimators process the data of the same trials. There are two designs. Without subjects, the
-design is a split plot: factors that vary between trials are tested against the variance between
-trials with the same levels, and the factor estimator and its interactions are tested against the
+design is a split plot. Factors that vary between trials are tested against the variance between
+trials with the same levels. The factor `estimator` and its interactions are tested against the
 interaction of estimator and trial. With subjects, each subject does all trials. The subject is then
 a random factor, and each effect is tested against the interaction of the effect and the subject.
 
@@ -158,7 +158,7 @@ def check_design(frame: Any, factors: Sequence[str], response: str, subject: str
 
 
 def sums_of_squares(frame: Any, factors: Sequence[str]) -> dict[tuple[str, ...], tuple[float, int]]:
-    """Return sum of squares and degrees of freedom of each effect.
+    """Return the sum of squares and the degrees of freedom of each effect.
 
     An effect is given as a tuple of factors. The empty tuple is the residual.
     """

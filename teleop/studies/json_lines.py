@@ -1,4 +1,4 @@
-"""A file of JSON documents, one per line, to which lines are only appended.
+"""Read and append to a file of JSON documents, one per line.
 
 Each line is written to the disk before the program continues. If the program is killed, only the
 last line can be incomplete. An incomplete line is removed when the file is read.
@@ -17,7 +17,7 @@ from teleop.files import unwritable
 from teleop.json_documents import dumps, loads
 
 LOCK = ".lock"
-"""Name of the file in a folder that is locked while a program works in this folder."""
+"""Name of a file in a folder. The file is locked while a program works in the folder."""
 
 
 class JsonLines:
@@ -37,7 +37,7 @@ class JsonLines:
 
         Returns
         -------
-        Position of each document in the file [bytes], for `document_at`.
+        Position of each document in the file [bytes], for `documents_at`.
 
         Raises
         ------
@@ -57,7 +57,7 @@ class JsonLines:
         return positions
 
     def read(self) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Yield position [bytes] and document of each line; remove an incomplete last line.
+        """Yield the position [bytes] and the document of each line; remove an incomplete last line.
 
         Raises
         ------

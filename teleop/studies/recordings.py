@@ -1,4 +1,4 @@
-"""Search for the files of a comparison, in folders and series, with the levels of their factors."""
+"""Find the files of a comparison in folders and series, and the levels of their factors."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def of_folder(folder: Path) -> list[Source]:
 
 
 def of_file(path: Path) -> Source:
-    """Return a file with the levels of its factors. There are none if it belongs to no series."""
+    """Return a file with the levels of its factors; no levels if it is not part of a series."""
     folder = path.absolute().parent
     if folder.name != RECORDINGS:
         return Source(path)

@@ -1,1 +1,1 @@
-"""A trial: its settings, the assembly of its parts, the control loop, and the run."""
+"""Run a trial: check the settings, assemble the parts, and run the control loop."""

@@ -1,4 +1,4 @@
-"""Arming of the drives: settings and confirmation that a person must give before devices move."""
+"""Arm the drives: check the required settings, and ask a person before devices move."""
 
 from __future__ import annotations
 

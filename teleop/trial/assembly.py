@@ -1,4 +1,4 @@
-"""Creation of the parts of a trial, such as clock, rig and controller, from its settings."""
+"""Create the parts of a trial, such as clock, rig and controller, from its settings."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from drivers import Rig
-from estimation import Bank, Estimator, Excitation
+from estimation import Bank, Estimator
 from sim_backend import (
     ForcePalpation,
     FreePalpation,
@@ -21,6 +21,7 @@ from teleop.control.bilateral import BilateralLink
 from teleop.control.clock import Clock, RealClock, VirtualClock
 from teleop.control.conditions import Autonomous, Condition, Mimicry, Teleoperation
 from teleop.control.controller import Controller
+from teleop.control.estimation import Estimation
 from teleop.control.injector import Injector
 from teleop.control.link import DirectLink, Link
 from teleop.recording.message import Layout
@@ -141,8 +142,8 @@ def make_condition(settings: TrialSettings) -> Condition:
 def make_link(settings: TrialSettings) -> Link:
     """Return a new link between master and slave.
 
-    With a channel or force feedback, the slave follows the position of the master in addition to
-    its velocity. Otherwise, a lost packet would leave a permanent position offset.
+    With a channel or force feedback, the slave follows both the velocity and the position of the
+    master. If it followed only the velocity, a lost packet would leave a permanent position offset.
     """
     admittance, coupling = Admittance(settings.admittance), settings.coupling
     if not settings.has_link:
@@ -168,7 +169,12 @@ def make_layout(
 
 
 def make_controller(
-    settings: TrialSettings, rig: Rig, bank: Bank, clock: Clock, condition: Condition | None = None
+    settings: TrialSettings,
+    rig: Rig,
+    bank: Bank,
+    clock: Clock,
+    condition: Condition | None = None,
+    estimation: Estimation | None = None,
 ) -> Controller:
     """Return a new controller with the tare, limits and link of the settings.
 
@@ -184,14 +190,14 @@ def make_controller(
         The clock of the loop.
     condition
         Control condition; None for the condition of the settings.
+    estimation
+        Computes the estimates; None to compute them within each tick.
     """
     return Controller(
         rig,
         condition or make_condition(settings),
         make_link(settings),
-        settings.make_conditioner(),
-        bank,
-        Excitation(),
+        estimation or Estimation(settings.make_conditioner(), bank),
         1.0 / settings.rate,
         settings.limits,
         settings.tare,

@@ -1,4 +1,4 @@
-"""Configuration files: the settings of a trial in TOML.
+"""Read and write configuration files, which contain the settings of a trial in TOML.
 
 A configuration file has the same keys as the JSON document of the settings (`settings_json`).
 """
@@ -60,8 +60,8 @@ def read_configuration(path: Path) -> TrialSettings:
 def as_recorded_now(document: Mapping[str, Any]) -> dict[str, Any]:
     """Convert recorded settings of any version of teleop to settings of the present version.
 
-    Before version 0.2, the setting `signal` had no effect in the condition `mimic`. It is removed
-    from the settings of such a recording.
+    Before version 0.2, the setting `signal` had no effect in the condition `mimic`. This setting is
+    removed from the settings of such a recording.
 
     Parameters
     ----------

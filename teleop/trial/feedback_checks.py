@@ -1,4 +1,4 @@
-"""Checks of the force feedback before a trial begins."""
+"""Check the force feedback before a trial begins."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from teleop.trial.settings import TrialSettings
 LOOP_DELAY = 1.5
 """Delay of the loop in periods: a command is computed from the last sample, and then held."""
 PASSIVITY_OFFERED = {"soft": (0.0, 0.5)}
-"""Shortest and longest round trip [s] with which passivity control is offered, by cube.
+"""Shortest and longest round trip [s] for which passivity control is permitted, by cube.
 
 At each round trip in between, 20 of 20 trials were stable
 (`benchmarks/results/feedback-passivity.csv`).
@@ -55,7 +55,7 @@ def check_feedback(settings: TrialSettings) -> str:
 
 
 def unknown_values(settings: TrialSettings) -> list[str]:
-    """Return what the check of position-force needs and is not stated, on a hardware rig."""
+    """Return the missing settings of a hardware rig that the check of position-force needs."""
     if settings.rig is None:
         return []
     unknown = []
@@ -67,12 +67,12 @@ def unknown_values(settings: TrialSettings) -> list[str]:
 
 
 def lag(settings: TrialSettings) -> float:
-    """Return the delay of the force at the master without the channel [s]."""
+    """Return the delay of the contact force at the master, without the delay of the channel [s]."""
     return sensor_lag(settings) + LOOP_DELAY / settings.rate
 
 
 def sensor_lag(settings: TrialSettings) -> float:
-    """Return the lag of the contact force, on a hardware rig as far as it is stated [s]."""
+    """Return the lag of the contact force [s]; on a hardware rig, only what the settings state."""
     if settings.rig is None:
         return settings.plant_parameters.contact_force_lag
     return settings.force_lag + settings.rig.sections.channels.contact_force.lag_ms * 1e-3
@@ -94,9 +94,10 @@ def round_trip(settings: TrialSettings) -> float:
 def delayed_loop(settings: TrialSettings) -> DelayedLoop:
     """Return the loop of hand, virtual mass and delayed environment, to check its stability.
 
-    On the simulated rig, the stiffness is the slope of the force where the operator ends a poke. On
-    a hardware rig the arm is not known. The loop then has no arm, so that condition (2) is the one
-    for any passive hand.
+    On the simulated rig, the stiffness of the environment is the slope of the contact force at the
+    deepest position of the palpation. On a hardware rig, the arm is not known. The loop then has no
+    arm, and condition (2) of `teleop.control.feedback.stability` ensures stability for any passive
+    hand.
     """
     admittance, feedback = settings.admittance, settings.feedback
     arm = UNATTENDED if settings.rig else settings.operator_model.arm
@@ -115,8 +116,8 @@ def delayed_loop(settings: TrialSettings) -> DelayedLoop:
 def expected_stiffness(settings: TrialSettings) -> float:
     """Return the largest expected slope of the contact force [N/m].
 
-    It is that of the settings or, if they have none, that of the simulated rig. On a hardware rig
-    it is then the stiff prior.
+    This is the stiffness that the settings state. If they state none, it is the stiffness of the
+    simulated body or, on a hardware rig, `STIFF_PRIOR`.
     """
     if settings.feedback.stiffness is not None:
         return settings.feedback.stiffness
@@ -124,7 +125,7 @@ def expected_stiffness(settings: TrialSettings) -> float:
 
 
 def present_stiffness(settings: TrialSettings) -> float:
-    """Return the slope of the simulated contact force at the deepest position of a poke [N/m]."""
+    """Return the slope of the simulated contact force at the deepest position [N/m]."""
     from scipy.optimize import brentq  # its import takes as long as that of the rest of a run
 
     setup, aim = settings.setup, settings.operator_model.aim_force

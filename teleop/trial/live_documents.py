@@ -1,4 +1,4 @@
-"""Messages to the live page that describe a trial and the columns of its data."""
+"""Create the messages to the live page that describe a trial and the columns of its data."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ OF_ESTIMATOR = {
 
 
 def column_documents(units: Mapping[str, str]) -> list[dict[str, str]]:
-    """Return name, unit and meaning of each recorded column, for the message `welcome`.
+    """Return the name, unit and meaning of each recorded column, for the message `welcome`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Link from the control process to the live process, which serves the live page."""
+"""Connect the control process to the live process, which serves the live page."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ START_TIME = 20.0
 END_TIME = 3.0
 """Longest wait for the end of the live process [s]."""
 MOST_UNSENT = 1 << 20
-"""Number of unsent bytes above which no more messages are sent to the live process."""
+"""Number of unsent bytes above which the live process is killed, because it hangs."""
 
 
 class LiveLink(Sink):
@@ -125,7 +125,7 @@ class LiveLink(Sink):
         self.url, self.foxglove_url = str(ready["url"]), str(ready.get("foxglove", ""))
         self._cells = CellReader(files["cells"].buffer)
         self._stops = 0
-        """Number of STOP requests from the start until the end of the last trial."""
+        """Number of STOP requests until the end of the last trial."""
         self._ring = RingWriter(files["ring"].buffer, *sizes["ring"])
         self._events = RingWriter(files["events"].buffer, *sizes["events"])
 
@@ -183,7 +183,7 @@ class LiveLink(Sink):
             self.tell({"type": "summary", **trial.summary()})
 
     def tell(self, document: dict[str, Any]) -> None:
-        """Send a message to the live process, without waiting for a live process that hangs."""
+        """Send a message to the live process without waiting; kill a live process that hangs."""
         self._unsent += dumps(document).encode() + b"\n"
         try:
             while self._unsent:

@@ -1,4 +1,4 @@
-"""The control loop of a trial: runs ticks until standstill, and passes their data to the sinks.
+"""Run the control loop of a trial until standstill, and pass the data of each tick to the sinks.
 
 A sink is an object that receives the message of each tick, for example the recorder.
 """
@@ -97,8 +97,11 @@ class Loop:
         tick = self._clock.wait()
         request = self._switch.request(not self._armed, self._end)
         record = self.controller.tick(tick, request)
-        message = self._layout.pack(record, sum(sink.dropped for sink in self._sinks))
-        for sink in self._sinks:
+        sinks, dropped = self._sinks, 0
+        for sink in sinks:
+            dropped += sink.dropped
+        message = self._layout.pack(record, dropped)
+        for sink in sinks:
             sink.push(message)
         self.ticks += 1
         self._elapsed += 1 + tick.skipped

@@ -1,4 +1,4 @@
-"""Metadata in the recording of a trial: software, machine, date, rig and settings."""
+"""Create the metadata of a recording: software, machine, date, rig and settings."""
 
 from __future__ import annotations
 

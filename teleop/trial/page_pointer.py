@@ -1,4 +1,4 @@
-"""The mouse or touch pointer of the live page, read by the control process."""
+"""Read the mouse or touch pointer of the live page in the control process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Requests of the live page during a trial, read from shared memory at each tick."""
+"""Read the requests of the live page during a trial, at each tick, from shared memory."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ PROCESS_SILENCE = 0.3
 [s]."""
 WAITING_SILENCE = 5.0
 """Longest time between two heartbeats of the live process while the trial waits for START and
-nothing moves [s]. It is longer, because a busy machine may delay the live process. It is finite,
-because a trial that nobody can start must end."""
+nothing moves [s]. It is longer than `PROCESS_SILENCE`, because a busy machine may delay the live
+process. It is finite, because a trial that nobody can start must end."""
 PAGE_SILENCE = 2.0
 """Longest time between two heartbeats of the live page in control, if a page armed the drives
 [s]."""
@@ -25,7 +25,7 @@ STOPPED = DetectedFault(Fault.EMERGENCY_STOP, "live page", math.nan, math.nan, m
 
 
 class NoPage:
-    """The requests if there is no live page: none, because the terminal arms the drives."""
+    """Requests without a live page: there are none, and the drives may be armed."""
 
     reason = ""
     """Reason why the live page ended the trial; empty if the page did not end it."""
@@ -41,8 +41,8 @@ class NoPage:
 class PageRequests(NoPage):
     """Requests of the live page in one trial.
 
-    A request that was made before the trial has no effect on the trial. There is one exception:
-    STOP, if the drives are not armed from the page.
+    A request that was made before the trial has no effect on the trial. The only exception is STOP:
+    if the drives are not armed from the page, a STOP between two trials stops the next trial.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Claims of names, for example of processors, each by at most one process of this machine."""
+"""Claim names, for example of processors. At most one process of this machine claims a name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Permitted ranges of the settings of a trial."""
+"""Define the permitted ranges of the settings of a trial."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Real-time settings of a process, applied step by step and reverted at the end.
+"""Apply the real-time settings of a process step by step, and revert them at the end.
 
 Several control loops on one machine must not disturb each other. Each process with a control loop
 claims one processor for itself, if a processor is free. At least one processor remains unclaimed,
@@ -27,7 +27,7 @@ The priority is above that of the interrupt threads (50) and below that of the k
 (99).
 """
 SHARED_PRIORITIES = range(60, 50, -1)
-"""Priorities of SCHED_FIFO for control loops on shared processors. Each is used by one process."""
+"""Priorities of SCHED_FIFO for control loops on shared processors, one for each process."""
 RECORDER_PRIORITY = 40
 """Priority of SCHED_FIFO for the recorder process, which reads the pipe of the loop.
 
@@ -66,7 +66,7 @@ def set_priority(process: int, priority: int) -> None:
 
 
 def set_fifo_priority(priority: int = PRIORITY) -> Callable[[], object]:
-    """Set the policy SCHED_FIFO for this process, and return a function that reverts it."""
+    """Set SCHED_FIFO for this process, and return a function that restores the earlier policy."""
     before = os.sched_getscheduler(0), os.sched_getparam(0)
     set_priority(0, priority)
     return lambda: os.sched_setscheduler(0, *before)
@@ -79,7 +79,7 @@ def set_shared_fifo_priority() -> Callable[[], object]:
 
     Returns
     -------
-    A function that reverts the step.
+    A function that restores the earlier scheduling policy, and releases the claimed priority.
 
     Raises
     ------
@@ -104,11 +104,12 @@ def processor_name(processor: int) -> str:
 def claim_processor() -> Callable[[], object]:
     """Claim the free processor with the highest number, and run this process on it only.
 
-    No other teleop process runs on this processor, so that its caches keep the data of the loop.
+    No other teleop process runs on this processor, so that the caches of the processor keep the
+    data of the loop.
 
     Returns
     -------
-    A function that reverts the step.
+    A function that permits all earlier processors again, and releases the claimed processor.
 
     Raises
     ------
@@ -131,7 +132,7 @@ def claim_processor() -> Callable[[], object]:
 
 
 def lock_memory() -> Callable[[], object]:
-    """Lock the process memory in RAM, without swapping; return a function that reverts this.
+    """Lock the memory of the process in RAM, and return a function that unlocks the memory.
 
     Raises
     ------
@@ -145,7 +146,7 @@ def lock_memory() -> Callable[[], object]:
 
 
 def disable_garbage_collection() -> Callable[[], object]:
-    """Disable Python's garbage collection, and return a function that reverts this.
+    """Disable Python's garbage collection, and return a function that enables it again.
 
     A tick creates no reference cycles. Therefore the memory does not grow without garbage
     collection.
@@ -168,8 +169,8 @@ SET_UP = {
     "no garbage collection": disable_garbage_collection,
     PROCESSOR: claim_processor,
 }
-"""Slow steps, which are applied at normal priority. Each is a function that returns a function to
-revert the step."""
+"""Slow steps, which are applied at normal priority. The function of a step applies the step, and
+returns a function that reverts the step."""
 STEPS = (*SET_UP, FIFO)
 """Names of all steps."""
 

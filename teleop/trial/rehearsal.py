@@ -1,4 +1,4 @@
-"""The rehearsal before a trial: checks that this machine can run the loop at its rate."""
+"""Check, by a rehearsal before a trial, that this machine can run the loop at its rate."""
 
 from __future__ import annotations
 
@@ -146,5 +146,5 @@ def check_wire(rig: Rig, clock: Clock, cost: float) -> None:
         raise InputError(
             f"rate {clock.rate:g} Hz: a tick takes {(cost + reading) * 1e6:.0f} us on this "
             f"machine, of which {reading * 1e6:.0f} us to read the devices, expected a rate of at "
-            f"most {SHARE / (cost + reading):.0f} Hz"
+            f"most {SHARE / (cost + reading):.0f} Hz, or fewer programs at the same time"
         )

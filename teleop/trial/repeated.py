@@ -1,4 +1,4 @@
-"""Repetition of a recorded trial in which the pointer of the live page was the operator.
+"""Repeat a recorded trial in which a person moved the handle with the pointer of the live page.
 
 The repetition on the simulated rig gives the same numbers as the recorded trial.
 """

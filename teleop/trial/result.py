@@ -1,4 +1,4 @@
-"""The result of a trial: its recording and its summary."""
+"""Define the result of a trial, with its recording, summary and figures."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from teleop.recording.sinks import Outcome
 from teleop.recording.timing import loop_timing, tick_times
 from teleop.safety.events import ACTIVE, STOPPING
 from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
+from teleop.trial.averaged import averaged_part
 from teleop.trial.metadata import estimated_channels
 from teleop.trial.settings import TrialSettings
 from teleop.trial.tracked import tracking_of
@@ -95,7 +96,7 @@ class Trial(Presented):
 
     @property
     def incomplete(self) -> str:
-        """Description of the data that are missing in the files of the trial; empty for none."""
+        """Description of data that are missing in the files of the trial; empty if none are."""
         path, _, dropped, problem, _ = self.outcome
         problems = []
         if problem:
@@ -210,13 +211,11 @@ class Trial(Presented):
     def summary(self) -> dict[str, Any]:
         """Return the results of the trial, with the keys of the output of `teleop run --json`."""
         settings, active = self.settings, self.recording.estimated()
-        t, regression = active["time"], active.regression()
-        if len(t):
-            depth = float(np.max(np.abs(active["slave_position"])))
-            excitation = float(np.mean(active["excitation"])), float(active["excitation"][-1])
-        else:
-            depth, excitation = 0.0, (math.nan, math.nan)
-        whole, in_contact = self.recording, active.columns.get("contact", np.array([]))
+        depth = float(np.max(np.abs(active["slave_position"]), initial=0.0))
+        part = averaged_part(self.recording, settings)
+        averaged = active.where(part.contains(active["time"]))
+        t, regression, excitation = averaged["time"], averaged.regression(), averaged["excitation"]
+        whole = self.recording
         threshold = (settings.estimation_preset.gate or GATE).force
         contact = float(np.sum(regression.dt[np.abs(regression.f) > threshold]))
         return {
@@ -228,29 +227,30 @@ class Trial(Presented):
             "rig": settings.rig_name,
             "estimated_channels": list(estimated_channels(settings)),
             "duration_s": settings.duration,
-            "actual_duration_s": float(t[-1] - (self.armed or {"time": 0.0})["time"])
-            if len(t)
+            "actual_duration_s": float(active["time"][-1] - (self.armed or {"time": 0.0})["time"])
+            if len(active)
             else 0.0,
             "contact_s": contact,
             "least_contact_s": LEAST_CONTACT,
             "clock": settings.clock,
             "seed": settings.seed,
             "ticks": int(np.isin(self.recording["mode"], (ACTIVE, STOPPING)).sum()),
-            "pairs": len(t),
+            "pairs": len(active),
             "rejected": self.rejected,
             "interrupted": self.interrupted,
             "tracking": self.tracking(),
             "feedback": self.feedback(),
             "estimates": {
                 name: summarise(
-                    t, regression, estimates, self.bank[name], active.misfit(name)
+                    t, regression, estimates, self.bank[name], averaged.misfit(name)
                 )._asdict()
-                for name, estimates in active.estimates().items()
+                for name, estimates in averaged.estimates().items()
                 if len(t) and (contact >= LEAST_CONTACT or not self.interrupted)
             },
             "truth": None if settings.rig else truth(settings, depth),
-            "excitation": {"mean": excitation[0], "last": excitation[1]},
-            "contact": float(np.mean(in_contact)) if len(in_contact) else math.nan,
+            "left_out": part.left_out,
+            "excitation": {"mean": average(excitation), "last": average(excitation[-1:])},
+            "contact": average(averaged.columns.get("contact", np.array([]))),
             "loop": loop_timing(settings.rate, whole["dt"], whole["lateness"], whole["overrun"])
             | tick_times(whole),
             "safety": safety_summary(active, self.fault),
@@ -266,6 +266,11 @@ class Trial(Presented):
                 "black_box_problem": self.black_box_problem or None,
             },
         }
+
+
+def average(values: Floats) -> float:
+    """Return the mean of values, shape (n,); NaN if there are none."""
+    return float(np.mean(values)) if len(values) else math.nan
 
 
 def safety_summary(active: Recording, fault: dict[str, Any] | None) -> dict[str, Any]:

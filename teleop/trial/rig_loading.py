@@ -1,4 +1,4 @@
-"""Loading of rig files for the command line; errors are raised as InputError."""
+"""Load rig files for the command line, and raise errors in them as InputError."""
 
 from __future__ import annotations
 

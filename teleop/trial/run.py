@@ -1,4 +1,4 @@
-"""Run of one trial: palpation under a control condition, estimation and recording."""
+"""Run one trial: palpate under a control condition, estimate, and record."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from teleop.recording.recording import from_messages, load_intact
 from teleop.recording.sinks import Memory, Outcome, Sink
 from teleop.trial.arming import check_stated
 from teleop.trial.assembly import RigMaker, make_clock, make_controller, make_layout, make_rig
+from teleop.trial.later_estimates import LaterEstimates
 from teleop.trial.live_link import LiveLink
 from teleop.trial.loop import Loop
 from teleop.trial.metadata import session_metadata
@@ -102,6 +103,9 @@ def run_trial(
     memory = None if record else Memory()
     box = BlackBox(layout, settings.rate)
     sinks: list[Sink] = [sink for sink in (recorder, memory, box, live) if sink]
+    later = None
+    if settings.clock == "virtual" and not live:
+        later = LaterEstimates(settings.make_conditioner(), bank, layout, sinks)
     try:
         cost = check_rate(settings) if settings.clock == "real" else 0.0
         clock = make_clock(settings)
@@ -114,8 +118,9 @@ def run_trial(
             with switch.reading_keys(), realtime(real) as real_time, rig:
                 if settings.rig:
                     check_wire(rig, clock, cost)
-                controller = make_controller(settings, rig, bank, clock, condition)
-                loop = Loop(controller, clock, layout, sinks, switch, settings.duration)
+                controller = make_controller(settings, rig, bank, clock, condition, later)
+                receivers = [later] if later else sinks
+                loop = Loop(controller, clock, layout, receivers, switch, settings.duration)
                 if live:
                     switch.page = live.begin(settings, layout)
                 real_time.start(recorder.process.pid if recorder else None)
@@ -127,6 +132,8 @@ def run_trial(
                 raise
     finally:
         switch.clean_up()
+        if later:
+            later.close()
         outcomes = [sink.close() for sink in sinks]
     assert loop
     outcome = outcomes[0] if record else Outcome(None, loop.ticks, 0, "")
@@ -136,6 +143,7 @@ def run_trial(
         assert record
         recording = (load_intact(record) if outcome.at_path else None) or box.recording(metadata)
     folder, box_problem, error, fault = None, "", loop.error, box.fault
+    error = error or (later.error if later else None)
     if record and fault:
         folder = record.with_suffix(".fault")
         try:

@@ -1,4 +1,4 @@
-"""Settings of a trial. They are checked once, when they are created."""
+"""Define the settings of a trial. They are checked once, when they are created."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from teleop.trial import ranges
 
 @dataclass(frozen=True)
 class TrialSettings:
-    """Settings of a trial; the defaults are the experiment of the paper.
+    """Settings of a trial. The defaults are those of the paper, except for the conditioning.
 
     Raises
     ------
@@ -52,17 +52,17 @@ class TrialSettings:
     operator: str = ""
     """Name of the operator."""
     notes: str = ""
-    """Notes."""
+    """Notes on the trial."""
     live: bool = False
     """Whether to show the trial on the live page in a browser."""
     duration: float = 10.0
-    """Duration [s]."""
+    """Duration of the trial [s]."""
     clock: ClockName = "real"
     """Clock of the control loop: real or virtual time."""
     rate: float = 1000.0
     """Ticks per second [Hz]."""
     seed: int = 0
-    """Seed of operator and sensor noise."""
+    """Seed of the simulated operator and of the sensor noise."""
     signal: Annotated[AnySignal, Discriminator("kind")] | None = None
     """Excitation signal of the autonomous condition. In mimic, the sine that the operator follows.
     Default: a sine of 1 Hz in mimic and of 2 Hz otherwise."""
@@ -92,7 +92,7 @@ class TrialSettings:
     model: Model = KELVIN_VOIGT
     """Model for the estimators that can use any model. Not used with a custom preset."""
     estimator_parameters: Mapping[str, OwnSettings] = field(default_factory=dict)
-    """Own settings of single estimators, such as forgetting, by the name of the estimator."""
+    """Settings of individual estimators, such as forgetting, by the name of the estimator."""
     custom_setup: Setup | None = None
     """Body, force channel and palpation depth that replace those of the named cube."""
     custom_limits: Limits | None = None

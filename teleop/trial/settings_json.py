@@ -1,4 +1,4 @@
-"""Conversion of the settings of a trial to a JSON document, and back without any change."""
+"""Convert the settings of a trial to a JSON document, and back without any change."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ PARTS = (
 )
 """Dataclasses whose fields are keys of the document."""
 BODIES = ("Cube", "Relaxing", "Changing")
-"""Classes of bodies, which are part of the error path of pydantic but not of the document."""
+"""Names of the classes of bodies. Error paths of pydantic contain them, but documents do not."""
 
 
 def to_document(settings: TrialSettings) -> dict[str, Any]:

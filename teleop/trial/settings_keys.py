@@ -1,4 +1,4 @@
-"""The keys and types of values that are permitted at a place in a configuration file."""
+"""Find the keys and the types of values that are permitted at a place in a configuration file."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ NAMES = {
     "count_in": "count_in_s",
     "preset": "custom_preset",
 }
-"""Keys in the document that differ from the names in `TrialSettings`, by this name."""
+"""Keys in the document that differ from the names in `TrialSettings`, by the name in
+`TrialSettings`."""
 FIELDS = {key: name for name, key in NAMES.items()}
 MOST_LISTED = 12
-"""Largest number of keys that a message lists. If there are more, it states a similar key only."""
+"""Largest number of keys that a message lists. If there are more, only a similar key is stated."""
 Place = Sequence[str | int]
 """Place of a value in the document: the keys of all tables around it, and its own key."""
 
@@ -38,8 +39,8 @@ def forms(place: Place) -> list[Any]:
 def below(form: Any, key: str | int) -> Iterator[Any]:
     """Yield the permitted types of the value that has a given key in a table or list.
 
-    `form` is the type of the table or list. For a signal or body, pydantic inserts its kind or
-    class between the keys. Such a key selects one of the alternative types.
+    `form` is the type of the table or list. pydantic inserts the kind of a signal, or the class of
+    a body, between the keys. Such an inserted key selects one of the alternative types.
     """
     if get_origin(form) is Mapping:
         yield from flat(get_args(form)[1])

@@ -1,4 +1,4 @@
-"""The emergency-stop key: Enter or Space in the terminal during a run."""
+"""Read the emergency-stop key, which is Enter or Space in the terminal, during a run."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ IN_BACKGROUND = (
 
 
 class StopKey:
-    """Emergency-stop key: a thread reads the keys of the terminal from standard input.
+    """Emergency-stop key. A thread reads the keys of the terminal from standard input.
 
-    This is a context manager for the time of a run, entered in the main thread. Within it, the
-    terminal passes each key to the process immediately and does not show it. Ctrl-C and Ctrl-Z
-    have their usual effect. The modes of the terminal are restored on exit, and while the process
-    is suspended.
+    This is a context manager for the time of a run, which must be entered in the main thread.
+    Within the block, the terminal passes each key to the process immediately and does not show it.
+    Ctrl-C and Ctrl-Z have their usual effect. The modes of the terminal are restored on exit, and
+    while the process is suspended.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""The stop switch of a run: combines signals, the stop key, and requests of the live page."""
+"""Combine signals, the stop key, and requests of the live page into the stop switch of a run."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class StopSwitch(Interruption):
 
     @property
     def hint(self) -> str:
-        """Text on the keys that stop the run, for the progress line."""
+        """Text about the keys that stop the run, for the progress line."""
         return "Enter stops" if self._has_key else "Ctrl-C stops"
 
     @property

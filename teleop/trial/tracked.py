@@ -1,4 +1,4 @@
-"""How well the slave followed the target in a trial of the condition `mimic`."""
+"""Compute how well the slave followed the target in a trial of the condition `mimic`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from teleop.trial.settings_json import from_document
 
 
 def tracking_of(recording: Recording, settings: TrialSettings) -> Tracking | None:
-    """Return gain, phase and error of the slave relative to its target in a recorded trial.
+    """Return gain, phase and error of the slave relative to the target in a recorded trial.
 
     The result is None if the condition is not `mimic`, or if the recording has no target.
     """

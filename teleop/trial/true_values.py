@@ -1,4 +1,4 @@
-"""True stiffness, damping, lag and lost motion of a simulated rig."""
+"""Compute the true stiffness, damping, lag and lost motion of a simulated rig."""
 
 from __future__ import annotations
 

@@ -132,15 +132,21 @@ def test_foaw_refuses_an_impossible_window():
         FirstOrderAdaptiveWindowing(1e-6, 0)
 
 
-@pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("lag", [0.0, 3e-3])
-def test_matched_filtering_gives_the_same_bits_online_in_blocks_and_compiled(
-    model, lag, monkeypatch
-):
+@pytest.mark.parametrize(
+    "make",
+    [
+        functools.partial(FilteredDifference, 20.0),
+        *(
+            functools.partial(MatchedFilter, 20.0, lag, model)
+            for lag in (0.0, 3e-3)
+            for model in MODELS.values()
+        ),
+    ],
+)
+def test_filters_give_the_same_bits_online_in_blocks_and_compiled(make, monkeypatch):
     rng = np.random.default_rng(1)
     dt = rng.uniform(0.5e-3, 2e-3, 4000)
     x, f = (rng.normal(size=4000).cumsum() * 1e-4 for _ in range(2))
-    make = functools.partial(MatchedFilter, 20.0, lag, MODELS[model])
     conditioner = make()
     rows = [conditioner.update(*sample) for sample in zip(x, f, dt, strict=True)]
     online = np.array([(c.x, c.v, c.f, *c.further) for c in rows])

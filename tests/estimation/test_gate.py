@@ -80,15 +80,19 @@ def test_update_and_run_agree_whether_compiled_or_not():
     rng = np.random.default_rng(1)
     given = samples(rng.normal(0.0, 3e-3, 400), rng.normal(0.0, 0.8, 400))
     online, batch = Gate(SETTINGS), Gate(SETTINGS)
-    expected = [
-        online.update(phi, f, dt)
-        for phi, f, dt in zip(given.phi.tolist(), given.f.tolist(), given.dt.tolist(), strict=True)
-    ]
+    expected, contacts = [], []
+    for phi, f, dt in zip(given.phi.tolist(), given.f.tolist(), given.dt.tolist(), strict=True):
+        expected.append(online.update(phi, f, dt))
+        contacts.append(online.contact)
     assert batch.run(given).tolist() == expected
+    assert batch.contacts.tolist() == contacts
+    assert 0 < sum(contacts) < 400
     pytest.importorskip("numba", reason="needs the `fast` extra")
     law, start = batch._law, Gate(SETTINGS)._state
     assert np.array_equal(
-        compiled_sweep(law, deepcopy(start), given), interpreted_sweep(law, deepcopy(start), given)
+        compiled_sweep(law, deepcopy(start), given),
+        interpreted_sweep(law, deepcopy(start), given),
+        equal_nan=True,
     )
 
 

@@ -12,12 +12,12 @@ from scipy.signal import lfilter
 from scipy.signal.windows import dpss
 
 from estimation.batch_models.relaxation import relaxing_part
-from estimation.coherent_band import TAPERS, slepian_tapers
+from estimation.coherent_band import BANDWIDTH, TAPERS, slepian_tapers
 
 
 @pytest.mark.parametrize("n", [16, 1001, 4096])
 def test_the_tapers_are_those_of_scipy_except_for_their_signs(n):
-    expected = dpss(n, 0.5 * (TAPERS + 1), TAPERS)
+    expected = dpss(n, BANDWIDTH, TAPERS)
     found = slepian_tapers(n)
     signs = np.sign(np.sum(found * expected, axis=1, keepdims=True))
     np.testing.assert_array_equal(signs * found, expected)
@@ -26,13 +26,11 @@ def test_the_tapers_are_those_of_scipy_except_for_their_signs(n):
 @pytest.mark.parametrize("tau", [1e-3, 0.1, 20.0])
 def test_the_relaxing_part_is_that_of_a_digital_filter_to_the_bit(tau):
     y = np.cumsum(np.random.default_rng(0).normal(size=1000))
-    starts, period = (0, 300, 301), 2e-3
+    pieces, period = np.split(y, (300, 301)), 2e-3
     decay = math.exp(-period / tau)
     gain = tau / period * (1.0 - decay)
-    expected = [
-        lfilter([gain, -gain], [1.0, -decay], piece - piece[0]) for piece in np.split(y, starts[1:])
-    ]
-    found = relaxing_part(y, starts, period, tau)
+    expected = [lfilter([gain, -gain], [1.0, -decay], piece) for piece in pieces]
+    found = relaxing_part(pieces, period, tau)
     np.testing.assert_array_equal(found, np.concatenate(expected))
 
 

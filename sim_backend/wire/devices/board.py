@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 HELLO, CONFIGURE, ENABLE, COMMAND, DISABLE = 1, 2, 3, 4, 5
 IDENTITY, CONFIGURED, SAMPLE = 0x81, 0x82, 0x83
 LENGTHS = {HELLO: 0, CONFIGURE: 4, ENABLE: 1, COMMAND: 8, DISABLE: 0}
-"""Lengths of the payloads [bytes]."""
+"""Length of the payload [bytes] of each kind of frame that the host sends."""
 IDLE, ENABLED, WATCHDOG, EMERGENCY_STOP, DRIVE_FAULT = range(5)
 LONGEST = 32
 BACKLOG = 5

@@ -21,7 +21,7 @@ FASTEST = 51200 / 64
 BACKLOG = 5
 """Largest number of frames that are sent with a delay; older frames are omitted."""
 RANGES = {"fx": 500.0, "fy": 500.0, "fz": 1200.0, "mx": 15.0, "my": 15.0, "mz": 12.0}
-"""Measuring ranges of a Rokubi sensor [N, N m]. A value outside of its range is limited to it."""
+"""Measuring ranges of a Rokubi sensor [N, N m]. Values outside of the range are limited."""
 OVERRANGE = 2
 """Status of a frame with a value outside of its measuring range."""
 
@@ -29,7 +29,7 @@ OVERRANGE = 2
 class EmulatedBota(EmulatedSerialDevice):
     """A force-torque sensor with the signals `fx`, `fy`, `fz`, `mx`, `my`, `mz` and `temperature`.
 
-    Of the configuration mode, only its start and end are emulated.
+    Only the start and the end of the configuration mode are emulated, not its commands.
     """
 
     def __init__(self, name: str, settings: BotaSettings, mount: Mount) -> None:

@@ -1,4 +1,4 @@
-"""Emulated CANopen node, CiA 301: network management, heartbeat, emergencies, SDO and PDO."""
+"""Emulated CANopen node with network management, heartbeat, EMCY, SDO and PDO of CiA 301."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ BACKLOG = 5
 INVALID = 1 << 31
 MISSED_HEARTBEAT, PDO_TOO_SHORT, MISSED_PDO = 0x8130, 0x8210, 0x8250
 COMMUNICATION_ERROR = 0x11
-"""Error register: generic and communication."""
+"""Value of the error register: the bits of a generic error and of a communication error."""
 
 
 class CanopenNode(EmulatedCanDevice):
-    """A CANopen node with four PDOs in each direction. It sends its PDOs at SYNC.
+    """A CANopen node with four PDOs in each direction. It sends PDOs after a SYNC message.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class CanopenNode(EmulatedCanDevice):
             self.written(index)
 
     def check(self, index: int, sub: int, value: int) -> None:
-        """Raise Abort for changes of PDOs that CiA 301 7.5.2.35 to 38 does not allow."""
+        """Raise Abort if CiA 301 7.5.2.35 to 38 does not allow this change of a PDO."""
         kind = index & 0xFE00
         if kind not in (0x1400, 0x1600, 0x1800, 0x1A00):
             return
@@ -211,7 +211,7 @@ class CanopenNode(EmulatedCanDevice):
             self._errors.clear()
 
     def emergency(self, code: int, register: int) -> None:
-        """Send EMCY if the node is (pre-)operational. Code 0: all errors have ended."""
+        """Send EMCY if the node is (pre-)operational. Code 0 means that all errors have ended."""
         self.objects[0x1001, 0].value = register
         if self.nmt in (PRE_OPERATIONAL, OPERATIONAL):
             self._send(

@@ -58,7 +58,7 @@ class Entry:
         return struct.pack(f"<{self.kind}", self.value)
 
     def unpack(self, data: bytes) -> int:
-        """Return the number that the bytes of a CANopen message represent."""
+        """Return the integer that the bytes of a CANopen message represent."""
         number: int = struct.unpack(f"<{self.kind}", data)[0]
         return number
 
@@ -80,7 +80,7 @@ class SdoServer:
     objects
         The object dictionary.
     write
-        Function (index, sub-index, number) that writes an entry, or raises `Abort`.
+        Function of index, sub-index and value that writes an entry, or raises `Abort`.
     """
 
     def __init__(self, objects: ObjectDictionary, write: Callable[[int, int, int], None]) -> None:

@@ -1,4 +1,4 @@
-"""Emulated CiA 402 drive: state machine, cyclic synchronous velocity, quick stop, faults."""
+"""Emulated CiA 402 drive in the mode cyclic synchronous velocity, with quick stop and faults."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ COUNTS_PER_SECOND, RPM = 0x00B50300, 0x00B44700
 
 
 class State(Enum):
-    """States of the drive. The value of a state is the bits of the state in the statusword."""
+    """States of the drive. The value of a state is its bit pattern in the statusword."""
 
     SWITCH_ON_DISABLED = 0b100_0000
     READY_TO_SWITCH_ON = 0b010_0001
@@ -191,7 +191,7 @@ class EmulatedCia402(CanopenNode):
 
 
 def wrapped(value: float, bits: int) -> int:
-    """Return the nearest integer, with wrap-around to a signed integer of this number of bits."""
+    """Return the nearest integer, wrapped to the range of a signed integer with `bits` bits."""
     half = 1 << bits - 1
     return (round(value) + half) % (2 * half) - half
 

@@ -1,4 +1,4 @@
-"""Emulated device on a CAN bus, whose CAN messages a DBC file describes."""
+"""Emulated CAN device that sends the messages described in a DBC file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 CYCLE = 1e-3
 """Period of a message without `GenMsgCycleTime` in the DBC file [s]."""
 BACKLOG = 5
-"""Largest number of frames of a message that are sent with a delay; older ones are omitted."""
+"""Largest number of frames of a message that are sent with a delay; older frames are omitted."""
 
 Selection = dict[str, int]
 """Value of each multiplexer in a frame, by name."""
@@ -75,7 +75,7 @@ class Sender:
         """Time of the next frame [s]."""
 
     def due(self, now: float, mount: Mount) -> Iterator[can.Message]:
-        """Yield the frames that are due at time `now` [s], at most `BACKLOG`."""
+        """Yield the frames that are due at time `now` [s], but at most `BACKLOG` frames."""
         if math.isnan(self.next):
             self.next = now
         count = max(0, math.ceil((now - self.next) / self._period))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from drivers.devices.ft300 import Ft300Settings
 
 PERIOD = 10e-3
-"""Period of frames [s]."""
+"""Time between two frames [s]."""
 BACKLOG = 5
 """Largest number of frames that are sent with a delay; older frames are omitted."""
 RANGES = {"fx": 300.0, "fy": 300.0, "fz": 300.0, "mx": 30.0, "my": 30.0, "mz": 30.0}
@@ -32,8 +32,8 @@ INTERRUPTION = 10
 class EmulatedFt300(EmulatedSerialDevice):
     """A force-torque sensor with the signals `fx`, `fy`, `fz`, `mx`, `my` and `mz`.
 
-    Of Modbus, only the request that starts the stream is emulated. This request is ignored during a
-    stream.
+    The request that starts the stream is the only Modbus request that is emulated. During a stream,
+    this request is ignored.
     """
 
     def __init__(self, name: str, settings: Ft300Settings, mount: Mount) -> None:
@@ -56,7 +56,7 @@ class EmulatedFt300(EmulatedSerialDevice):
                 self._answers.append(answer + pack("<H", crc(answer)))
 
     def due(self) -> float:
-        """Return the time of the next frame [s]; infinite without stream."""
+        """Return the time of the next frame [s]; infinite while there is no stream."""
         return self._due if self._streaming else math.inf
 
     def emit(self, now: float) -> list[bytes]:

@@ -22,7 +22,7 @@ HEARTBEAT_PERIOD = 10e-3
 BACKLOG = 5
 """Largest number of frames of a kind that are sent with a delay; older frames are omitted."""
 BOOT = 0.3
-"""Time after a reset in which the axis neither sends nor receives frames [s]."""
+"""Time after a reset during which the axis neither sends nor receives frames [s]."""
 
 IDLE, CLOSED_LOOP = 1, 8
 VELOCITY_CONTROL, PASSTHROUGH = 2, 1
@@ -103,7 +103,7 @@ class EmulatedODrive(EmulatedCanDevice):
             self._vel_limit = unpack("<f4x", data)[0]
 
     def _enter(self, state: int, now: float) -> None:
-        """Apply a requested state: idle, or closed-loop control if there is no error."""
+        """Enter the requested state: idle, or closed-loop control if there is no error."""
         if state == IDLE:
             self._state, self._result = IDLE, CANCELLED
         elif state != CLOSED_LOOP:
@@ -136,7 +136,7 @@ class EmulatedODrive(EmulatedCanDevice):
     def emit(self, now: float) -> list[can.Message]:
         """Check the watchdog, move the motor, and return the frames to be sent at `now` [s].
 
-        These are answers and periodic frames.
+        The frames are answers to requests, and periodic frames.
         """
         if now < self._awake:
             self.mount.brake("axis")

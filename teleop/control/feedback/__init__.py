@@ -1,1 +1,1 @@
-"""Force-feedback laws, one file for each law, with energy tank, energy observers and stability."""
+"""Force-feedback laws, one per file, and the energy tank and the energy observers of the laws."""

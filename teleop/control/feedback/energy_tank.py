@@ -1,9 +1,9 @@
-"""Energy tank: limits the energy that changes of the displayed model can add.
+"""Energy tank, which limits the energy that changes of the displayed model can add.
 
-The damping of the admittance fills the tank with the energy that it dissipates. A change of the
-model may add at most the energy in the tank. So the hand can never extract more energy than it has
-put in, plus the energy in the tank at the start (F. Ferraguti, C. Secchi, C. Fantuzzi, "A
-tank-based approach to impedance control with variable stiffness", ICRA 2013).
+The energy that the damping of the admittance dissipates fills the tank. A change of the model may
+add at most the energy in the tank. The hand can therefore never extract more energy than it has put
+in, plus the energy in the tank at the start (F. Ferraguti, C. Secchi, C. Fantuzzi, "A tank-based
+approach to impedance control with variable stiffness", ICRA 2013).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 TANK_START = 5e-3
 """Energy in the tank at the start [J]."""
 TANK_MAX = 50e-3
-"""Greatest energy in the tank [J]; energy above it is not stored."""
+"""Largest energy in the tank [J]. Any further energy is not stored."""
 
 
 class EnergyTank:
@@ -20,7 +20,7 @@ class EnergyTank:
     Parameters
     ----------
     start, capacity
-        Energy in the tank at the start, and greatest energy in the tank [J].
+        Energy in the tank at the start [J], and largest energy in the tank [J].
 
     Raises
     ------
@@ -36,7 +36,7 @@ class EnergyTank:
         """Energy in the tank [J]."""
 
     def fill(self, energy: float) -> None:
-        """Add dissipated energy [J], >= 0. The content is at most the capacity."""
+        """Add dissipated energy [J], >= 0. Energy above the capacity is not stored."""
         self.energy = min(self.energy + energy, self._capacity)
 
     def affordable(self, cost: float) -> float:
@@ -47,7 +47,7 @@ class EnergyTank:
         return 1.0 if cost <= self.energy else self.energy / cost
 
     def pay(self, cost: float) -> None:
-        """Subtract the energy [J] that a change needs. A negative value does not fill the tank.
+        """Subtract the energy [J] that a change needs. A negative `cost` does not fill the tank.
 
         Raises
         ------

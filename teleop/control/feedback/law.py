@@ -1,9 +1,9 @@
-"""The master half and the slave half of a force-feedback law, and the packets between them.
+"""Base classes of the two halves of a force-feedback law, and the packets that they exchange.
 
 The slave half converts measurements to a `Report` for the master, and the `Motion` of the master to
 the velocity of the slave. The master half converts the report and the force of the hand to the
-motion of the virtual mass. The halves share no variable. The classes `Master` and `Slave` of this
-module are the law `none`: the hand feels the virtual mass only.
+motion of the virtual mass. The two halves share no variable. The classes `Master` and `Slave` are
+also the law `none`, with which the hand feels only the virtual mass.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ STIFF_PRIOR = 20e3
 """Stiffness that is assumed for an unknown environment [N/m]. Soft tissue is less stiff."""
 
 PASSIVE = 6e-3
-"""Energy that a passive law may generate [J]: the energy in the tank at the start, plus 1 mJ."""
+"""Tolerated energy of a passive law [J]: the energy in the tank at the start, plus 1 mJ."""
 
 
 class Report(NamedTuple):
@@ -31,7 +31,7 @@ class Report(NamedTuple):
     model: Environment = Environment(STIFF_PRIOR)
     """Estimated environment. Its force is a function of the displacement of the slave."""
     energy: float = 0.0
-    """Energy that the environment has given to the channel so far [J]."""
+    """Energy that the environment has given to the channel since arming [J]."""
 
 
 class Motion(NamedTuple):
@@ -42,16 +42,17 @@ class Motion(NamedTuple):
     velocity: float = 0.0
     """Velocity of the virtual mass [m/s]."""
     energy: float = 0.0
-    """Energy that the hand has given to the channel so far [J]."""
+    """Energy that the hand has given to the channel since arming [J]."""
 
 
 class MasterState(NamedTuple):
-    """Quantities of the master half after a tick that are recorded."""
+    """Recorded quantities of the master half after a tick."""
 
     displayed: float = 0.0
     """Force that the hand feels from the environment [N]; positive if it opposes compression."""
     model: Environment = Environment(math.nan, math.nan, math.nan)
-    """Environment that the hand feels, as a function of the master's displacement; NaN for none."""
+    """Environment that the hand feels, as a function of the master's displacement; NaN for no
+    body."""
     tank: float = math.nan
     """Energy in the energy tank [J]; NaN if the law has no tank."""
 
@@ -70,7 +71,7 @@ class Master:
     """
 
     allowance = PASSIVE
-    """Energy that the displayed environment may give out before the drives are stopped [J]."""
+    """Energy [J] that the displayed environment may generate before the drives are stopped."""
 
     def __init__(self, admittance: Admittance, scale: float = 1.0, gain: float = 1.0) -> None:
         self.admittance = admittance
@@ -80,14 +81,14 @@ class Master:
         self.started = 0.0
         """Displayed force at the start of the last tick [N]."""
         self.reserve = 0.0
-        """Stored energy that the law may still give to the hand, such as that of the tank [J]."""
+        """Stored energy that the law may give to the hand, such as the energy in the tank [J]."""
 
     def align(self) -> None:
         """Return to the initial state; called each time the drives are armed."""
         self.state = MasterState()
 
     def step(self, force: float, report: Report, dt: float) -> Motion:
-        """Advance the virtual mass by dt [s] under the force of the hand [N]."""
+        """Advance the virtual mass by dt [s] under `force` [N] of the hand; return its motion."""
         displayed = self.started = self.display(report, dt)
         self.admittance.step(force - displayed, dt)
         self.state = MasterState(displayed)
@@ -104,9 +105,9 @@ class Slave:
     Parameters
     ----------
     coupling
-        Maps the motion of the master to that of the slave.
+        Maps the motion of the master to the motion of the slave.
     stiffness
-        Expected slope of the contact force [N/m], by which the supervisor limits the speed of the
+        Expected slope of the contact force [N/m]. The supervisor uses it to limit the speed of the
         slave.
     """
 

@@ -1,4 +1,4 @@
-"""Estimate of the environment at the slave, for model-mediated feedback.
+"""Estimate the environment at the slave, for model-mediated feedback.
 
 The estimator is recursive least squares with the stiffening model f = b v + k x + k3 x^3. An
 estimate is accepted if its misfit is small, and if it predicts the force at the deepest recent
@@ -24,7 +24,7 @@ WIDEST = 0.1
 """Largest half width of the 95 % interval of the predicted force for which an estimate is accepted,
 as a fraction of this force."""
 WORST_MISFIT = 0.25
-"""Greatest misfit for which an estimate is accepted."""
+"""Largest misfit for which an estimate is accepted."""
 LEAST_FORCE = 0.2
 """Force [N] above which a sample is used. Samples of the slave without contact are not used."""
 LEAST_SPEED = 3e-4
@@ -32,25 +32,25 @@ LEAST_SPEED = 3e-4
 MEMORY = 1.0
 """Time constant of the forgetting factor of the estimator [s]."""
 REACH = 2.0
-"""Time constant with which the deepest recent position is forgotten [s]."""
+"""Time constant with which the deepest recent position decreases to zero [s]."""
 VARIANCE = (1e4, 1e9, 1e21)
 """Initial variances of b [N^2 s^2/m^2], k [N^2/m^2] and k3 [N^2/m^6]."""
 ROUNDING = 1e-6
 """Tolerance for rounding errors of times [s]."""
 PERIOD = 5e-3
-"""Time between two samples of the estimator [s]. A shorter time is not needed for signals that are
-filtered at 20 Hz, and an update at each tick would take a quarter of the computing time of a
-tick."""
+"""Time over which position and force are averaged to one sample of filter and estimator [s]. The
+same average of both causes no bias. A shorter time is not needed for signals that are filtered at
+20 Hz, and an update at each tick would take a quarter of the computing time of a tick."""
 
 CONFIRMED = 1.0
 """Contact force [N] above which a measured force can confirm the model."""
 DOUBT = 0.25
-"""The model is not confirmed if the force exceeds the predicted force by more than this
-fraction."""
+"""The model is not confirmed if the measured force exceeds the predicted force by more than this
+fraction of the predicted force."""
 
 
 class LocalModel:
-    """The estimated environment at the slave.
+    """Estimator of the environment at the slave.
 
     Parameters
     ----------
@@ -80,17 +80,21 @@ class LocalModel:
         self._conditioner.reset()
         self._misfit.reset()
         self._reach = 0.0
-        self._span = 0.0
+        self._position = self._force = self._span = 0.0
         self.model = self._prior
         """The latest accepted estimate; the stiff prior if there is none."""
 
     def update(self, pair: Pair) -> None:
         """Update the estimate with a pair of position and force."""
-        x, v, f, further = self._conditioner.update(*pair)
-        self._span += pair.dt
+        position, force, dt = pair
+        self._position += position * dt
+        self._force += force * dt
+        self._span += dt
         if self._span < PERIOD - ROUNDING:
             return
-        dt, self._span = self._span, 0.0
+        dt = self._span
+        x, v, f, further = self._conditioner.update(self._position / dt, self._force / dt, dt)
+        self._position = self._force = self._span = 0.0
         self._reach = max(abs(x), self._reach * (1.0 - dt / REACH))
         if abs(f) < LEAST_FORCE or abs(v) < LEAST_SPEED:
             return
@@ -99,11 +103,14 @@ class LocalModel:
         self.model = self._accepted(estimate, misfit)
 
     def _accepted(self, estimate: Estimate, misfit: float) -> Environment:
-        """Return the new estimate if it is accepted, else the last accepted one or the prior.
+        """Return the new estimate if it is accepted.
 
-        An accepted estimate has no negative parameter. A k or k3 that is negative is replaced by 0.
-        The other of the two is then replaced by the value that gives the same force at the deepest
-        recent position. A negative b is replaced by 0.
+        If the misfit is too large, return the stiff prior. If the 95 % interval is too wide, return
+        the present model.
+
+        In an accepted estimate, negative parameters are replaced by 0. If k is negative, k3 is
+        changed so that the force at the deepest recent position stays the same. If k3 is negative,
+        k is changed in the same way.
         """
         x, k, k3 = self._reach, estimate.k, estimate.further[0]
         if misfit > WORST_MISFIT:
@@ -118,7 +125,7 @@ class LocalModel:
         return Environment(k, k3, max(estimate.b, 0.0), self._prior.glued)
 
     def _half_interval(self, x: float) -> float:
-        """Return half the width of the 95 % interval of the predicted force [N] at x [m]."""
+        """Return half of the width [N] of the 95 % interval of the predicted force at x [m]."""
         state, cube = self._estimator.state, x * x * x
         of_k, of_k3 = state.C[1], state.C[2]
         variance = (of_k[1] * x + 2.0 * of_k[2] * cube) * x + of_k3[2] * cube * cube
@@ -133,7 +140,7 @@ class ModelMediatedSlave(Slave):
     coupling
         Converts the motion of the master to the desired velocity of the slave.
     model
-        The estimate of the environment.
+        The estimator of the environment.
     """
 
     def __init__(self, coupling: Coupling, model: LocalModel) -> None:
@@ -147,11 +154,10 @@ class ModelMediatedSlave(Slave):
         self._confirmed = False
 
     def observe(self, pair: Pair) -> None:
-        """Update the estimate, and compare the measured with the predicted contact force."""
+        """Update the estimate, and compare the measured contact force with the predicted force."""
         self._local.update(pair)
         predicted = self._local.model.force(pair.position, 0.0)
-        excess = abs(pair.force) - max(abs(predicted) * (1.0 + DOUBT), CONFIRMED)
-        self._confirmed = abs(pair.force) > CONFIRMED and excess <= 0.0
+        self._confirmed = CONFIRMED < abs(pair.force) <= abs(predicted) * (1.0 + DOUBT)
 
     def report(self, measurement: Measurement, dt: float) -> Report:
         """Return the packet for the master: contact force and model."""
@@ -160,9 +166,9 @@ class ModelMediatedSlave(Slave):
     def stiffness(self, position: float) -> float:
         """Return the expected slope of the contact force [N/m] at a position of the slave [m].
 
-        The slope is at least that of the stiff prior at the beginning of a contact, and while the
-        measured force is larger than the predicted force. The specimen may then be stiffer than the
-        model.
+        The slope is at least that of the stiff prior in two cases: at the beginning of a contact,
+        and while the measured force is larger than the predicted force. In both cases, the specimen
+        may be stiffer than the model.
         """
         tangent = self._local.model.tangent(position)
         return tangent if self._confirmed else max(tangent, STIFF_PRIOR)

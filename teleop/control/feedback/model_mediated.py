@@ -1,14 +1,15 @@
 """Model-mediated feedback: the hand feels a local model of the environment, without delay.
 
-At the master, m v' + (d + b) v + k x + k3 x^3 = f_h, where f_h is the force of the hand. The slave
-estimates k, k3 and b (`local_model`) and sends only these parameters through the channel, so that a
-delay cannot cause an oscillation. A passive model remains passive while it changes if the energy
-that each change adds,
+The dynamics at the master are m v' + (d + b) v + k x + k3 x^3 = f_h. f_h is the force of the hand,
+and x is the position of the master. The slave estimates k, k3 and b (see `local_model`) and sends
+only these parameters through the channel, so that a delay cannot cause an oscillation. A change of
+the parameters by dk and dk3 adds the energy
 
-    dU = 1/2 dk x^2 + 1/4 dk3 x^4,
+    dU = 1/2 dk x^2 + 1/4 dk3 x^4
 
-is taken from an energy tank, which the damping d of the admittance fills. A softer model needs no
-energy but a stiffer model does, so the model begins with a stiff prior. At each tick, the
+A passive model remains passive while it changes if this energy is taken from an energy tank. The
+damping d of the admittance fills the tank. A change to a stiffer model needs energy, and a change
+to a softer model does not. The model therefore begins with a stiff prior. At each tick, the
 parameters move by a fraction of the difference between estimated and present parameters. Both dU
 and the change of the force, dk x + dk3 x^3, are proportional to this fraction.
 
@@ -24,7 +25,7 @@ from teleop.control.feedback.energy_tank import EnergyTank
 from teleop.control.feedback.law import STIFF_PRIOR, Master, MasterState, Motion, Report
 
 FORCE_RATE = 50.0
-"""Greatest rate at which changes of the model may change the displayed force [N/s]."""
+"""Largest rate at which changes of the model may change the displayed force [N/s]."""
 
 
 class ModelMediatedMaster(Master):
@@ -57,8 +58,8 @@ class ModelMediatedMaster(Master):
         """Move the model towards the estimate, and advance the virtual mass against the model."""
         admittance = self.admittance
         before = admittance.velocity
-        # the mean square of a velocity that changes linearly is at least its mean squared; the
-        # motion of the last tick is known only now, because a limit may have reduced it
+        # If a velocity changes linearly, its mean square is at least the square of its mean. The
+        # motion of the last tick is known only now, because a limit may have reduced the velocity.
         mean = 0.5 * (self._before + before)
         self._tank.fill(admittance.parameters.damping * mean * mean * self._dt)
         self._before, self._dt = before, dt

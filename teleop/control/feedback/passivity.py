@@ -1,25 +1,30 @@
 """Position-force feedback with a time-domain passivity observer and controller.
 
-The power at each port of the channel, integrated by its sign, gives the energy that has entered the
-channel and the energy that has left it. Each side sends the energy that has entered at its port.
-The energy that has left at a port must not exceed the received value of the energy that has entered
-at the other port:
+The channel has a port at the master and a port at the slave. At each port, power into the channel
+and power out of the channel are integrated separately. The two integrals are E_in, the energy that
+has entered the channel at this port, and E_out, the energy that has left it. Each side sends its
+E_in to the other side. With the delay T of the channel, the conditions are
 
-    E_out at the master(t) <= E_in at the slave(t - T),    E_out at the slave <= E_in at the master
+    E_out at the master (t) <= E_in at the slave (t - T)
+    E_out at the slave (t) <= E_in at the master (t - T)
 
-If this condition is violated, the passivity controller dissipates the difference: at the master by
-a damping force proportional to the velocity, at the slave by a velocity proportional to the contact
-force.
+In these conditions, the energies at the slave are multiplied by the force gain divided by the
+motion scale. If a condition is violated, the passivity controller dissipates the difference. At the
+master, it adds a damping force proportional to the velocity. At the slave, it adds a velocity
+proportional to the contact force.
 
-The energies are those of the outer ports, at the hand and at the environment: they contain what the
-controllers dissipate. Ryu et al. observe the port of the network and add the energy of the
-controller separately. Both are valid.
+The ports are those at the hand and at the environment, so that E_in and E_out contain the energy
+that the passivity controllers dissipate. Ryu et al. observe the ports of the network, and add the
+energy of the controllers separately. Both methods are valid.
 
 The damping at the master is limited to `MOST_DAMPING`. At a speed below |f| / MOST_DAMPING, which
-is 5 mm/s with a force f of 10 N, it cannot dissipate the power |f v| that leaves the port. The law
-then exceeds its balance by some 10 mJ. A limit of 1e5 N s/m makes this smaller, but not all trials
-with it were stable. The felt stiffness is too low mainly because the slave yields, so that the
-positions of master and slave drift apart, as is known of this method.
+is 5 mm/s for a force f of 10 N, the damping cannot dissipate the power |f v| that leaves the port.
+E_out is then too large, by up to about 30 mJ in simulated trials. With a limit of 1e5 N s/m this
+excess is smaller, but some trials were unstable.
+
+The hand feels a stiffness that is too low. The main cause is that the passivity controller reduces
+the velocity of the slave, so that the positions of master and slave drift apart. This is a known
+property of the method.
 
 Source: J.-H. Ryu, J. Artigas, C. Preusche, "A passive bilateral control scheme for a teleoperator
 with time-varying communication delay", Mechatronics 20(7), 2010.
@@ -43,12 +48,12 @@ from teleop.control.feedback.law import (
 )
 
 MOST_DAMPING = 2000.0
-"""Greatest damping of the passivity controller at the master [N s/m]. This damping is part of the
+"""Largest damping of the passivity controller at the master [N s/m]. This damping is part of the
 admittance. The discretisation of the admittance is exact, so that large damping does not make the
 loop unstable."""
 MOST_ADMITTANCE = 5e-3
-"""Greatest ratio of velocity to force of the passivity controller at the slave [m/(s N)]. This is
-enough to stop the slave in every case."""
+"""Largest ratio of velocity to force of the passivity controller at the slave [m/(s N)]. The
+controller may always use the velocity that stops the slave, even if this ratio is then larger."""
 LEAST_SPEED = 1e-5
 """Speed below which the passivity controller at the master does not act [m/s]."""
 LEAST_FORCE = 0.05
@@ -56,10 +61,11 @@ LEAST_FORCE = 0.05
 
 
 class PassivityMaster(Master):
-    """Master half: observes the energy at the hand's port, and adds damping if it is too large."""
+    """Master half: adds damping if too much energy leaves the channel at the hand's port."""
 
     allowance = TANK_MAX
-    """The damping at the master is limited, so the law may generate some energy [J]."""
+    """Energy [J] that the displayed environment may generate before the drives are stopped. It is
+    larger than for a passive law, because the damping at the master is limited."""
 
     def __init__(self, admittance: Admittance, scale: float = 1.0, gain: float = 1.0) -> None:
         super().__init__(admittance, scale, gain)
@@ -71,7 +77,7 @@ class PassivityMaster(Master):
         self._in = self._out = 0.0
 
     def step(self, force: float, report: Report, dt: float) -> Motion:
-        """Advance the virtual mass under the forces of hand and environment, with damping."""
+        """Advance the virtual mass by dt [s], with the damping of the passivity controller."""
         admittance = self.admittance
         displayed, v, d = self.gain * report.force, admittance.velocity, 0.0
         excess = self._out - min(displayed * v, 0.0) * dt - self.gain / self.scale * report.energy
@@ -91,12 +97,12 @@ class PassivityMaster(Master):
 
 
 class PassivitySlave(Slave):
-    """Slave half: observes the energy at the environment's port, and reduces the velocity.
+    """Slave half: reduces the velocity if too much energy leaves at the environment's port.
 
     Parameters
     ----------
     coupling
-        Maps the motion of the master to that of the slave.
+        Maps the motion of the master to the motion of the slave.
     stiffness
         Expected slope of the contact force [N/m].
     gain
@@ -115,7 +121,7 @@ class PassivitySlave(Slave):
         self._in = self._out = self._velocity = 0.0
 
     def report(self, measurement: Measurement, dt: float) -> Report:
-        """Return the contact force, and the energy that the environment has given so far."""
+        """Return the packet: contact force, and energy from the environment since arming."""
         work = measurement.contact_force * self._velocity * dt
         if work > 0.0:
             self._out += work
@@ -124,7 +130,7 @@ class PassivitySlave(Slave):
         return Report(measurement.contact_force, energy=self._in)
 
     def velocity(self, motion: Motion, measurement: Measurement, dt: float) -> float:
-        """Return the desired velocity [m/s], reduced so that no energy is generated."""
+        """Return the desired velocity [m/s], reduced so that the channel generates no energy."""
         wanted, f = super().velocity(motion, measurement, dt), measurement.contact_force
         excess = self._out + max(f * wanted, 0.0) * dt - self._share * motion.energy
         if excess > 0.0 and abs(f) > LEAST_FORCE:

@@ -1,28 +1,29 @@
-"""Energy given out by the displayed environment, observed while a trial runs.
+"""Observe during a trial whether the displayed environment generates energy.
 
 The hand gives energy to the displayed dynamics: to the environment, to the damping d and to the
 virtual mass m. With the displayed force f_d and the velocity v, the sum of these energies is
 
-    E = integral of (f_d + d v) v dt + 1/2 m v^2,
+    E = integral of (f_d + d v) v dt + 1/2 m v^2
 
-which is the integral of f_h v dt, where f_h is the force of the hand, while no limit acts. When a
-limit of the master acts, E differs from this integral by the work of the limit. An oscillation that
-reaches the limits is therefore observed too. If the displayed dynamics are passive, E never
-decreases by more than the energy that they can store. An observer that only sums the power detects
-an oscillation late, because E is already large after some seconds of damped motion. So E is limited
-here to an upper bound of the stored energy,
+While no limit acts, E is the integral of f_h v dt, where f_h is the force of the hand. While a
+limit of the master acts, E differs from this integral by the work of the limit. The observer
+therefore also detects an oscillation that reaches the limits. If the displayed dynamics are
+passive, E never decreases by more than the energy that they can store. After some seconds of damped
+motion, E is large, and an observer that only integrates the power would detect an oscillation late.
+Here E is therefore limited to an upper bound of the stored energy:
 
-    E <- min(E + dE, 1/2 m max v^2 + max |f_d| max |x| + tank).
+    E <- min(E + dE, 1/2 m max v^2 + max |f_d| max |x| + tank)
 
-The bound includes the energy in the tank of the law (`energy_tank`), because a change of the model
-may give this energy to the hand.
+The bound includes the energy in the tank of the law (see `energy_tank`), because a change of the
+model may give this energy to the hand.
 
 For passive dynamics, the limited E is never negative: by induction it is at least the stored
-energy. A negative E means that energy was generated.
+energy. A negative E means that the displayed dynamics have generated energy.
 
-E contains the motion of the virtual mass and the displayed force only. It shows activity of the
-displayed environment, for example of a delayed force. It does not show activity between the virtual
-mass and the hand, for example of the servo of the handle or of its force sensor.
+E is computed only from the motion of the virtual mass and the displayed force. The observer
+therefore detects energy from the displayed environment, for example from a delayed force. It does
+not detect energy that is generated between the virtual mass and the hand, for example by the servo
+of the handle or by the force sensor of the handle.
 
 Source of the observer: J.-H. Ryu, D.-S. Kwon, B. Hannaford, "Stable teleoperation with time-domain
 passivity control", IEEE Trans. Robotics and Automation 20(2), 2004.
@@ -49,12 +50,12 @@ class PortEnergy:
     def reset(self) -> None:
         """Set the energy to zero, and start from the present state of the virtual mass."""
         self.energy = 0.0
-        """Energy that the hand has given, limited to the energy that can be stored [J]."""
+        """Energy from the hand, limited to the upper bound of the stored energy [J]."""
         self._position, self._velocity = self._admittance.position, self._admittance.velocity
         self._displayed = self._force = self._reach = self._square = 0.0
 
     def update(self, start: float, end: float, dt: float, tank: float = 0.0) -> float:
-        """Return the energy [J] after the motion since the last update.
+        """Add the energy of the motion since the last update; return the total energy [J].
 
         Parameters
         ----------

@@ -1,8 +1,9 @@
 """Position-force feedback: the delayed contact force is subtracted from the force of the hand.
 
 The law is m v' + d v = f_h - alpha f_e(t - T), with the force of the hand f_h, the contact force
-f_e and the delay T. It is transparent in steady contact, but the delay of the force acts as a
-negative damping of about -alpha k T, where k is the stiffness of the environment (`stability`).
+f_e and the delay T. In steady contact, the hand feels the correct force. During motion, the delay
+of the force acts as a damping of about -alpha k T, which is negative. k is the stiffness of the
+environment. See `stability`.
 """
 
 from __future__ import annotations
@@ -15,9 +16,9 @@ class PositionForceMaster(Master):
     """Master half of position-force feedback."""
 
     allowance = TANK_MAX
-    """Energy that the handle may give to the hand before the drives are stopped [J]. It is not
-    zero, because the law is not passive."""
+    """Energy [J] that the displayed environment may generate before the drives are stopped. It is
+    larger than for a passive law, because this law is not passive."""
 
     def display(self, report: Report, dt: float) -> float:
-        """Return alpha f_e, with the newest contact force that has arrived [N]."""
+        """Return alpha f_e [N], where f_e is the newest contact force that has arrived."""
         return self.gain * report.force

@@ -1,4 +1,4 @@
-"""Settings of the force feedback, and the two halves of each law."""
+"""Settings of the force feedback, which also create the law's objects at master and slave."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ class FeedbackSettings:
     """
 
     law: FeedbackName = "none"
-    """Law: none, position-force, model-mediated or passivity."""
+    """Name of the law: none, position-force, model-mediated or passivity."""
     gain: float = 1.0
     """Ratio of the displayed force to the contact force, > 0."""
     glued: bool | None = None
-    """Whether the specimen is glued to the slave's plate, so that it also pulls. Default: as for
-    the body of the simulated rig; glued on a hardware rig."""
+    """Whether the specimen is glued to the slave's plate, so that it also pulls. By default, this
+    is the setting of the simulated body. On a hardware rig, the default is glued."""
 
     stiffness: float | None = None
-    """Largest expected stiffness of the specimen [N/m], for the estimate of the stability of
-    position-force, and for the approach speed of the slave with a law that has no model. Default:
-    that of the simulated rig; unknown on a hardware rig."""
+    """Largest expected stiffness of the specimen [N/m]. It is used to check the stability of the
+    law position-force, and to limit the approach speed of the slave if the law has no model. By
+    default, it is the stiffness of the simulated body. On a hardware rig, it is unknown."""
 
     def __post_init__(self) -> None:
         if self.stiffness is not None and not 0.0 < self.stiffness < math.inf:
@@ -75,7 +75,7 @@ class FeedbackSettings:
         glued: bool,
         stiffness: float = STIFF_PRIOR,
     ) -> tuple[Master, Slave]:
-        """Return the master half and the slave half of the law.
+        """Return the two objects of the law: the half at the master and the half at the slave.
 
         Parameters
         ----------

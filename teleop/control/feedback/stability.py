@@ -1,46 +1,48 @@
 """Stability of position-force feedback with a delay.
 
-The hand holds the virtual mass with an arm of damping b_a. k_a is the stiffness of the arm and of
-the centring spring of the virtual mass. The environment k x + b v is felt after the delay tau,
-which is the round trip of the channel plus the lag of force channel and loop, and is multiplied by
-the gain alpha:
+The hand holds the virtual mass m, which has the damping d. b_a is the damping of the arm, and k_a
+the stiffness of the arm plus the stiffness of the centring spring. The environment has the force
+k x + b v. The hand feels this force multiplied by the gain alpha, after the delay tau. tau is the
+round trip of the channel plus the lag of force channel and loop. The characteristic equation is
 
     m s^2 + (d + b_a) s + k_a + alpha (k + b s) exp(-s tau) = 0                               (1)
 
-For small s tau, exp(-s tau) is about 1 - s tau, and the damping in (1) is d + b_a + alpha b - alpha
-k tau. The delay acts as a negative damping. The lag of a force channel changes the estimate of b in
-the same way. So a condition for a positive damping is
+For small s tau, exp(-s tau) is about 1 - s tau. The damping in (1) is then
+d + b_a + alpha b - alpha k tau: the delay acts as a negative damping. The lag of a force channel
+changes the estimate of b in the same way. The condition for a positive damping is
 
     d + b_a + alpha b > alpha k tau.                                                           (2)
 
-With b = 0 it is sufficient for the stability of (1): at a crossing s = j w, the imaginary part of
-(1) is (d + b_a) w = alpha k sin(w tau) <= alpha k w tau.
+For b = 0, condition (2) is sufficient for the stability of (1). If (1) had a solution s = j w on
+the imaginary axis, the imaginary part of (1) would give
+(d + b_a) w = alpha k sin(w tau) <= alpha k w tau, which contradicts (2).
 
-The arm acts through the servo of the handle, its force channel and the loop, with a lag tau_h. To
-first order in s tau_h, this subtracts k_arm tau_h from the damping of the arm, where k_arm is the
-stiffness of the arm without the spring: b_a in (1) to (3) is the damping of the arm minus k_arm
-tau_h. The spring is a part of the admittance, which has no lag.
+The arm acts through the servo of the handle, the force channel of the handle and the loop, with a
+lag tau_h. k_arm is the stiffness of the arm without the spring. To first order in s tau_h, the lag
+subtracts k_arm tau_h from the damping of the arm. In (1) to (3), b_a is therefore the damping of
+the arm minus k_arm tau_h. The spring is a part of the admittance, which has no lag.
 
-(2) needs an arm that is known. The virtual mass is stable with any passive hand if its damping and
-the delayed environment are passive together,
+Condition (2) is useful only if the arm is known. With b = 0, the virtual mass is stable with any
+passive hand if its damping and the delayed environment together are passive:
 
-    Re{d + alpha k exp(-j w tau) / (j w)} = d - alpha k sin(w tau) / w >= 0    for all w,
+    Re{d + alpha k exp(-j w tau) / (j w)} = d - alpha k sin(w tau) / w >= 0    for all w
 
-which is d >= alpha k tau: condition (2) without b_a, `arm_stiffness` and `arm_damping` of 0.
+This is equivalent to d >= alpha k tau, which is the limit of condition (2) for `arm_stiffness` = 0
+and `arm_damping` = 0.
 
-The exact largest delay follows from the crossings of the imaginary axis, s = j w. The equation
+The exact largest delay follows from the solutions s = j w on the imaginary axis. The equation
 
     (k_a - m w^2)^2 + (d + b_a)^2 w^2 = alpha^2 (k^2 + b^2 w^2)                                (3)
 
-is quadratic in w^2, and the phase of (1) at each solution gives tau. Without delay, all
-coefficients of (1) are positive and (1) is stable. With increasing delay, (1) becomes unstable at
-the smallest tau of all crossings. If there is no crossing, for example if k_a > alpha k and the
-damping is large, (1) is stable with any delay.
+is quadratic in w^2, and the phase of (1) at each solution gives tau. Without delay, (1) is stable
+if d + b_a + alpha b > 0. With increasing delay, (1) becomes unstable at the smallest tau of all
+solutions. If there is no solution, for example if k_a > alpha k and the damping is large, (1) is
+stable with any delay.
 
 Sources: W. S. Kim, B. Hannaford, A. K. Bejczy, "Force-reflection and shared compliant control in
 operating telemanipulators with time delay", IEEE Trans. Robotics and Automation 8(2), 1992;
 J. E. Marshall, H. Gorecki, A. Korytowski, K. Walton, "Time-Delay Systems: Stability and Performance
-Criteria with Applications", 1992, for the crossings.
+Criteria with Applications", 1992, for the solutions on the imaginary axis.
 """
 
 from __future__ import annotations
@@ -74,22 +76,23 @@ class DelayedLoop:
 
     @property
     def resistance(self) -> float:
-        """Damping of virtual mass and arm, without that which the lag of the arm takes [N s/m]."""
+        """Damping of virtual mass and arm, minus the damping that the arm's lag removes [N s/m]."""
         return self.damping + self.arm_damping - self.arm_stiffness * self.arm_lag
 
     @property
     def safe_delay(self) -> float:
-        """Largest delay of condition (2) [s]; 0 if it is not satisfied with any delay.
+        """Largest delay that satisfies condition (2) [s]; 0 if no delay satisfies it.
 
-        With b = 0 it is never above `largest_delay`.
+        If b = 0, the result is never larger than `largest_delay`.
         """
         return max(self.resistance + self.gain * self.b, 0.0) / (self.gain * self.k)
 
     @property
     def largest_delay(self) -> float:
-        """Largest delay up to which (1) is stable for every smaller delay [s].
+        """Delay below which equation (1) is stable [s].
 
-        It is infinite if (1) is stable with any delay, and 0 if it is unstable without delay.
+        The result is infinite if (1) is stable with any delay, and 0 if (1) is unstable without
+        delay.
         """
         resistance, k, b = self.resistance, self.gain * self.k, self.gain * self.b
         if resistance + b <= 0.0:

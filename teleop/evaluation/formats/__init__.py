@@ -1,1 +1,1 @@
-"""Readers of measurement files, one file for each format."""
+"""Read measurement files, with one module for each format."""

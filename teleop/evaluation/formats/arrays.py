@@ -1,4 +1,4 @@
-"""Construction of tables from named arrays, the content of all binary formats."""
+"""Build tables from named arrays, which are the content of all binary formats."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WIDEST = 1000
 
 
 def vectors(name: str, value: Any, by_rows: bool = False) -> dict[str, Floats]:
-    """Return the columns of an array: itself, or the columns of a matrix, numbered from 1.
+    """Return the columns of an array by name: the array itself, or each column of a matrix.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def tables_by_group(
 
 
 def texts(values: Mapping[str, Any], names: Sequence[str]) -> dict[str, str]:
-    """Return those values with the given names that are text."""
+    """Return the values that are text and have one of the given names."""
     found = {}
     for name in names:
         value = values.get(name)

@@ -1,4 +1,4 @@
-"""Reader of ROS bags: a file of ROS 1, or a folder of ROS 2."""
+"""Read ROS bags: a file of ROS 1, or a folder of ROS 2."""
 
 from __future__ import annotations
 

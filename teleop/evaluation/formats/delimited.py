@@ -1,4 +1,4 @@
-"""Reader of text tables: CSV, TSV and the text exports of testing machines."""
+"""Read text tables: CSV, TSV and the text exports of testing machines."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ HEAD = 1 << 16
 PART = 1 << 20
 """Number of characters that are read in one call."""
 PREAMBLE = 1000
-"""Largest number of lines above a header in which the description of a force filter is searched."""
+"""Largest number of lines above a header that are searched for a description of a force filter."""
 FEWEST = 3
 """Smallest number of samples in a table whose columns have no usual names."""
 
@@ -139,7 +139,7 @@ def tables_in(path: Path, lines: Iterable[Part], pick: Pick) -> list[Table]:
 
 
 def title_of(lines: Sequence[str]) -> str:
-    """Return the last tag such as <Data> in the lines above a table; if none, the last line."""
+    """Return the last tag, such as <Data>, above a table; without any tag, the last line above."""
     lines = [line.strip(' \t,;"') for line in lines]
     tags = [line for line in lines if re.fullmatch(r"<(?!/|end|data|info)[^<>]+>", line, re.I)]
     return (tags or lines or [""])[-1]
@@ -244,7 +244,7 @@ class Scan:
             self._stated.append(line)
 
     def _start(self, number: int, cells: list[str]) -> Rows | None:
-        """Begin a table whose first samples are in this row; return None if it has no header."""
+        """Begin a table whose first samples are in this row; return None if there is no header."""
         above = self._above[-2:]
         width = len(cells)
         rows = [self._header_cells(n, line, width) for n, line in above]

@@ -1,4 +1,4 @@
-"""Dialect of a text table: delimiter, decimal mark and separator of thousands."""
+"""Determine the dialect of a text table: delimiter, decimal mark and separator of thousands."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def dialect_of(lines: Sequence[str]) -> Dialect:
 
 
 def marks(numbers: Sequence[str], delimiter: str | None) -> tuple[str, str | None]:
-    """Return decimal mark and separator of thousands (or None) that some numbers have."""
+    """Return the decimal mark of some numbers, and their separator of thousands or None."""
     both = [cell for cell in numbers if "," in cell and "." in cell]
     if both:
         return (".", ",") if both[0].rfind(".") > both[0].rfind(",") else (",", ".")

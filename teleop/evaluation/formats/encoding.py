@@ -1,4 +1,4 @@
-"""Detection of the encoding of a text file from its first bytes."""
+"""Detect the encoding of a text file from its first bytes."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ BOMS = (
 def encoding_of(head: bytes, names: Sequence[str] = ()) -> str | None:
     """Return the encoding of a text file; None if it is not text.
 
-    If the file has no byte order mark, the encoding is chosen with which the largest number of
-    cells are names or units of measured quantities.
+    If the file has no byte order mark, several encodings are tried. The chosen encoding gives the
+    largest number of cells that are names or units of measured quantities.
 
     Parameters
     ----------
@@ -70,5 +70,5 @@ def decodes(head: bytes, code_page: str) -> bool:
 
 
 def plainly_chinese(head: bytes) -> bool:
-    """Return whether all non-ASCII text is common Chinese characters, none next to a letter."""
+    """Return whether all non-ASCII text is common Chinese characters that follow no letter."""
     return decodes(head, "gb2312") and not re.search(rb"[A-Za-z][\x80-\xff]", head)

@@ -1,4 +1,4 @@
-"""Reader of Excel workbooks and other spreadsheets."""
+"""Read Excel workbooks and other spreadsheets."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
 
 
 def table_in(where: str, name: str, rows: Sequence[Sequence[Any]], pick: Pick) -> Table | None:
-    """Return the first table of a sheet with the wanted columns; if none, the longest table."""
+    """Return the first table in a sheet that has the wanted columns, or else the longest table."""
     cells = [[text_of(value) for value in row] for row in rows]
     best: Table | None = None
     start = 0

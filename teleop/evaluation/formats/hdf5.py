@@ -1,4 +1,4 @@
-"""Reader of HDF5 files, and of MATLAB files of version 7.3, which are HDF5."""
+"""Read HDF5 files, and MATLAB files of version 7.3, which are also HDF5 files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Search for the header above the samples of a table, with or without a row of units."""
+"""Find the header above the samples of a table, with or without a row of units."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def is_number(cell: str) -> bool:
 
 
 def is_samples(cells: Sequence[str]) -> bool:
-    """Return whether at least two cells, and half of the non-empty cells, are numbers."""
+    """Return whether at least two cells, and at least half of the filled cells, are numbers."""
     numbers = sum(map(is_number, cells))
     return numbers >= 2 and 2 * numbers >= sum(map(bool, cells))
 

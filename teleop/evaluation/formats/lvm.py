@@ -1,4 +1,4 @@
-"""Reader of LabVIEW measurement files (.lvm), which are text."""
+"""Read LabVIEW measurement files (.lvm), which are text files."""
 
 from __future__ import annotations
 

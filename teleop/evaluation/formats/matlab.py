@@ -1,4 +1,4 @@
-"""Reader of MATLAB files: versions 5 to 7 with scipy, and version 7.3 as HDF5."""
+"""Read MATLAB files: versions 5 to 7 with scipy, and version 7.3 as HDF5."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reader of MCAP files that teleop did not record, with messages of ROS 2 or in JSON."""
+"""Read MCAP files that teleop did not record, with messages of ROS 2 or in JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables from the messages of ROS bags and MCAP files: each number in a message is a column."""
+"""Build tables from messages of ROS bags and MCAP files: each number in a message is a column."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def tables_of(
     topics
         Topics whose messages can be decoded.
     messages
-        Function that yields the messages of the topics that it is given.
+        Function that takes the names of topics, and yields the messages of these topics.
     pick
         Function that chooses the columns to load.
     wanted
@@ -123,7 +123,7 @@ def first_messages(
 
 
 def fields_of(value: Any, place: FieldPath) -> Iterator[FieldPath]:
-    """Yield the path (place) of each number in a message."""
+    """Yield the path of each number in a message, as the names and indices that lead to it."""
     if isinstance(value, (bool, int, float, np.number)):
         yield place
     elif isinstance(value, dict):
@@ -147,7 +147,7 @@ def names_of(value: Any) -> Sequence[str]:
 
 
 def seconds_of(value: Any) -> int | None:
-    """Convert a stamp of a ROS header to [ns]; None if the value is not a stamp."""
+    """Convert a time stamp of a ROS header to [ns]; None if the value is not a time stamp."""
     parts = []
     for names in (SECONDS, NANOSECONDS):
         part = next((getattr(value, name) for name in names if hasattr(value, name)), None)

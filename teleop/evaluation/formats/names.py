@@ -1,4 +1,4 @@
-"""Usual names of time, position and force in the files of testing machines and programs."""
+"""Define usual column names of time, position and force in the files of testing machines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reader of numbers in the lines of a text table. Lines of the same form are read together."""
+"""Read the numbers in the lines of a text table. Lines of the same form are read together."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from teleop.evaluation.formats.table import Heading
 
 QUOTED = re.compile(r'"[^"\n]*"')
 ODD = 64
-"""A block of lines with different forms is read line by line if it has at most this many lines."""
+"""A block of lines with different forms is halved if its halves have at least this many lines.
+Otherwise, the block is read line by line."""
 
 
 def count_cells(line: str, delimiter: str | None) -> int:

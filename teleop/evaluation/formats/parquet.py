@@ -1,4 +1,4 @@
-"""Reader of Parquet files."""
+"""Read Parquet files."""
 
 from __future__ import annotations
 

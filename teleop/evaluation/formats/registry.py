@@ -1,4 +1,4 @@
-"""Detection of the format of a measurement file, and reading with the module for this format."""
+"""Detect the format of a measurement file, and read the file with the module for this format."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BEGINNINGS = {
     b"\x89MCAP": "mcap",
     b"#ROSBAG": "bag",
 }
-"""Module that reads a file, by the first bytes of the file; `delimited` for all others."""
+"""Module that reads a file, by the first bytes of the file; `delimited` for all other files."""
 OF_MESSAGES = ("mcap", "bag")
 """Modules that read files of messages, which have topics."""
 ROS_2_BAG = "metadata.yaml"

@@ -1,4 +1,4 @@
-"""The table that every reader of measurement files returns: columns with names and units."""
+"""Define the table that every reader of measurement files returns: columns with names and units."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def missing(library: str, what: str) -> InputError:
 
 @contextlib.contextmanager
 def reading(path: Path, what: str) -> Iterator[None]:
-    """Convert any exception of a library, while it reads a file in the block, to an `InputError`.
+    """Convert exceptions that a library raises while it reads a file in the block to `InputError`.
 
     Raises
     ------

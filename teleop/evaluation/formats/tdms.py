@@ -1,4 +1,4 @@
-"""Reader of TDMS files of LabVIEW and DIAdem."""
+"""Read TDMS files of LabVIEW and DIAdem."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-// Size of a canvas in pixels: that of its box on the screen, within a limit on the cost.
+// Set the number of pixels of a canvas to the size of its box on the screen, up to a limit.
 
-const MOST_PIXELS = 1.2e6; // of one canvas
+const MOST_PIXELS = 1.2e6; // largest number of pixels of one canvas, which limits the drawing time
 const sizes = new ResizeObserver((entries) => {
   for (const entry of entries) entry.target.resized();
 });
 
-// Keep a canvas as large as its box; `changed` is called after each change.
+// Keep a canvas as large as its box. `changed` is called after each change of the size.
 export function fit(canvas, changed) {
   canvas.resized = () => {
     const { clientWidth, clientHeight } = canvas;
@@ -17,7 +17,7 @@ export function fit(canvas, changed) {
     if (width === canvas.width && height === canvas.height) return;
     canvas.width = width;
     canvas.height = height;
-    canvas.ratio = (ratio * rem()) / 16; // lines and text grow with the text of the page
+    canvas.ratio = (ratio * rem()) / 16; // lines and text have the scale of the page's text
     changed();
   };
   sizes.observe(canvas);

@@ -1,4 +1,4 @@
-// The strip charts of the main page: which columns they show, in which unit and style.
+// Define the strip charts of the main page, with columns, units and line styles.
 
 import { Scale } from "./scale.js";
 import { colours, estimatorColour, estimatorDash } from "./theme.js";
@@ -30,7 +30,7 @@ function levels(values, style, text) {
   return values.filter(Number.isFinite).map((value) => ({ value, text, ...style }));
 }
 
-// Charts for the columns in `welcome` and the limits and true values in `trial`.
+// Return the charts for the columns in the message `welcome`, and the limits and true values in `trial`.
 export function charts(welcome, trial) {
   const limits = (trial && trial.limits) || {};
   const truth = (trial && trial.truth) || {};

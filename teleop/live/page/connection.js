@@ -1,11 +1,11 @@
-// WebSocket to the live process: hello, reconnection, heartbeat, and detection of missing data.
+// WebSocket connection to the live process, with reconnection, heartbeat and detection of missing data.
 
 const KIND_TICKS = 1;
 const CLEAR = 1;
-const HEADER = 24; // bytes before the rows
-const BEAT = 250; // ms
-const SILENCE = 350; // ms without data after which data count as missing
-const CHECK = 50; // ms
+const HEADER = 24; // size of the header before the rows [bytes]
+const BEAT = 250; // time between two heartbeats [ms]
+const SILENCE = 350; // time without data after which data are reported as missing [ms]
+const CHECK = 50; // time between two checks for missing data [ms]
 const DO_NOT_RETRY = 1008;
 
 export class Connection {
@@ -15,11 +15,11 @@ export class Connection {
     this.handlers = new Map();
     this.token = new URLSearchParams(location.hash.slice(1)).get("t") || "";
     this.words = "connecting";
-    this.expecting = () => false; // whether data should be arriving at present
+    this.expecting = () => false; // returns whether the page expects data at present
     this.fresh = false;
     this.lastBatch = 0;
     this.roundTrip = NaN;
-    this.sentAt = NaN; // sending time of the newest batch on the clock of the server [s]
+    this.sentAt = NaN; // time at which the newest batch was sent, on the clock of the server [s]
     this.socket = null;
     this.delay = 500;
     this.beats = 0;
@@ -33,7 +33,7 @@ export class Connection {
     this.handlers.get(type).push(handler);
   }
 
-  // Send a request; returns false if there is no connection.
+  // Send a request. Return false if there is no connection.
   send(message) {
     if (!this.socket || this.socket.readyState !== WebSocket.OPEN) return false;
     this.socket.send(JSON.stringify(message));
@@ -99,7 +99,7 @@ export class Connection {
     if (this.beats % 4 === 0) this.send({ type: "ping", at: performance.now() });
   }
 
-  // "fresh" is false while data that should arrive do not.
+  // Set `fresh` to false while the page expects data but receives none.
   #check() {
     const open = this.socket.readyState === WebSocket.OPEN;
     const now = performance.now();

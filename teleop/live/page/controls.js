@@ -1,6 +1,6 @@
-// Requests to the trial: unlock and start, end, next, choices, notes, and who holds control.
+// Buttons, choices and notes with which the page sends requests to the trial, and takes control.
 
-const MOST_BYTES = 900; // of a message
+const MOST_BYTES = 900; // largest size of a message
 const CHOICES = ["condition", "specimen", "duration"];
 
 export class Controls {
@@ -25,7 +25,7 @@ export class Controls {
     this.#update(null);
   }
 
-  // Whether requests are possible; asks for control if nobody holds it.
+  // Return whether requests are possible. Request control if no page has control.
   take() {
     if (this.state && this.state.control === "none") this.connection.send({ type: "control" });
     return Boolean(this.state && this.state.control !== "other");

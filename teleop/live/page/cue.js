@@ -1,8 +1,8 @@
-// Tracking of the target: signed error, rms over the last 5 s, and the count-in.
+// Show the tracking error, its rms value over the last 5 s, and the seconds of the count-in.
 
 import { fixed } from "./format.js";
 
-const WINDOW = 5; // s
+const WINDOW = 5; // time over which the rms value is computed [s]
 
 export function tracking(store) {
   const target = store.column("target");
@@ -20,7 +20,7 @@ export function tracking(store) {
   return { error, rms: n ? Math.sqrt(sum / n) : NaN };
 }
 
-// Whole seconds until the target begins to move; 0 afterwards.
+// Return the whole seconds until the target begins to move; 0 afterwards.
 export function secondsLeft(preview, time) {
   return preview ? Math.max(0, Math.ceil(preview.countIn - Math.max(time, 0))) : 0;
 }

@@ -1,4 +1,4 @@
-// Table of the estimates: k and b with their 95 % intervals, held and misfit.
+// Table of the estimates, with k and b, their 95 % intervals, "held" and the misfit.
 
 import { percent, withInterval } from "./format.js";
 
@@ -19,7 +19,8 @@ export class Estimates {
       head.scope = "row";
       const swatch = document.createElement("i");
       swatch.className = `swatch swatch-${index % 5}`;
-      head.append(swatch, estimator.name);
+      const parts = estimator.name.split(/(?<=_)/).flatMap((part) => [part, document.createElement("wbr")]);
+      head.append(swatch, ...parts.slice(0, -1)); // a long name breaks after an underscore
       const cells = ["k", "b", "held", "misfit"].map((key) => {
         const cell = document.createElement("td");
         cell.className = `cell-${key}`;
@@ -43,7 +44,9 @@ export class Estimates {
         const [value, half] = withInterval(last(key), 1.96 * last(`${key}_std`));
         const strong = document.createElement("b");
         strong.textContent = value;
-        cells[i].replaceChildren(strong, " ", half);
+        const interval = document.createElement("span");
+        interval.textContent = half;
+        cells[i].replaceChildren(strong, " ", interval);
       }
       const held = last("held") === 1;
       cells[2].textContent = held ? "held" : "–";
@@ -53,7 +56,7 @@ export class Estimates {
     }
   }
 
-  // The first estimate as a sentence.
+  // Return the estimate of k of the first estimator as a sentence.
   sentence() {
     if (!this.rows.length) return "";
     const { estimator, columns } = this.rows[0];

@@ -1,4 +1,4 @@
-// The contact force as a bar, with the limits.
+// Bar that shows the contact force and its limits.
 
 import { clear, fit } from "./canvas.js";
 import { fixed } from "./format.js";
@@ -27,7 +27,7 @@ export class ForceBar {
     if (!canvas.width || text === this.drawn) return;
     this.drawn = text;
     const { width, height } = canvas;
-    const across = width > height; // on a phone the bar lies on its side
+    const across = width > height; // the bar is horizontal, for example on a phone
     const most = 1.1 * (limits.hard_force || 1.2 * (limits.soft_force || 50));
     const size = Math.max(Math.min(width, height) / 9, 12 * canvas.ratio);
     clear(context, colours.ground);

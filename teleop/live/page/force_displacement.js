@@ -1,19 +1,23 @@
-// Contact force over displacement in the last three seconds, with the line f = k x of each estimator.
+// Plot of contact force against displacement in the last three seconds, with the fitted force of each
+// estimator.
 
 import { clear, fit } from "./canvas.js";
+import { fitCaption, fittedForce } from "./fitted_force.js";
 import { fixed } from "./format.js";
 import { Scale } from "./scale.js";
 import { colours, estimatorColour, estimatorDash, font, onTheme } from "./theme.js";
 
-const SHOWN = 3; // s
-const EVERY = 2; // rows
+const SHOWN = 3; // time that the plot shows [s]
+const EVERY = 2; // the plot contains every second row
+const POINTS = 40; // number of points of a fitted line
 
 export class ForceDisplacement {
-  constructor(canvas, store) {
+  constructor(canvas, caption, store) {
     this.canvas = canvas;
+    this.caption = caption;
     this.context = canvas.getContext("2d", { alpha: false });
     this.store = store;
-    this.estimators = [];
+    this.fits = [];
     this.scales = { x: new Scale(2), f: new Scale(2) };
     this.drawn = NaN;
     fit(canvas, () => this.invalidate());
@@ -21,12 +25,18 @@ export class ForceDisplacement {
   }
 
   build(welcome) {
-    this.estimators = welcome.estimators.map((e) => welcome.columns[e.k].name);
+    const name = (index) => welcome.columns[index].name;
+    this.fits = welcome.estimators.map((e) => {
+      const columns = Object.entries(e.further).map(([parameter, index]) => [parameter, name(index)]);
+      return { label: e.name, law: fittedForce(Object.keys(e.further)), columns: [["k", name(e.k)], ...columns] };
+    });
+    this.caption.textContent = `Force [N] over displacement [mm], last ${SHOWN} s. ${fitCaption(this.fits)}`;
     this.invalidate();
   }
 
   invalidate() {
     this.drawn = NaN;
+    this.top = this.caption.offsetHeight / Math.max(this.canvas.clientHeight, 1);
   }
 
   draw(now) {
@@ -39,7 +49,8 @@ export class ForceDisplacement {
     const start = store.rowAt(store.last("time") - SHOWN);
     this.#ranges(x, f, start, now);
     const size = 12 * canvas.ratio;
-    const frame = { left: 3.2 * size, right: canvas.width - size, top: 2 * size, bottom: canvas.height - 2.4 * size };
+    const top = this.top * canvas.height + 0.7 * size;
+    const frame = { left: 3.2 * size, right: canvas.width - size, top, bottom: canvas.height - 2.4 * size };
     const X = (value) => place(this.scales.x, value * 1e3, frame.left, frame.right);
     const Y = (value) => place(this.scales.f, value, frame.bottom, frame.top);
     this.#axes(frame, size, X, Y);
@@ -95,26 +106,25 @@ export class ForceDisplacement {
       context.fillStyle = colours.muted;
       context.fillText(fixed(tick, this.scales.f.digits()), frame.left - 0.5 * size, y + 0.35 * size);
     }
-    context.fillStyle = colours.text;
-    context.textAlign = "left";
-    context.fillText("force [N] over displacement [mm], last 3 s", 0.7 * size, 1.3 * size);
   }
 
-  // f = k x of each estimator over the range of the plot.
+  // Draw the fitted force of each estimator over the range of the plot.
   #fits(X, Y) {
     const { context, canvas } = this;
     const { low, high } = this.scales.x;
     context.lineWidth = 1.6 * canvas.ratio;
     context.lineCap = "butt";
-    this.estimators.forEach((name, index) => {
-      const newest = this.store.newest(name);
+    this.fits.forEach(({ law, columns }, index) => {
+      const newest = law ? this.store.newest(columns[0][1]) : -1;
       if (newest < 0) return;
-      const k = this.store.column(name).at(newest);
+      const parameters = Object.fromEntries(columns.map(([name, column]) => [name, this.store.column(column).at(newest)]));
       context.strokeStyle = estimatorColour(index);
       context.setLineDash(estimatorDash(index).map((part) => part * canvas.ratio));
       context.beginPath();
-      context.moveTo(X(low / 1e3), Y((k * low) / 1e3));
-      context.lineTo(X(high / 1e3), Y((k * high) / 1e3));
+      for (let i = 0; i <= POINTS; i++) {
+        const x = (low + ((high - low) * i) / POINTS) / 1e3;
+        context.lineTo(X(x), Y(law.force(parameters, x)));
+      }
       context.stroke();
     });
   }

@@ -1,4 +1,4 @@
-// Numbers as text.
+// Convert numbers to text.
 
 const MINUS = "\u2212";
 
@@ -8,7 +8,7 @@ export function fixed(value, digits = 0) {
   return Number(text) === 0 ? text.replace("-", "") : text.replace("-", MINUS);
 }
 
-// Value with its 95 % half-interval, rounded to two digits of the interval.
+// Return a value and the half width of its 95 % interval as texts, with at most one decimal place.
 export function withInterval(value, half) {
   if (!Number.isFinite(value)) return ["–", ""];
   if (!Number.isFinite(half)) return [fixed(value, Math.abs(value) < 10 ? 1 : 0), ""];

@@ -1,6 +1,6 @@
-// One loop of animation frames. A drawing is called in each frame, or in every n-th frame.
+// Loop of animation frames, which calls each drawing function in every frame or in every n-th frame.
 
-const WINDOW = 120; // frames
+const WINDOW = 120; // number of frames over which the frame rate is computed
 
 export class Frames {
   constructor() {
@@ -10,7 +10,7 @@ export class Frames {
     requestAnimationFrame((now) => this.#run(now));
   }
 
-  // `every` in frames; `phase` spreads drawings over different frames.
+  // `draw` is called in every `every`-th frame. With different phases, drawings use different frames.
   add(draw, every = 1, phase = 0) {
     this.drawings.push({ draw, every, phase });
   }

@@ -1,4 +1,4 @@
-// Read-only view of the page's data, for tests and for the console of the browser.
+// Give tests and the console of the browser read-only access to the data of the page.
 
 export function publish({ store, connection, status, frames, hand }) {
   const view = {

@@ -1,4 +1,4 @@
-// The main page.
+// Script of the main page, which creates all parts of the page and updates them.
 
 import { Connection } from "./connection.js";
 import { Controls } from "./controls.js";
@@ -18,8 +18,8 @@ import { summaryParts } from "./summary.js";
 import { startTheme } from "./theme.js";
 import { Tool } from "./tool.js";
 
-const TEXTS = 200; // ms between two updates of texts
-const RANGES = 80; // ms between two updates of the ranges of the plots
+const TEXTS = 200; // time between two updates of the texts [ms]
+const RANGES = 80; // time between two updates of the ranges of the plots [ms]
 
 const byId = (id) => document.getElementById(id);
 startTheme(byId("theme"));
@@ -36,7 +36,7 @@ new Stop(byId("stop"), connection, {
 });
 const strips = new Strips(byId("strips"), store);
 const estimates = new Estimates(byId("estimates").tBodies[0], store);
-const plane = new ForceDisplacement(byId("xy"), store);
+const plane = new ForceDisplacement(byId("xy"), byId("xy-caption"), store);
 const cue = new CueText(byId("cue-error"), byId("cue-rms"), byId("count-in"));
 let welcome = null;
 let trial = null;

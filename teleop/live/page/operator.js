@@ -1,4 +1,4 @@
-// The operator's view: cue, force bar and STOP, readable from two metres.
+// Script of the operator's page, which shows target, force bar and STOP, readable from two metres.
 
 import { Connection } from "./connection.js";
 import { CueText } from "./cue.js";
@@ -14,7 +14,7 @@ import { Store } from "./store.js";
 import { previewOf } from "./target.js";
 import { startTheme } from "./theme.js";
 
-const TEXTS = 200; // ms between two updates of texts
+const TEXTS = 200; // time between two updates of the texts [ms]
 
 const byId = (id) => document.getElementById(id);
 startTheme(byId("theme"));

@@ -1,7 +1,8 @@
-// The hand of the operator: mouse, touch, keyboard or gamepad. Press and hold is the grip.
+// The operator moves the hand by mouse, touch, keyboard or gamepad. The hand grips the handle while a
+// button or key is held.
 
-const SPEED = 0.03; // m/s of the hand while an arrow key is held
-const REACH = 0.018; // m at the end of a gamepad's axis
+const SPEED = 0.03; // speed of the hand while an arrow key is held [m/s]
+const REACH = 0.018; // depth of the hand at the end of a gamepad's axis [m]
 const GRIP_KEY = "g";
 const ARROWS = { ArrowDown: 1, ArrowUp: -1 };
 
@@ -11,7 +12,8 @@ export const HELP =
   "Gamepad: hold the first button or the right trigger, move the left stick.";
 
 export class Pointer {
-  // `depthAt` converts a share of the canvas's height to a depth; `allowed` says whether a grip is possible.
+  // `depthAt` converts a fraction of the height of the canvas to a depth [m]. `allowed` returns whether
+  // the hand may grip. `present` returns the present depth of the tool [m].
   constructor(canvas, send, { depthAt, allowed, present }) {
     this.canvas = canvas;
     this.send = send;
@@ -19,7 +21,7 @@ export class Pointer {
     this.allowed = allowed;
     this.present = present;
     this.hand = { depth: 0, grip: false };
-    this.source = null; // what grips: "mouse", "keys" or "pad"
+    this.source = null; // device that holds the grip: "mouse", "keys" or "pad"
     this.arrows = new Set();
     this.before = NaN;
     canvas.addEventListener("pointerdown", (event) => this.#down(event));
@@ -35,7 +37,7 @@ export class Pointer {
     document.addEventListener("visibilitychange", () => document.hidden && this.release());
   }
 
-  // Let go, if `source` (by default any) holds the grip.
+  // Release the handle if the device `source` holds the grip. By default, any device.
   release(source = this.source) {
     if (!this.hand.grip || source !== this.source) return;
     this.#forget();
@@ -48,14 +50,14 @@ export class Pointer {
     this.arrows.clear();
   }
 
-  // Called in each frame: sends the hand while it grips.
+  // Send depth and grip of the hand while it grips. This method is called in each frame.
   frame(now) {
     const dt = Math.min((now - this.before) / 1000, 0.05) || 0;
     this.before = now;
     this.#pad();
     if (!this.hand.grip) return;
     if (!this.allowed()) {
-      this.#forget(); // the trial has ended, or another page has control: both let go by themselves
+      this.#forget(); // the trial has ended, or another page has control: the grip has ended already
       return;
     }
     for (const key of this.arrows) this.hand.depth += ARROWS[key] * SPEED * dt;

@@ -1,12 +1,13 @@
-// The cue in large, for an operator two metres away: the target with its preview, and the own position.
+// Large display of the target, its future motion and the position of the tool, for an operator who is two
+// metres away.
 
 import { clear, fit } from "./canvas.js";
 import { fixed } from "./format.js";
 import { niceStep, ticksBetween } from "./scale.js";
 import { colours, font, onTheme } from "./theme.js";
 
-const PAST = 3; // s
-const AHEAD = 1.2; // s
+const PAST = 3; // past time that is shown [s]
+const AHEAD = 1.2; // future time for which the target is shown [s]
 
 export class Pursuit {
   constructor(canvas, store) {

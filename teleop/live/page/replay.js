@@ -1,9 +1,9 @@
-// Replay of a recording: time slider, play, pause and speed.
+// Controls for the replay of a recording: time slider, play, pause and speed.
 
 import { fixed } from "./format.js";
 import { isSpace } from "./stop.js";
 
-const END = 0.02; // s before the end at which play begins from the start
+const END = 0.02; // if less time is left [s], "Play" starts from the beginning of the recording
 
 export class Replay {
   constructor(byId, connection, status) {
@@ -36,7 +36,7 @@ export class Replay {
     this.#play(this.playing ? 0 : this.speed);
   }
 
-  // Space plays and pauses.
+  // The key Space starts and pauses the replay.
   #key(event) {
     if (this.status.kind !== "replay" || !isSpace(event)) return;
     event.preventDefault();

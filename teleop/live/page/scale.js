@@ -1,16 +1,16 @@
-// Vertical range of a plot: it covers the data, has round ends, and seldom changes.
+// Range of an axis of a plot. The range contains the data, has round limits, and seldom changes.
 
-const PATIENCE = 4000; // ms for which a range stays larger than needed
-const SHRINK = 0.6; // share of the range that is needed, below which it becomes smaller
+const PATIENCE = 4000; // time after which a range that is too large becomes smaller [ms]
+const SHRINK = 0.6; // a range is too large if the data need at most this fraction of the range
 
 export class Scale {
   constructor(smallest) {
-    this.smallest = smallest; // smallest difference of the ends
+    this.smallest = smallest; // smallest length of the range
     this.low = 0;
     this.high = smallest;
     this.ticks = [];
     this.step = 1;
-    this.since = -Infinity; // time at which the range was last needed in full
+    this.since = -Infinity; // last time at which the range was not too large [ms]
     this.empty = true;
   }
 
@@ -18,7 +18,7 @@ export class Scale {
     this.empty = true;
   }
 
-  // Cover [low, high]; returns whether the range changed.
+  // Change the range if necessary, so that it contains [low, high]. Return whether the range changed.
   cover(low, high, rows, now) {
     if (!(low <= high)) return false;
     const middle = (low + high) / 2;
@@ -60,7 +60,7 @@ export function ticksBetween(low, high, step) {
   return ticks;
 }
 
-// Percentiles of finite values; `values` is sorted in place.
+// Return percentiles of the first n values, which must be finite. `values` is sorted in place.
 export function percentiles(values, n, shares) {
   const part = values.subarray(0, n).sort();
   return shares.map((share) => (n ? part[Math.round(share * (n - 1))] : NaN));

@@ -1,8 +1,8 @@
-// Present values as a sentence for screen readers, at most every few seconds.
+// Write the present values as a sentence for screen readers, every few seconds.
 
 import { fixed } from "./format.js";
 
-const EVERY = 6000; // ms
+const EVERY = 6000; // time between two sentences [ms]
 
 export function startSpeech(element, store, status, estimate) {
   setInterval(() => {

@@ -1,4 +1,4 @@
-// Mode, text, trial time, health of the loop and the state of the connection, in words.
+// Show mode, time of the trial, health of the loop and state of the connection as text.
 
 import { fixed } from "./format.js";
 
@@ -22,7 +22,7 @@ export class Status {
     connection.on("trial", (message) => this.#trial(message));
     connection.on("state", (message) => this.#state(message));
     connection.on("error", (message) => {
-      const isLate = message.text.startsWith("pointer"); // sent before the end of the trial was known
+      const isLate = message.text.startsWith("pointer"); // the request was sent before the page knew the end of the trial
       if (!isLate) this.tell(message.text, 6000);
     });
     connection.on("words", () => this.#connection());
@@ -30,7 +30,7 @@ export class Status {
     connection.on("closed", () => this.#fresh());
   }
 
-  // Whether ticks should be arriving.
+  // Return whether the page expects ticks at present.
   expecting() {
     if (this.kind === "replay") return Boolean(this.playing);
     return Boolean(this.state) && RUNNING.includes(this.state.mode);
@@ -40,7 +40,7 @@ export class Status {
     return !this.state || !["active", "stopping"].includes(this.state.mode) || this.kind === "replay";
   }
 
-  // Show a notice above everything else.
+  // Show a notice instead of other messages for `duration` ms.
   tell(text, duration = 15000) {
     this.notice = text;
     this.byId("alert").textContent = text;

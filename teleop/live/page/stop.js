@@ -1,15 +1,15 @@
-// STOP: the button, Space and Escape. It is available to every page at any time.
+// The request STOP, which every page can send at any time by the button, Space or Escape.
 
-const CONFIRMED_WITHIN = 500; // ms
+const CONFIRMED_WITHIN = 500; // time within which the stop must be confirmed [ms]
 
 export class Stop {
   constructor(button, connection, { tell, stopped, available }) {
     this.connection = connection;
     this.tell = tell; // shows and speaks a text
-    this.stopped = stopped; // whether the trial has stopped, or none runs
-    this.available = available; // whether there is a trial that can be stopped
+    this.stopped = stopped; // returns whether the trial has stopped, or no trial runs
+    this.available = available; // returns whether there is a trial that can be stopped
     button.addEventListener("click", () => this.send());
-    // Space does not press buttons on this page; Enter does.
+    // On this page, Space sends STOP and does not activate buttons. Enter activates buttons.
     addEventListener("keydown", (event) => this.#key(event, true), { capture: true });
     addEventListener("keyup", (event) => this.#key(event, false), { capture: true });
   }
@@ -31,7 +31,7 @@ export class Stop {
   }
 }
 
-// Whether Space was pressed, and not in order to write a text.
+// Return whether the key is Space, and the person is not writing in a text field.
 export function isSpace(event) {
   return (event.code === "Space" || event.key === " ") && event.target.tagName !== "TEXTAREA";
 }

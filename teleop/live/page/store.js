@@ -1,6 +1,6 @@
-// Samples of the last seconds: one pre-allocated ring of doubles for each column.
+// Store the samples of the last seconds, with a ring buffer of doubles for each column.
 
-const CAPACITY = 4096; // rows, a power of two; 16 s at 250 rows per second
+const CAPACITY = 4096; // number of stored rows, a power of two; 16 s at 250 rows per second
 const MASK = CAPACITY - 1;
 
 export class Store {
@@ -8,10 +8,10 @@ export class Store {
     this.names = [];
     this.data = [];
     this.index = new Map();
-    this.count = 0; // rows received since the last `clear`
-    this.generation = 0; // changes when earlier rows became invalid
-    this.version = 0; // changes with each change of the rows
-    this.origin = 0; // value of the column "time" at which the trial began [s]; null before
+    this.count = 0; // number of rows received since the last `clear`
+    this.generation = 0; // increases when earlier drawings become invalid
+    this.version = 0; // increases with each change of the rows
+    this.origin = 0; // value of the column "time" at which the drives were armed [s]; null before
   }
 
   setColumns(names) {
@@ -27,7 +27,7 @@ export class Store {
     this.version += 1;
   }
 
-  // Append rows, given as one array in row order. A time that runs backwards begins anew.
+  // Append rows, given as one array in row order. If the time decreases, remove all earlier rows.
   append(values, rows, columns) {
     if (columns !== this.data.length) throw new Error(`${columns} columns, expected ${this.data.length}`);
     const time = this.index.get("time");
@@ -47,17 +47,17 @@ export class Store {
     this.generation += 1;
   }
 
-  // Time of the trial [s], which begins when the drives are armed.
+  // Return the time [s] since the drives were armed, from a value of the column "time".
   trialTime(t) {
     return this.origin === null ? -Infinity : t - this.origin;
   }
 
-  // First row that is still stored.
+  // Index of the oldest row that is still stored.
   get first() {
     return Math.max(0, this.count - CAPACITY);
   }
 
-  // Column as an object with `at(row)`, or null if there is no such column.
+  // Return a column as an object with the method `at(row)`; null if there is no such column.
   column(name) {
     const i = this.index.get(name);
     return i === undefined ? null : new Column(this.data[i]);
@@ -68,7 +68,7 @@ export class Store {
     return i === undefined || !this.count ? NaN : this.data[i][(this.count - 1) & MASK];
   }
 
-  // Newest row in which a column has a value, or -1.
+  // Return the index of the newest row in which a column is not NaN; -1 if there is no such row.
   newest(name) {
     const i = this.index.get(name);
     if (i === undefined) return -1;
@@ -76,7 +76,7 @@ export class Store {
     return -1;
   }
 
-  // First row whose time is at least t.
+  // Return the index of the first row whose time is at least t.
   rowAt(t) {
     const time = this.data[this.index.get("time")];
     let low = this.first;

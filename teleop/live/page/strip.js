@@ -1,15 +1,15 @@
-// A strip chart. It is drawn incrementally: the picture moves left by whole pixels, and only the new
+// A strip chart that is drawn incrementally: the picture moves left by whole pixels, and only the new
 // columns of pixels and the new samples are drawn.
 
 import { clear } from "./canvas.js";
 import { fixed } from "./format.js";
 import { colours, estimatorColour, font } from "./theme.js";
 
-const EMPTY = -1; // generation of a chart without samples
-const LONGEST_STEP = 1.0; // s without samples after which lines are interrupted
+const EMPTY = -1; // value of `generation` for a chart without samples
+const LONGEST_STEP = 1.0; // time without samples after which lines are interrupted [s]
 
 export class Strip {
-  // `timing`: {span, preview} in seconds. `chart`: see charts.js.
+  // `timing` is {span, preview}: past and future time of the chart [s]. charts.js defines `chart`.
   constructor(canvas, store, chart, timing) {
     this.canvas = canvas;
     this.context = canvas.getContext("2d", { alpha: false });
@@ -23,7 +23,7 @@ export class Strip {
     this.generation = NaN;
   }
 
-  // Pixels per second and per unit, after a change of size or range.
+  // Number of pixels per second.
   get perSecond() {
     return this.canvas.width / (this.timing.span + this.timing.preview);
   }
@@ -72,10 +72,10 @@ export class Strip {
     this.#background(width - moved, width);
   }
 
-  // Ground, grid, limits and true values in the columns from x0 to x1.
+  // Draw background, grid, limits and true values in the columns of pixels from x0 to x1.
   #background(x0, x1) {
     const { context, canvas, chart } = this;
-    const first = this.edge - canvas.width; // absolute number of the column at x = 0
+    const first = this.edge - canvas.width; // index of the pixel column at x = 0, counted from time 0
     context.setLineDash([]);
     context.fillStyle = chart.axis ? colours.page : colours.ground;
     context.fillRect(x0, 0, x1 - x0, canvas.height);
@@ -105,7 +105,7 @@ export class Strip {
     context.setLineDash([]);
   }
 
-  // Label of a line of the grid, on its left, where the picture is complete already.
+  // Draw the label of a vertical grid line, on the left of the line, where the picture is complete.
   #time(t, x) {
     const { context, canvas } = this;
     context.font = font(0.68 * canvas.height);
@@ -121,7 +121,7 @@ export class Strip {
     for (const trace of this.chart.traces) this.#line(trace);
   }
 
-  // The target up to the right edge, which the page computes from the description of the trial.
+  // Draw the target up to the right edge. The page computes it from the description of the trial.
   #preview(end) {
     const { context, perSecond, chart } = this;
     const first = this.edge - this.canvas.width;
@@ -183,7 +183,8 @@ export class Strip {
     context.stroke();
   }
 
-  // 95 % band, one rectangle for each complete column of pixels; none while the estimate is held.
+  // Draw the 95 % interval, one rectangle for each complete column of pixels. Nothing is drawn while
+  // the estimate is held.
   #band(trace) {
     const { context, store, perSecond } = this;
     const first = this.edge - this.canvas.width;

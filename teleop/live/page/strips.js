@@ -1,4 +1,4 @@
-// The strip charts: elements, ranges, labels, and present values as text.
+// All strip charts of the page, with their elements, ranges, labels, and present values as text.
 
 import { fit } from "./canvas.js";
 import { charts } from "./charts.js";
@@ -8,9 +8,10 @@ import { percentiles } from "./scale.js";
 import { onTheme } from "./theme.js";
 import { previewOf } from "./target.js";
 
-export const SPAN = 10; // s
-export const PREVIEW = 1.2; // s
-const SAMPLED = 8; // every so many rows are used for the range of estimates
+export const SPAN = 10; // past time that the charts show [s]
+export const PREVIEW = 1.2; // future time for which the charts show the target [s]
+const MOST_NAMED = 5; // largest number of traces with a legend; the table of estimates has the same line styles
+const SAMPLED = 8; // every eighth row is used to compute the range of the estimates
 const room = new Float64Array(4096 * 8);
 
 function element(tag, name, text = "") {
@@ -20,7 +21,8 @@ function element(tag, name, text = "") {
   return one;
 }
 
-// Whether the 95 % interval of the stiffness is smaller than the stiffness in a row.
+// Return a function that returns whether an estimate is settled in a row: the half width of the 95 %
+// interval of the stiffness is at most the stiffness.
 function settled(store, trace) {
   const k = store.column(trace.settled.value);
   const std = store.column(trace.settled.std);
@@ -50,7 +52,7 @@ export class Strips {
       .map((chart) => (chart.axis ? this.#axis(chart) : this.#row(chart)));
   }
 
-  // Time of the trial below the strips.
+  // Create the time axis below the strip charts.
   #axis(chart) {
     const plot = element("div", "time-axis");
     const canvas = element("canvas", "");
@@ -70,7 +72,8 @@ export class Strips {
     title.append(" ", unit);
     const notes = element("span", "strip-notes");
     const value = element("span", "strip-value");
-    if (chart.traces.length > 1) title.append(...chart.traces.map(legend));
+    const named = chart.traces.length > 1 && chart.traces.length <= MOST_NAMED ? chart.traces : [];
+    title.append(...named.flatMap((trace) => [" ", legend(trace)]));
     const plot = element("div", "plot");
     const canvas = element("canvas", "");
     canvas.setAttribute("role", "img");
@@ -99,7 +102,7 @@ export class Strips {
     for (const row of this.rows) row.strip.invalidate();
   }
 
-  // The strip that an operator follows is drawn in each frame, the others in each second frame.
+  // Draw the chart with the target in each frame, and the other charts in every second frame.
   draw(frame) {
     const time = this.store.last("time");
     for (const row of this.rows) {
@@ -120,7 +123,7 @@ export class Strips {
     });
   }
 
-  // Present values as text.
+  // Write the present values as text.
   write() {
     for (const { chart, value } of this.rows) {
       if (chart.axis || chart.robust) continue;
@@ -129,7 +132,7 @@ export class Strips {
     }
   }
 
-  // Adapt the ranges to the data.
+  // Adapt the ranges of the charts to the data.
   scale(now) {
     if (!this.store.count) return;
     for (const row of this.rows) {
@@ -191,13 +194,13 @@ export class Strips {
     return [low * chart.factor, high * chart.factor];
   }
 
-  // Range of the settled estimates and of the true values.
+  // Return a range that contains most of the settled estimates, and the true values.
   #robust(chart) {
     const { store } = this;
     const start = store.rowAt(store.last("time") - SPAN);
     let low = Infinity;
     let high = -Infinity;
-    let margin = Infinity; // of the estimator with the narrowest band
+    let margin = Infinity; // median half width of the narrowest 95 % interval
     for (const trace of chart.traces) {
       const values = store.column(trace.name);
       const std = store.column(trace.std);

@@ -1,4 +1,4 @@
-// The result of a trial: estimates at the end, and the tracking of the target.
+// Show the result of a trial: the estimates at the end, and how well the operator followed the target.
 
 import { fixed, percent, withInterval } from "./format.js";
 
@@ -24,7 +24,7 @@ function paragraph(text) {
   return one;
 }
 
-// Parts of the page that show a summary, the document of `teleop run --json`.
+// Return the elements of the page that show a summary. It is the document of `teleop run --json`.
 export function summaryParts(summary) {
   const parts = [];
   const fault = summary.safety && summary.safety.fault;

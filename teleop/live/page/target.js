@@ -1,6 +1,7 @@
-// The target of the condition mimic, for times that the loop has not reached yet.
+// Compute the target of the condition mimic, also for times that the loop has not reached yet.
 
-// Function of time with its extremes, or null if the trial has no target.
+// Return the target as a function of time, with its lowest and highest position as properties. The result
+// is null if the trial has no target.
 export function previewOf(trial) {
   const target = trial && trial.target;
   if (!target) return null;

@@ -1,4 +1,4 @@
-// Dark and light theme, and the colours of the canvases, which are properties of the style sheet.
+// Switch between dark and light theme, and read the colours of the canvases from the style sheet.
 
 const NAMES = ["page", "ground", "grid", "text", "muted", "limit", "truth", "own", "target", "target-ahead", "force", "velocity",
   "tissue", "tissue-line", "e0", "e1", "e2", "e3", "e4"];
@@ -47,7 +47,7 @@ export function estimatorDash(index) {
   return DASHES[index % DASHES.length];
 }
 
-// Font of a canvas, in its pixels.
+// Return the font for a canvas, with the size in pixels of the canvas.
 export function font(pixels, weight = "") {
   return `${weight} ${pixels}px system-ui, sans-serif`.trim();
 }

@@ -1,11 +1,12 @@
-// The tool on the surface: the tool stays where the rig is, a ring shows where the hand wants to be,
-// the gap between them grows with the force of the hand, and the surface dents.
+// Picture of the tool on the surface of the specimen. The tool is drawn at the position of the slave, and
+// a ring at the intended position of the hand. The distance between tool and ring increases with the force
+// of the hand. The surface is drawn indented.
 
 import { clear, fit } from "./canvas.js";
 import { fixed } from "./format.js";
 import { colours, font, onTheme } from "./theme.js";
 
-const ABOVE = 0.45; // space above the surface as a share of the depth that is shown
+const ABOVE = 0.45; // height above the surface, as a fraction of the largest depth in the picture
 
 export class Tool {
   constructor(canvas, store, hand) {
@@ -31,7 +32,7 @@ export class Tool {
     this.drawn = "";
   }
 
-  // Depth [m] at a height on the screen, as a share of the height of the canvas.
+  // Return the depth [m] at a distance from the top, given as a fraction of the height of the canvas.
   depthAt(share) {
     return (share * (1 + ABOVE) - ABOVE) * this.deepest;
   }
@@ -62,7 +63,7 @@ export class Tool {
     const dent = Math.max(depth, 0);
     const spread = half * 1.6 + 0.9 * (this.#y(dent) - this.#y(0));
     clear(context, colours.ground);
-    // The surface, and lines at rest below it, which the dent moves less with depth.
+    // Draw the surface and lines below it. The indentation moves deeper lines less.
     const surface = (below, share) => {
       for (let i = 0; i <= 60; i++) {
         const x = (i / 60) * width;

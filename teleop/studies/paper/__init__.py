@@ -1,1 +1,1 @@
-"""Reproduction of Table I and the figures of the paper, with an analysis of the results."""
+"""Reproduce Table I and the figures of the paper, and analyse the results."""

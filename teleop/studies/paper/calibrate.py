@@ -1,8 +1,9 @@
-"""Calibration of the simulated rig from Table I: `python -m teleop.studies.paper.calibrate`.
+"""Calibrate the simulated rig from Table I: `python -m teleop.studies.paper.calibrate`.
 
 The calibration uses b and k of the RLS rows under the conditions free and autonomous. These are
-twelve numbers for eight unknowns: k1 and k3 of each cube, the lag of the force channel, and the
-lost motion of the slave. All other cells of Table I are predictions. The following are assumptions.
+twelve numbers. The eight unknowns are k1 and k3 of each cube, whose force is k1 x + k3 x^3, the lag
+of the force channel, and the lost motion of the slave. All other cells of Table I are predictions.
+The calibration depends on four assumptions.
 
 - Depths. Table I determines only k3 times the depth squared. The depths were chosen by trial and
   error such that the force errors, which increase with depth, are about equal to those of the
@@ -10,15 +11,16 @@ lost motion of the slave. All other cells of Table I are predictions. The follow
   are smaller, as the paper states. These smaller depths, and the frequency of 2 Hz, were chosen
   such that the rise time of adaptive identification (`ai`) with the paper's gains is about 0.6 s,
   as in the paper. The rise time of `ai` is therefore not an independent prediction. The paper does
-  not state the depths under `mimic`. The depths of `free` are used there.
+  not state the depths under `mimic`, so the depths of `free` are used under `mimic`.
 - Tremor. The tremor of the operator (`sim_backend/operators.py`) was also chosen to match the force
   errors. In the paper, the force errors on the soft and the medium cube are larger under `free` and
   `mimic` than under `autonomous`.
 - Compliance. The compliance of the transmission is 7 um/N, which is typical of a cable or belt
   drive. The transmission is in series with the cube. Its compliance keeps the hard cube within the
   grid of the multi-estimator. Compliance and lost motion determine the friction, about 17 N.
-- Damping. The true damping is 1.5 ms times k1. This is a loss factor of 0.02 at 2 Hz, as of
-  silicone rubber with little damping. To first order, the damping cannot be separated from the lag.
+- Damping. The true damping is 1.5 ms times k1. This gives a loss factor of 0.02 at 2 Hz, as for
+  silicone rubber with little damping. To first order, damping and lag have the same effect on the
+  force, and cannot be determined separately.
 """
 
 from __future__ import annotations
@@ -39,13 +41,13 @@ from teleop.studies.workers import workers
 from teleop.trial.run import run_trial
 
 K_TOLERANCE = 0.02
-"""Relative error of k that has a weight of 1 in the sum of squares."""
+"""Relative error of k that adds 1 to the sum of squares."""
 B_TOLERANCE = 0.3
-"""Error of the natural logarithm of b that has a weight of 1 in the sum of squares."""
+"""Error of the natural logarithm of b that adds 1 to the sum of squares."""
 STEP = 0.03
 """Step of the numerical derivatives, as a fraction of the value."""
 EVALUATIONS = 5
-"""Largest number of evaluations of the residuals."""
+"""Largest number of evaluations of the residuals, not counting those for the derivatives."""
 Vector = NDArray[np.float64]
 
 TRIALS = [(condition, cube) for cube in CUBES for condition in CALIBRATED]
@@ -59,7 +61,7 @@ def rls_averages(condition: ConditionName, cube: CubeName, setup: Setup) -> tupl
     condition, cube
         Names of condition and cube.
     setup
-        Cube, force channel and depth that replace those of the calibrated simulated rig.
+        Cube, force channel, depth and transmission that replace those of the simulated rig.
     """
     settings = replace(paper_trial(condition, cube), custom_setup=setup, estimators=("rls",))
     columns = run_trial(settings).columns
@@ -67,7 +69,7 @@ def rls_averages(condition: ConditionName, cube: CubeName, setup: Setup) -> tupl
 
 
 def setups(values: Vector) -> dict[tuple[str, str], Setup]:
-    """Return the cube, force channel and depth of each trial, by condition and cube.
+    """Return the simulated setup of each trial, by condition and cube.
 
     Parameters
     ----------
@@ -114,7 +116,7 @@ def calibrate(start: Vector, pool: Executor) -> Vector:
         return np.array(out)
 
     def slopes(logarithms: Vector) -> Vector:
-        """Return the Jacobian from four evaluations: a trial depends on k1, k3 of its cube only."""
+        """Return the Jacobian from five evaluations. k1, k3 of a cube affect only its trials."""
         here = residuals(logarithms)
         out = np.zeros((len(here), len(start)))
         own = np.repeat(np.eye(len(CUBES)), len(here) // len(CUBES), axis=0)
@@ -135,7 +137,7 @@ def calibrate(start: Vector, pool: Executor) -> Vector:
 
 
 def main() -> None:
-    """Print the values for `sim_backend/paper_rig.py`, and RLS averages of rig and paper."""
+    """Print the values for `sim_backend/paper_rig.py`, and the RLS averages of rig and paper."""
     start = np.array(
         [
             *(cube.k1 for cube in CUBES.values()),

@@ -14,11 +14,11 @@ from teleop.studies.paper.trials import Damping, Outcome, as_rows
 RISE = 0.6
 """Longest rise time that the paper states [s]."""
 FACTOR = 2.0
-"""Largest ratio between simulated value and paper's value at which a damping or a force error
-agrees with the paper."""
+"""Largest ratio of the simulated value to the paper's value, or of the paper's to the simulated
+value, at which a damping or a force error agrees with the paper."""
 NEAR_DAMPING, NEAR_ERROR = 16, 22
-"""Smallest numbers of the 27 cells that must agree with the paper: for damping, and for force
-error."""
+"""Numbers of the 27 cells of Table I that must at least agree with the paper: for damping, and for
+force error."""
 
 
 class Claim(NamedTuple):
@@ -79,7 +79,7 @@ def table_claims(rows: list[dict[str, Any]]) -> list[Claim]:
 
 
 def error_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[Claim]:
-    """Check which estimator has the largest and which the smallest force error."""
+    """Check the claims about which estimators have the largest and the smallest force error."""
     claims = []
     for wording, name, pick, least in (
         ("adaptive identification has the largest force error in every trial", "ai", max, 9),
@@ -142,7 +142,7 @@ def stiffness_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[C
 
 
 def damping_claims(steps: list[Damping], outcomes: Sequence[Outcome]) -> list[Claim]:
-    """Check that the damping is negative as in the paper, and correct without the causes of bias.
+    """Check that the damping has the paper's sign, and is correct without the causes of bias.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Comparison of further estimators on the nine trials with the true values of the cubes."""
+"""Run further estimators on the nine trials, and compare the estimates with the true values."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ class MethodResult(NamedTuple):
     e_f: float
     """Average force error [N]."""
     one_step_ratio: float
-    """Error of the force prediction one step ahead, divided by that of least squares over the last
-    second."""
+    """Error of the force prediction one step ahead, divided by the same error of least squares over
+    the last second."""
     held: float
-    """Fraction of samples at which the estimate was held."""
+    """Fraction of the samples at which the estimate was held constant."""
 
 
 class Methods(NamedTuple):
@@ -92,7 +92,7 @@ def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
 def averages(results: Sequence[Mapping[str, MethodResult]]) -> dict[str, MethodResult]:
     """Return the results of each estimator, averaged over trials.
 
-    The average is the mean. Only for the error of the stiffness, it is the root mean square.
+    The average of the stiffness error is the root mean square. All other averages are means.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""HTML page with the results of the reproduction of the paper, in one self-contained file."""
+"""Create the HTML page with the results of the reproduction of the paper, as one file."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def table_one(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, list[dict[str,
 
 
 def damping_cells(outcomes: Sequence[Outcome]) -> list[list[str]]:
-    """Return cells with the damping of each trial, while causes of bias are removed one by one."""
+    """Return cells with the damping of each trial, from all causes of bias to none of them."""
     return [
         [
             f"{outcome.condition} {outcome.cube}",
@@ -92,7 +92,7 @@ def damping_cells(outcomes: Sequence[Outcome]) -> list[list[str]]:
 
 
 def slow_cells(slow: Sequence[SlowTrial]) -> list[list[str]]:
-    """Return cells with lag and damping that were fitted together, one row for each frequency."""
+    """Return cells with the jointly fitted lag and damping, one row for each frequency."""
     return [
         [
             f"{trial.frequency:g}",

@@ -1,4 +1,4 @@
-"""Reproduction of the paper: runs the trials, checks the claims, and writes the result files."""
+"""Reproduce the paper: run the trials, check the claims, and write the result files."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ def check_folder(folder: Path, overwrite: bool) -> None:
 
 
 def write(reproduction: Reproduction, folder: Path, overwrite: bool = False) -> Path:
-    """Write table (CSV), figures (SVG and PNG) and page (HTML), and return the path of the page.
+    """Write a table (CSV), figures (SVG, PNG) and a page (HTML); return the path of the page.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def write(reproduction: Reproduction, folder: Path, overwrite: bool = False) -> 
 
 
 def csv_table(rows: Sequence[dict[str, Any]]) -> str:
-    """Return Table I as CSV with the paper's numbers, one row for each trial and estimator."""
+    """Return the simulated and the paper's Table I as CSV, a row for each trial and estimator."""
     text = StringIO(newline="")
     writer = csv.writer(text)
     ours = ["condition", "cube", "estimator", "b", "k", "e_f", "rise_time_s"]

@@ -1,4 +1,4 @@
-"""Analysis of variance of the nine trials, repeated with several seeds."""
+"""Compute the analysis of variance of the nine trials, which are repeated with several seeds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Table I of the paper as data."""
+"""Read the numbers of the paper's Table I."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Console output of the reproduction: Table I with the paper's numbers, and the paper's claims."""
+"""Print Table I beside the paper's numbers, and whether each claim of the paper is confirmed."""
 
 from __future__ import annotations
 
@@ -6,13 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from rich import box
-from rich.table import Table
 
-from teleop.output.console import number, plain_console
+from teleop.output.console import TrimmedTable, number, plain_console
 
 
 def print_reproduction(summary: Mapping[str, Any]) -> None:
-    """Print Table I with the paper's numbers, one table per cube, and the check of the claims.
+    """Print Table I beside the paper's numbers, one table per cube, and the check of each claim.
 
     Parameters
     ----------
@@ -21,7 +20,7 @@ def print_reproduction(summary: Mapping[str, Any]) -> None:
     """
     console = plain_console()
     for cube in ("soft", "medium", "hard"):
-        table = Table(
+        table = TrimmedTable(
             title=f"Table I, {cube} cube (paper; * calibrated)",
             title_justify="left",
             box=box.SIMPLE_HEAD,

@@ -1,4 +1,4 @@
-"""The nine trials of the paper with the paper's settings, and the causes of the damping bias."""
+"""Run the paper's nine trials with the paper's settings, and remove the causes of damping bias."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ bandwidth."""
 NO_METHODS = Methods()
 """Value for a reproduction without further estimators."""
 DRAWN = 10
-"""One of this number of ticks is shown in the figures."""
+"""Distance between two ticks that the figures show [ticks]."""
 
 
 class Damping(NamedTuple):
@@ -105,8 +105,16 @@ def paper_trial(condition: ConditionName, cube: CubeName, seed: int = 0) -> Tria
     )
 
 
-def damping_steps(trial: Trial) -> Damping:
-    """Return the damping, first estimated as in the paper, then with causes of bias removed."""
+def damping_steps(trial: Trial, rls: float) -> Damping:
+    """Return the damping, first estimated as in the paper, then with causes of bias removed.
+
+    Parameters
+    ----------
+    trial
+        The simulated trial.
+    rls
+        Average of the damping from RLS [N s/m].
+    """
     settings, columns = trial.settings, trial.columns
     force, dt = columns["contact_force"], columns["dt"]
     encoder = MatchedSignals(columns["slave_position"], force, dt)
@@ -115,7 +123,7 @@ def damping_steps(trial: Trial) -> Damping:
     return Damping(
         true=settings.setup.cube.slow.b,
         paper=table1()[settings.condition, settings.cube, "rls"].b,
-        rls=float(columns["rls_b"].mean()),
+        rls=rls,
         matched=encoder.fit(lag, stiffening=False).b,
         tip=tip.fit(lag, stiffening=False).b,
         stiffening=tip.fit(lag).b,
@@ -134,13 +142,14 @@ def palpate(trial: tuple[ConditionName, CubeName, int], methods: Methods = NO_ME
     """
     condition, cube, seed = trial
     run = run_trial(paper_trial(condition, cube, seed))
+    estimates = run.summary()["estimates"]
     thin = slice(None, None, DRAWN)
     return Outcome(
         condition,
         cube,
         seed,
-        run.summary()["estimates"],
-        damping_steps(run),
+        estimates,
+        damping_steps(run, estimates["rls"]["b"]),
         run.columns["time"][thin],
         run.columns["x"][thin],
         run.columns["v"][thin],
@@ -187,7 +196,7 @@ def lag_and_damping(frequency: float) -> SlowTrial:
 
 
 def as_rows(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
-    """Return one row for each trial and estimator, with the cell of the paper's Table I."""
+    """Return one row for each trial and estimator, with the values in the paper's Table I."""
     return [
         {
             "condition": outcome.condition,

@@ -1,1 +1,1 @@
-"""Series of trials: plan, order of the trials, journal of the trials that were run, and results."""
+"""Run a series of trials: read the plan, order the trials, keep a journal, write the results."""

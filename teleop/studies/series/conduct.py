@@ -1,4 +1,4 @@
-"""Run of a series: the trials of a plan are run, recorded and repeated until all are done."""
+"""Run and record the trials of a plan, and repeat failed trials, until all trials are done."""
 
 from __future__ import annotations
 
@@ -86,8 +86,9 @@ def conduct(
 
     A trial is repeated if it was stopped for safety, interrupted, or recorded incompletely. The
     recording of the failed attempt is kept. A trial may also be impossible to run, for example
-    because the rig cannot be opened. If a person is asked before each trial, the same trial is then
-    proposed again. The table of results is written after each trial.
+    because the rig cannot be opened. Then the same trial is proposed again if a person is asked
+    before each trial. Otherwise, the series ends with an error. The table of results is written
+    after each trial.
 
     Parameters
     ----------
@@ -163,7 +164,7 @@ def conduct(
 
 
 def attempt(folder: Path, journal: Journal, trial: PlannedTrial, run: Run, note: str) -> str:
-    """Run a trial once, and return the reason why it must be repeated; empty if it need not be.
+    """Run a trial once, and return the reason why it must be repeated; empty after success.
 
     Raises
     ------
@@ -189,7 +190,7 @@ def attempt(folder: Path, journal: Journal, trial: PlannedTrial, run: Run, note:
 
 
 def spoilt(trial: Trial) -> str:
-    """Return the reason why a trial must be repeated; empty if it need not be repeated."""
+    """Return the reason why a trial must be repeated; empty if the trial was successful."""
     if trial.fault:
         return f"stopped {time_text(trial.fault['time'])}: {trial.fault['text']}"
     if trial.interrupted:

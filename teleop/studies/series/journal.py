@@ -1,7 +1,8 @@
-"""The journal of a series: a line for each trial that was started, done, spoilt or skipped.
+"""Write and read the journal of a series.
 
-A spoilt trial has failed and must be repeated. If a series is interrupted or killed, the journal
-contains all data that are needed to resume the series.
+The journal has a line for each event: a trial was started, done, spoilt or skipped. A spoilt trial
+has failed and must be repeated. If a series is interrupted or killed, the journal contains all data
+that are needed to resume the series.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Orders of trials: as listed, random, or balanced by a Latin square."""
+"""Determine the order of trials: as listed, random, or balanced by a Latin square."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def ordered(count: int, order: OrderName, seed: int, block: int) -> list[int]:
         Number of cells in the block.
     order
         `listed`: the order of the plan. `random`: a random permutation for each block.
-        `latin-square`: each block is a row of a Williams square, whose cells are randomly permuted
-        once.
+        `latin-square`: each block is a row of a Williams square. The numbers of its cells are
+        randomly permuted once, in the same way for all blocks.
     seed
         Seed of the permutations.
     block
@@ -41,8 +41,8 @@ def williams_row(count: int, row: int) -> list[int]:
     """Return a row of a Williams square, a Latin square balanced for first-order carry-over.
 
     If the number of cells is even, then in `count` rows each cell directly follows each other cell
-    once. If it is odd, then in `2 count` rows each cell directly follows each other cell twice;
-    every second row is a reversed row.
+    once. If the number of cells is odd, then in `2 count` rows each cell directly follows each
+    other cell twice, and every second row is the previous row in reversed order.
 
     Parameters
     ----------

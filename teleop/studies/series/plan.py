@@ -1,17 +1,19 @@
-"""The plan of a series: factors with their levels, repetitions, and the settings of the trials."""
+"""Read the plan of a series: factors with levels, repetitions, and the settings of the trials."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import as_file, files
 from itertools import product
+from math import prod
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
-from sim_backend import DEPTH
+from sim_backend import CUBES, DEPTH
+from teleop.control.conditions import CONDITIONS
 from teleop.errors import InputError, invalid_parts
 from teleop.studies.series.order import OrderName, ordered
 from teleop.trial.arming import check_stated
@@ -22,6 +24,14 @@ from teleop.trial.settings import TrialSettings
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,40}$")]
 """Name of a factor or a level, which is used in file names."""
 MOST_TRIALS = 10_000
+SETTINGS: dict[str, Collection[str]] = {
+    "condition": CONDITIONS,
+    "cube": CUBES,
+    "specimen": (),
+    "operator": (),
+}
+"""Factors that set the setting of the same name, with the values of this setting; empty for any
+name. A level with other settings in `levels` may have a name that is not a value of the setting."""
 
 
 class Plan(BaseModel):
@@ -37,9 +47,8 @@ class Plan(BaseModel):
     description: str = ""
     factors: dict[Name, list[Name]] = Field(min_length=1)
     """Levels of each factor. The factors condition, cube, specimen and operator set the setting of
-    the same name. On a hardware rig, the factor cube sets the specimen. It also sets the depth,
-    unless the settings have a depth: the depth to which the paper palpated this cube under the
-    condition."""
+    the same name. On a hardware rig, the factor cube sets the specimen. If the settings contain no
+    depth, the factor cube also sets the depth to that of the paper for this cube and condition."""
     blocks: list[Name] = []
     """Factors whose levels are run one after the other, such as subject: all trials of one level
     are run before the trials of the next level."""
@@ -58,7 +67,7 @@ class Plan(BaseModel):
     settings: dict[str, Any] = {}
     """Settings of all trials, as in a configuration file."""
     levels: dict[Name, dict[Name, dict[str, Any]]] = {}
-    """Settings of the trials in which a factor has a certain level, by factor and level."""
+    """Further settings of the trials in which a factor has a certain level, by factor and level."""
 
 
 @dataclass(frozen=True)
@@ -184,9 +193,9 @@ def planned_trials(plan: Plan, folder: Path) -> list[PlannedTrial]:
 
 
 def chosen_settings(plan: Plan, folder: Path) -> dict[tuple[str, ...], TrialSettings]:
-    """Return the settings for each combination of levels, see `planned_trials`."""
+    """Return the settings of the trials, by the combination of levels. See `planned_trials`."""
     settings: dict[tuple[str, ...], TrialSettings] = {}
-    problems: list[str] = []
+    problems: dict[str, list[str]] = {}
     for levels in product(*plan.factors.values()):
         document = document_of(plan, dict(zip(plan.factors, levels, strict=True)))
         try:
@@ -194,9 +203,16 @@ def chosen_settings(plan: Plan, folder: Path) -> dict[tuple[str, ...], TrialSett
             check_stated(settings[levels])
             check_feedback(settings[levels])
         except InputError as error:
-            problems += [f"{', '.join(levels)}: {line}" for line in str(error).splitlines()]
+            for line in str(error).splitlines():
+                problems.setdefault(line, []).append(", ".join(levels))
     if problems:
-        raise InputError("\n".join(problems))
+        every = prod(map(len, plan.factors.values()))
+        raise InputError(
+            "\n".join(
+                line if len(where) == every else f"{'; '.join(where)}: {line}"
+                for line, where in problems.items()
+            )
+        )
     return settings
 
 
@@ -205,10 +221,9 @@ def document_of(plan: Plan, levels: Mapping[str, str]) -> dict[str, Any]:
     document = dict(plan.settings)
     for name, level in levels.items():
         own = plan.levels.get(name, {}).get(level)
-        if own is not None:
-            document |= own
-        elif name in ("condition", "cube", "specimen", "operator"):
+        if name in SETTINGS and (own is None or level in (SETTINGS[name] or [level])):
             document[name] = level
+        document |= own or {}
     if "rig" in document and "cube" in plan.factors and "cube" in document:
         cube = document.pop("cube")
         document.setdefault("specimen", cube)

@@ -1,4 +1,4 @@
-"""Table of results of a series as a CSV file, with a row for each trial and estimator."""
+"""Write the results of a series to a CSV file, with a row for each trial and estimator."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Sweeps: many trials or evaluations with different settings, which run in parallel."""
+"""Run sweeps: many trials or evaluations with different settings, in parallel."""

@@ -1,4 +1,4 @@
-"""Run of a sweep: the points that are not done yet are run, and the results are written."""
+"""Run the points of a sweep that are not done yet, and write the results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runs the points of a sweep on a Dask cluster."""
+"""Run the points of a sweep on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ TIMEOUT = 30.0
 def on_dask(address: str, count: int | None = None) -> Execute:
     """Return a function that runs points on a Dask cluster.
 
-    Dask gives up all points that wait at a worker when it has been killed several times. They are
-    run again one by one at the end. A point whose worker is killed again has an error as its
-    result.
+    If a worker is killed several times, Dask abandons all points that wait at this worker. At the
+    end, these points are run again one by one. If the worker of such a point is killed `ATTEMPTS`
+    more times, the result of the point is an error.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Functions that run the points of a sweep in several processes of this machine."""
+"""Run the points of a sweep in several processes of this machine."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ Execute = Callable[[Task, Sequence[Point]], Iterator[Results]]
 AHEAD = 4
 """Number of chunks of points that are sent to a process before the first chunk is finished."""
 ATTEMPTS = 2
-"""Number of times that a point is run alone. If its process is killed each time, the result is an
-error."""
+"""Number of times that a point is run alone. If the process is killed each time, the result of the
+point is an error."""
 
 
 def chunks_of(task: Task, points: Sequence[Point]) -> Iterator[Sequence[Point]]:
@@ -38,8 +38,9 @@ def processors() -> int:
 def in_processes(count: int | None = None) -> Execute:
     """Return a function that runs points in processes of this machine.
 
-    If a process is killed, the points that were running are run again, each in a separate process.
-    If this process is also killed, `ATTEMPTS` times, the result of the point is an error.
+    If a process is killed, all points that were running or waiting in a process are run again, each
+    in a separate process. If the separate process of a point is killed `ATTEMPTS` times, the result
+    of the point is an error.
 
     Parameters
     ----------

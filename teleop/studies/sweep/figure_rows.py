@@ -1,4 +1,4 @@
-"""Reading of the rows of a sweep's table that the figures show."""
+"""Read the rows of a sweep's table that the figures show."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def read_rows(path: Path, factors: Sequence[str], response: str) -> SweepRows:
 
 
 def values_of(cells: Sequence[str]) -> Sequence[float] | Sequence[str]:
-    """Return the values in a column as numbers; as texts, if a cell is not a number."""
+    """Return the values of a column as numbers, or all as texts if one of them is not a number."""
     try:
         return [float(cell) for cell in cells]
     except ValueError:

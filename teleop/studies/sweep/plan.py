@@ -1,4 +1,4 @@
-"""The plan of a sweep: the settings that vary, their values, and the task at each point."""
+"""Read the plan of a sweep: the settings that vary, their values, and the task at each point."""
 
 from __future__ import annotations
 
@@ -41,7 +41,8 @@ class Range(BaseModel):
     steps: Annotated[int, Field(ge=2, le=MOST_POINTS)] | None = None
     """Number of values, for the designs grid and list. Not used in a random design."""
     scale: Literal["linear", "log"] = "linear"
-    """`linear` if the values are evenly distributed, `log` if the logarithms of the values are."""
+    """`linear` if the values are evenly distributed; `log` if their logarithms are evenly
+    distributed."""
 
     @model_validator(mode="after")
     def _ordered(self) -> Range:
@@ -85,8 +86,8 @@ class SweepPlan(BaseModel):
     settings: dict[str, Any] = {}
     """Settings of all trials, as in a configuration file."""
     estimate: Evaluated | None = None
-    """Recording that is evaluated at each point. Default: no recording; at each point a trial is
-    run on the simulated rig."""
+    """Recording from which estimates are computed at each point. By default, a trial is run on the
+    simulated rig at each point instead."""
 
     @property
     def is_random(self) -> bool:

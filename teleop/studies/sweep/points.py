@@ -1,4 +1,4 @@
-"""The points of a sweep, computed from the plan: the values of the settings at each point."""
+"""Compute the points of a sweep from the plan. A point is a combination of values of settings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from teleop.studies.sweep.plan import Range, SweepPlan
 
 
 class Point(NamedTuple):
-    """One point of a sweep: a combination of values of the settings that vary."""
+    """One point of a sweep: values of the settings that vary, and the number of the repetition."""
 
     number: int
     """Position of the point in the sweep, from 1."""
@@ -26,7 +26,7 @@ class Point(NamedTuple):
 def points_of(plan: SweepPlan) -> list[Point]:
     """Return the points of a plan, in the order in which they are run.
 
-    The repetitions of a point directly follow each other.
+    The repetitions of the same values directly follow each other.
     """
     cells = random_values(plan) if plan.is_random else listed_values(plan)
     every = ((values, i) for values in cells for i in range(plan.seeds))
@@ -73,7 +73,7 @@ def spaced(values: Range, shares: Sequence[float] | np.ndarray) -> list[float]:
 
 
 def chosen(values: Sequence[Any], shares: np.ndarray) -> list[Any]:
-    """Return values of a list at given fractions, in [0, 1), of the length of the list."""
+    """Return the values of a list at given fractions of its length. Fractions are in [0, 1)."""
     return [values[math.floor(share * len(values))] for share in shares.tolist()]
 
 

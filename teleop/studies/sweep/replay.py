@@ -1,4 +1,4 @@
-"""Samples of a recorded trial, conditioned only once for points with the same conditioning."""
+"""Condition the samples of a recorded trial, only once for points with the same conditioning."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from teleop.evaluation.conditioned import Conditioned, conditioned
 from teleop.evaluation.datum import OWN_ZERO
 from teleop.evaluation.replay import recorded_signals
 from teleop.recording.recording import load
+from teleop.trial.averaged import recorded_part
 from teleop.trial.configuration import as_recorded_now
 from teleop.trial.settings import TrialSettings
 from teleop.trial.settings_json import DERIVED
@@ -42,6 +43,8 @@ class RecordedTrial:
             if key not in DERIVED and value is not None
         }
         """Settings of the trial, with the keys of a configuration file."""
+        self.averaged = recorded_part(recording)
+        """The part of the trial over which the estimates are averaged."""
         self._signals = recorded_signals(recording)
         self._known: dict[tuple[str, float, float, Model], Conditioned] = {}
 

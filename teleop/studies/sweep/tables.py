@@ -1,4 +1,4 @@
-"""Tables of results of a sweep, with a row for each point and estimator, in order of the points."""
+"""Write the tables of results of a sweep, with a row for each point and estimator."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tasks at a point of a sweep: run a simulated trial, or compute estimates from a recording.
+"""Define the tasks at a point of a sweep: run a simulated trial, or evaluate a recording.
 
 A task can be sent to another process. The result of a task at a point depends only on the plan, not
 on the number of processes or the order in which the points are run.
@@ -124,8 +124,9 @@ class EstimateTask:
         t, regression, *_ = self.recorded.conditioned(settings)
         bank = settings.estimation_preset.bank()
         unknown = np.array([np.nan])
+        part = self.recorded.averaged.contains(t)
         summaries = {
-            name: summarise(t, regression, series, bank[name], unknown)
+            name: summarise(t[part], regression.part(part), series.part(part), bank[name], unknown)
             for name, series in bank.run(*regression).items()
         }
         return [
@@ -177,8 +178,8 @@ def check(task: Task, points: Sequence[Point]) -> None:
 def results(task: Task, points: Sequence[Point]) -> list[dict[str, Any]]:
     """Run a task at points, and return the result of each point: its rows, or its error.
 
-    An exception other than InputError is a defect of the program. The traceback of such an
-    exception is part of the result.
+    An exception other than InputError is an error in the program (a bug). Then the result also
+    contains the traceback.
     """
     found = []
     for point in points:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -113,6 +114,8 @@ def test_a_table_is_written_as_csv_latex_and_markdown(series, tmp_path, capsys):
     with (tmp_path / "table.csv").open(newline="") as file:
         rows = [*csv.DictReader(file)]
     assert [row["method"] for row in rows] == 2 * ["result", "rls", "me"]
+    assert [row["kind of k"] for row in rows] == 2 * ["tangent", "average", "average"]
+    assert float(rows[0]["at force [N]"]) > 0.0
     batch = rows[0]
     assert float(batch["k low [N/m]"]) < float(batch["k [N/m]"]) < float(batch["k high [N/m]"])
     assert rows[1]["k low [N/m]"] == ""
@@ -120,12 +123,31 @@ def test_a_table_is_written_as_csv_latex_and_markdown(series, tmp_path, capsys):
     assert latex.count("\\midrule") == 2
     assert "e\\_f [N]" in latex
     assert "$\\pm$" in latex
-    assert latex.splitlines()[2:4] == ["\\begin{tabular}{llrrrr}", "\\toprule"]
+    assert re.search(r"& \$-\$\d", latex)
+    assert not re.search(r"-\d", latex.split("tablenotes")[0])
+    assert latex.splitlines()[2:4] == ["\\begin{tabular}{lllrrrr}", "\\toprule"]
     markdown = (tmp_path / "table.md").read_text()
     lines = [line for line in markdown.splitlines() if line.startswith("|")]
     assert len({line.count("|") for line in lines}) == 1
     assert len(lines) == 2 + 2 * 3
+    assert sum("| tangent |" in line for line in lines) == 2
+    assert sum("| average |" in line for line in lines) == 4
     assert "\nresult: mean of the results" in markdown
+
+
+def test_the_folder_of_all_recordings_is_printed_once(series, tmp_path, capsys):
+    assert main(["compare", str(series)]) == 0
+    folder = str(series / "recordings")
+    out = capsys.readouterr().out
+    assert out.splitlines()[0] == f"{folder}: results, with 95 % intervals"
+    assert out.count(folder) == 1
+    first = min((series / "recordings").iterdir())
+    assert f"  {first.name}  " in out
+    copied = shutil.copy(first, tmp_path / "other.mcap")
+    assert main(["compare", str(first), str(copied)]) == 0
+    out = capsys.readouterr().out
+    assert out.splitlines()[0] == "results, with 95 % intervals"
+    assert str(copied) in out
 
 
 def test_a_series_names_the_command_for_its_table_and_figure(series, capsys):

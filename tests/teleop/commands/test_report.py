@@ -58,6 +58,16 @@ def test_estimators_and_model_are_chosen_and_json_has_the_results(trial, capsys)
     assert "<td>rls</td>" not in page
 
 
+def test_the_page_states_the_force_at_which_the_stiffness_holds_as_the_terminal_does(trial, capsys):
+    page = page_of(trial)
+    capsys.readouterr()
+    assert main(["estimate", str(trial)]) == 0
+    out = capsys.readouterr().out
+    for start in ("k is the tangent stiffness at", "motion: "):
+        (line,) = [line.strip() for line in out.splitlines() if line.strip().startswith(start)]
+        assert f"<p>{line}</p>" in page
+
+
 def test_a_page_in_another_folder_links_to_the_recording(trial, tmp_path):
     page = tmp_path / "page.html"
     assert main(["report", str(trial), "--out", str(page)]) == 0

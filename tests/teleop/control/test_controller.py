@@ -17,6 +17,7 @@ from teleop.control.clock import Tick, VirtualClock
 from teleop.control.conditions import Teleoperation
 from teleop.control.controller import Controller
 from teleop.control.coupling import Coupling
+from teleop.control.estimation import Estimation
 from teleop.control.link import DirectLink
 from teleop.control.tare import NO_TARE, Tare
 from teleop.recording.message import Layout
@@ -105,9 +106,7 @@ def make(rig, condition=None, limits=WIDE, tare=NO_TARE):
         rig,
         condition or Teleoperation(),
         DirectLink(Admittance(AdmittanceParameters()), Coupling(0.5, position_gain=2.0)),
-        MatchedFilter(20.0),
-        paper_preset().bank(),
-        Excitation(),
+        Estimation(MatchedFilter(20.0), paper_preset().bank()),
         PERIOD,
         limits,
         tare,

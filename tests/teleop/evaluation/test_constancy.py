@@ -49,6 +49,16 @@ def test_two_stiffnesses_are_a_change_over_the_cycles_and_no_relaxation():
     assert "relaxes" not in reasons
 
 
+@pytest.mark.parametrize(("frequency", "rest"), [(4.0, 0.5), (4.0, 1.0), (8.0, 0.5)])
+def test_a_tremor_before_the_palpation_is_no_change_of_the_stiffness(frequency, rest):
+    t = np.arange(0.0, 8.0, 1e-3)
+    palpated = 4e-3 + 3e-3 * np.sin(2.0 * np.pi * np.maximum(t - rest, 0.0))
+    tremor = np.where(t < rest, 4e-4 * np.sin(2.0 * np.pi * frequency * t), 0.0)
+    found = result(t, palpated + tremor, 2000.0 * palpated + 5.0 * np.gradient(palpated, t))
+    assert not any("changes" in reason for reason in found.reasons)
+    assert found.k == pytest.approx(2000.0, rel=0.03)
+
+
 def sweep():
     t = np.arange(0.0, 30.0, 2e-3)
     return t, 5e-3 + 1e-3 * np.sin(2.0 * np.pi * (0.1 * t + 0.165 * t**2))

@@ -13,26 +13,39 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from estimation.metrics import RisingValue
+from estimation.summary import summarise
 from teleop.cli import main
-from teleop.evaluation import samples
+from teleop.evaluation import evaluation, samples
+from teleop.evaluation.analysis import analyse
+from teleop.evaluation.averaged_part import AveragedPart
+from teleop.evaluation.conditioned import within
+from teleop.evaluation.contact_bank import contact_at
 from teleop.evaluation.evaluation import evaluate
 from teleop.evaluation.replay import is_replayed, recorded_settings, recorded_signals
 from teleop.evaluation.samples import RecordedSamples, Samples
 from teleop.output.fit_figures import fit_figure
-from teleop.recording import stream
+from teleop.recording import recovery, stream
+from teleop.recording.mcap_reader import read_intact
 from teleop.recording.recording import load
+from teleop.recording.recovery import messages, write_contents
+from teleop.trial.averaged import recorded_part
 
 
 @pytest.fixture(scope="module")
 def trials(tmp_path_factory):
-    """Return recordings of two durations."""
+    """Return recordings of two durations, whose chunks have 200 ticks."""
     folder = tmp_path_factory.mktemp("trials")
     paths = {}
     for duration in (3, 12):
-        paths[duration] = folder / f"{duration}.mcap"
+        recorded = folder / f"recorded-{duration}.mcap"
         arguments = ["--clock", "virtual", "--condition", "autonomous", "--seed", "3"]
-        arguments += ["--duration", str(duration), "--record", str(paths[duration])]
+        arguments += ["--duration", str(duration), "--record", str(recorded)]
         assert main(["run", *arguments]) == 0
+        paths[duration] = folder / f"{duration}.mcap"
+        contents = read_intact(recorded)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(recovery, "CHUNK", 200)
+            write_contents(paths[duration], contents, list(messages(contents)))
     return paths
 
 
@@ -48,7 +61,8 @@ def small(monkeypatch):
 
 
 def settings_of(path, *estimators):
-    settings = recorded_settings(load(path))
+    recording = load(path)
+    settings = replace(recorded_settings(recording), averaged=recorded_part(recording))
     return replace(settings, estimators=estimators) if estimators else settings
 
 
@@ -99,6 +113,57 @@ def test_the_result_states_that_it_is_that_of_sections(trials, small):
     assert [one for one in reasons if text in one and f"{read.count} samples" in one]
     whole = evaluate(recorded_signals(load(trials[12])), settings_of(trials[12]))
     assert not any(text in one for one in whole.summary()["result"]["reasons"])
+
+
+def test_a_long_recording_is_averaged_and_fitted_only_in_the_averaged_part(trials, small):
+    part = AveragedPart(start=2.5, end=9.0, left_out="start and end")
+    read = RecordedSamples(trials[12], is_replayed)
+    found = evaluate(read, replace(settings_of(trials[12]), averaged=part))
+    assert found.online.as_recorded
+    first, last = found.analysis.record.t[[0, -1]]
+    assert 2.5 <= first < 4.6
+    assert 6.9 < last < 9.0
+    fitted = int(np.sum(part.contains(read.signals.t)))
+    summary = found.summary()
+    assert 256 < fitted < len(read.signals.t)
+    assert f"those of {fitted} of" in " ".join(summary["result"]["reasons"])
+    assert (summary["left_out"], summary["samples_used"]) == ("start and end", read.count)
+    inside = part.contains(found.t)
+    for name, series in found.estimates.items():
+        expected = summarise(
+            found.t[inside],
+            found.regression.part(inside),
+            series.part(inside),
+            found.bank[name],
+            found.misfit[name][inside],
+        )
+        for key in ("b", "k", "e_f", "one_step_rms", "k_end", "rise_time_s", "held", "misfit"):
+            value = getattr(found.summaries()[name], key)
+            assert value == pytest.approx(getattr(expected, key), rel=1e-10), (name, key)
+    excitation = found.excitation[inside]
+    assert summary["excitation"]["mean"] == pytest.approx(excitation.mean(), rel=1e-10)
+    assert summary["excitation"]["last"] == excitation[-1]
+
+
+def test_a_part_without_samples_of_the_estimators_has_no_averages(trials, monkeypatch):
+    signals, settings = recorded_signals(load(trials[3])), settings_of(trials[3])
+    fit = replace(settings, averaged=AveragedPart())
+    monkeypatch.setattr(evaluation, "within", lambda signals, part: signals)
+    whole = evaluate(signals, fit)
+    found = evaluate(signals, replace(fit, averaged=AveragedPart(start=5.0)))
+    for name, summary in found.summaries().items():
+        assert math.isnan(summary.k)
+        assert summary.held == 1.0
+        np.testing.assert_array_equal(found.estimates[name].k, whole.estimates[name].k)
+    assert math.isnan(found.summary()["excitation"]["last"])
+
+
+def test_before_the_analysed_part_the_contact_is_that_at_its_start(trials):
+    signals = recorded_signals(load(trials[3]))
+    analysis = analyse(within(signals, AveragedPart(start=2.0)), 0.0)
+    analysis = replace(analysis, phases=replace(analysis.phases, free_force=0.0))
+    assert analysis.phases.contact.all()
+    assert contact_at(analysis, signals.t, np.zeros(len(signals.t))).all()
 
 
 def test_the_figure_of_the_fit_has_no_line_between_the_sections(trials, small):

@@ -11,6 +11,7 @@ import pytest
 from estimation.testing_records import relaxed
 from teleop.cli import main
 from teleop.evaluation.analysis import analyse
+from teleop.evaluation.prepared import prepare
 from teleop.evaluation.signals import Signals, periods
 
 FREQUENCY = 0.5
@@ -62,3 +63,12 @@ def test_the_command_states_the_frequency_of_the_damping(tmp_path, capsys):
     assert main(["estimate", str(path), "--json"]) == 0
     result = json.loads(capsys.readouterr().out)["result"]
     assert result["damping_at_hz"] == pytest.approx(FREQUENCY, rel=0.01)
+
+
+def test_a_sine_with_outliers_of_the_position_is_a_sine():
+    t = np.arange(2000) / 200.0
+    rng = np.random.default_rng(0)
+    x = 3e-3 + 1e-3 * np.sin(2.0 * np.pi * t)
+    f = 5.0 + 2000.0 * (x - 3e-3) + rng.normal(0.0, 0.01, len(t))
+    x[rng.choice(len(t), 5, replace=False)] += 0.02
+    assert prepare(Signals(t, x, f, periods(t), "position")).sinusoidal

@@ -47,6 +47,11 @@ def test_on_a_narrow_terminal_whole_estimates_are_shown(drawn):
     assert drawn(estimates, 45).endswith("  k, b:  rls 2000 +5\x1b[K")
 
 
+def test_if_no_estimate_fits_there_is_no_heading(drawn):
+    estimates = [("rls_conditional", 5.0, 2000.0, 0.01), ("me", 5.0, 1000.0, 0.2)]
+    assert drawn(estimates, 40).endswith("1.0 of 10 s\x1b[K")
+
+
 def test_without_a_terminal_spaces_replace_the_previous_line_and_nothing_is_an_escape(
     monkeypatch,
 ):

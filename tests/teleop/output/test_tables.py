@@ -54,7 +54,7 @@ def test_the_tables_of_all_estimators_fit_a_terminal(columns, monkeypatch, capsy
     for arguments in (command, ["estimate", "trial.mcap"]):
         text = printed(capsys, monkeypatch, environment, *arguments)
         for line in text.splitlines():
-            assert len(line.rstrip()) <= columns or " " not in line.strip(), line
+            assert len(line) <= columns or " " not in line.strip(), line
     assert "rls_conditional at the end: k3" in text
     assert re.search(
         r"hc_log at the end: K \S+ ± \S+ N/m\^n, B \S+ ± \S+ N s/m", " ".join(text.split())
@@ -85,6 +85,15 @@ def test_a_command_to_copy_is_not_broken(monkeypatch, capsys, tmp_path):
     path = tmp_path / "configuration.toml"
     assert main(["config", "init", str(path)]) == 0
     assert capsys.readouterr().out == f"{path}: run it with: teleop run --config {path}\n"
+
+
+@pytest.mark.parametrize("columns", range(24, 34))
+def test_no_line_of_a_table_is_wider_than_the_terminal(columns, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    print_table(plain_console(), "title", ["", "k [N/m]", "b [N s/m]"], [["rls", "2000", "-12.5"]])
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= columns
+    assert "  rls" in "\n".join(lines)
 
 
 def test_numbers_replace_the_longest_of_several_columns_with_text(monkeypatch, capsys):

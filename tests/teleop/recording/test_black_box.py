@@ -41,10 +41,10 @@ def with_fault(monkeypatch):
 
 @pytest.fixture
 def stopped(tmp_path, with_fault):
-    def run(fault, at=7.0, duration=9.0):
+    def run(fault, at=7.0, duration=9.0, condition="autonomous", **changes):
         with_fault(fault, at)
         path = tmp_path / "run.mcap"
-        settings = TrialSettings("autonomous", duration=duration, clock="virtual")
+        settings = TrialSettings(condition, duration=duration, clock="virtual", **changes)
         return run_trial(settings, path), path
 
     return run
@@ -108,6 +108,14 @@ def test_the_report_of_a_run_without_motion_shows_only_the_stop(stopped, capsys)
     assert "the estimators received only 0 samples" in capsys.readouterr().err
 
 
+def test_the_report_of_a_run_that_was_stopped_in_the_count_in_shows_only_the_stop(stopped, capsys):
+    _, path = stopped(Unplugged(), at=2.0, condition="mimic", count_in=3.0)
+    assert main(["report", str(path)]) == 0
+    page = path.with_suffix(".html").read_text()
+    assert "rig failure: RigError: master board: no answer" in page
+    assert "Result" not in page
+
+
 def test_the_report_shows_what_stopped_the_run(stopped, capsys):
     _, path = stopped(Unplugged(), at=2.0, duration=3.0)
     assert main(["report", str(path)]) == 0
@@ -134,5 +142,7 @@ def test_a_run_stopped_by_a_fault_reports_it_and_exits_with_3(
     assert main(["run", "--clock", "virtual", "--duration", "1"]) == 3
     out, err = capsys.readouterr()
     assert err == "teleop: stopped at 0.450 s: slave position is inf: expected a number\n"
-    assert "STOPPED for safety at 0.450 s" in out
+    stopped, _, title, *_ = out.splitlines()
+    assert stopped == "STOPPED for safety at 0.450 s: slave position is inf: expected a number"
+    assert title == "free, soft cube, 0.45 of 1 s"
     assert "black box: recordings/" in out

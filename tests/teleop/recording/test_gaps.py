@@ -22,6 +22,7 @@ from teleop.evaluation.signals import Signals, periods, read_signals
 from teleop.recording.gaps import GapFinder, missing_text, missing_ticks
 from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import load
+from teleop.trial import later_estimates
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
@@ -180,6 +181,8 @@ def measure_lag_of(path):
 @pytest.fixture
 def slow(monkeypatch):
     """Makes the recorder's pipe full for some ticks."""
+
+    monkeypatch.setattr(later_estimates, "BLOCK", 1)
 
     def during(*numbers):
         push, count = RecorderProcess.push, iter(range(10**9))

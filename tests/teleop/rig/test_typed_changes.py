@@ -30,7 +30,17 @@ def test_a_line_changes_what_it_names(line, expected):
     assert (changed.condition, changed.cube) == expected
 
 
-@pytest.mark.parametrize("line", ["", "liver", "mimic liver"])
+def test_a_depth_can_be_typed_and_remains_until_another_is_typed():
+    palpation = Palpation(TrialSettings())
+    assert palpation.text == "free, soft cube, depth 15.5 mm"
+    shallow = palpation.changed("medium 4.5mm")
+    assert shallow.settings.setup.depth == pytest.approx(4.5e-3)
+    assert shallow.changed("mimic").text == "mimic, medium cube, depth 4.5 mm"
+    with pytest.raises(InputError, match="depth 500 mm: expected"):
+        palpation.changed("500mm")
+
+
+@pytest.mark.parametrize("line", ["", "liver", "mimic liver", "5 mm", "mm"])
 def test_a_line_with_another_word_is_refused(line):
     with pytest.raises(InputError, match=r"expected a condition \(free, mimic, autonomous, any\)"):
         Palpation(TrialSettings()).changed(line)

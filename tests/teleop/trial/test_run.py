@@ -26,6 +26,7 @@ from teleop.errors import InputError
 from teleop.recording.recording import load
 from teleop.recording.timing import loop_timing
 from teleop.safety import Mode, Request
+from teleop.trial import later_estimates
 from teleop.trial.loop import Loop
 from teleop.trial.rehearsal import check_wire, tick_cost
 from teleop.trial.run import run_trial
@@ -222,7 +223,7 @@ class Spy(SimulatedRig):
 
 
 @pytest.mark.parametrize(
-    "part", ["estimation.Bank.update", "teleop.control.conditions.Teleoperation.drive_force"]
+    "part", ["estimation.Bank.run", "teleop.control.conditions.Teleoperation.drive_force"]
 )
 def test_an_exception_in_a_tick_stops_the_rig_and_is_raised(monkeypatch, tmp_path, part):
     monkeypatch.setattr("teleop.trial.assembly.SimulatedRig", Spy)
@@ -232,12 +233,13 @@ def test_an_exception_in_a_tick_stops_the_rig_and_is_raised(monkeypatch, tmp_pat
         calls.append(arguments)
         if len(calls) > 500:
             raise ZeroDivisionError("by design")
-        return 0.0 if "force" in part else update(*arguments)
+        return 0.0 if "force" in part else run(*arguments)
 
     from estimation import Bank
 
-    update = Bank.update
+    run = Bank.run
     monkeypatch.setattr(part, fail)
+    monkeypatch.setattr(later_estimates, "BLOCK", 1)
     path = tmp_path / "run.mcap"
     with pytest.raises(ZeroDivisionError) as info:
         run_trial(QUICK, path)

@@ -69,8 +69,8 @@ def emulated(name, folder, *arguments):
 def test_a_rig_is_run_and_recorded_against_its_emulated_devices(tmp_path):
     with emulated("serial-board", tmp_path, "--condition", "autonomous") as (rig, document):
         assert set(document["ports"]) == set(read_rig_file(rig).sections.buses)
-        path = tmp_path / "run.mcap"
-        for _ in range(3):
+        for number in range(3):
+            path = tmp_path / f"run{number}.mcap"
             ran = teleop(
                 *RUN, rig, "--condition", "autonomous", "--duration", 1.5, "--json",
                 "--record", path,

@@ -54,6 +54,9 @@ class Series:
     def wait_until(self, pattern):
         """Return the text up to a pattern; None if the command ends before it."""
         while not (found := re.search(pattern, self.text, re.DOTALL)):
+            if not select.select([self.terminal], [], [], 60.0)[0]:
+                os.kill(self.pid, signal.SIGKILL)
+                pytest.fail(f"nothing is printed after: {self.text}")
             try:
                 data = os.read(self.terminal, 4096)
             except OSError:
@@ -128,7 +131,7 @@ def test_a_series_on_devices_is_run_with_keys_and_ends_in_table_and_figures(emul
             series.type(key)
             if not key:
                 armed[trial, re.search(r"board: \w+, \w+, 1.5 s, depth [\d.]+ mm", prompt)[0]] += 1
-                assert series.wait_until(r"Enter for none\."), series.text
+                assert series.wait_until(r"Enter for no note\."), series.text
                 series.type("a note")
         codes.append(series.end())
     assert codes == [0, 0]

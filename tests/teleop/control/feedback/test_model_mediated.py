@@ -15,7 +15,7 @@ from teleop.control.alignment import Pair
 from teleop.control.coupling import Coupling
 from teleop.control.feedback.energy_tank import TANK_START
 from teleop.control.feedback.law import STIFF_PRIOR, Report
-from teleop.control.feedback.local_model import LocalModel, ModelMediatedSlave
+from teleop.control.feedback.local_model import PERIOD, LocalModel, ModelMediatedSlave
 from teleop.control.feedback.model_mediated import FORCE_RATE, ModelMediatedMaster
 
 DT = 1e-3
@@ -114,6 +114,21 @@ def test_the_local_model_has_the_stiffness_of_the_cube(name):
     depth = {"soft": 4e-3, "medium": 2e-3, "hard": 0.4e-3}[name]
     palpate(model, cube, depth=depth)
     assert model.model.force(depth, 0.0) == pytest.approx(cube.force(depth, 0.0), rel=0.02)
+
+
+def test_a_disturbance_at_the_rate_of_the_estimator_does_not_change_the_model():
+    """Without the average over the period, it would be a constant force of 2 N."""
+    models = LocalModel(), LocalModel()
+    cube = CUBES["soft"]
+    for n in range(3000):
+        t = n * DT
+        x = 2e-3 * (1.0 - math.cos(2.0 * math.pi * t))
+        force = cube.force(x, 4e-3 * math.pi * math.sin(2.0 * math.pi * t))
+        for model, size in zip(models, (0.0, 2.0), strict=True):
+            disturbance = size * math.cos(2.0 * math.pi * n * DT / PERIOD)
+            model.update(Pair(x, force + disturbance, DT))
+    undisturbed, disturbed = (model.model.force(4e-3, 0.0) for model in models)
+    assert disturbed == pytest.approx(undisturbed, rel=1e-6)
 
 
 def test_on_misfit_the_model_is_the_stiff_prior_again():

@@ -126,12 +126,11 @@ def serve():
 class TrialFeed(Feed):
     """A trial that moves the slave along a sine and carries out the requests of the page."""
 
-    estimators = ("rls", "me")
-
-    def __init__(self, mode="active", **trial):
+    def __init__(self, mode="active", estimators=("rls", "me"), further=(), values=None, **trial):
+        self.estimators, self.values = estimators, values or {}
         known = [column.name for column in COLUMNS] + ["dropped", "pointer_depth", "pointer_grip"]
         parts = ("k", "b", "k_std", "b_std", "held", "misfit")
-        known += [f"{name}_{part}" for name in self.estimators for part in parts]
+        known += [f"{name}_{part}" for name in self.estimators for part in (*parts, *further)]
         self.names = shown_columns(known, self.estimators)
         self.history = History(len(self.names))
         self.mode = mode
@@ -197,6 +196,7 @@ class TrialFeed(Feed):
             "me_k_std": 40.0,
             "me_held": 1.0,
             "me_misfit": 0.12,
+            **self.values,
         }
         return [values[name] for name in self.names]
 

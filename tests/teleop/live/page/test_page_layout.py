@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import random
+
 import pytest
+
+from estimation.registry import BUILT_IN
 
 from .conftest import wait_for
 
 TARGET = {"frequency": 1.0, "depth": 0.015, "low": 0.0015, "count_in": 60.0}
+NAMES = tuple(BUILT_IN)
 SIZES = [(1280, 800), (3840, 2160), (390, 844)]
 
 
@@ -26,6 +31,52 @@ def test_stop_is_visible_and_nothing_is_cut_off(size, view, trial_feed, serve, o
         assert page.evaluate("document.documentElement.scrollHeight") <= height
     note = page.locator("#stop-note").inner_text()
     assert "does not replace the emergency stop of the hardware" in note
+
+
+WIDTHS = [(390, 844), (1280, 800), (1366, 768), (3840, 2160)]
+LARGE = {
+    f"{name}_{part}": value
+    for name in NAMES
+    for part, value in {
+        "k": 1234567.8,
+        "k_std": 61234.0,
+        "b": -123456.7,
+        "b_std": 1e9,
+        "held": 1.0,
+        "misfit": 9.99,
+    }.items()
+}
+SUBSETS = [
+    ("rls_conditional",),
+    NAMES,
+    *(tuple(random.Random(i).sample(NAMES, 2 + i)) for i in range(4)),
+]
+
+
+@pytest.mark.parametrize("view", ["", "operator"])
+@pytest.mark.parametrize("estimators", SUBSETS, ids=len)
+def test_the_page_is_never_wider_than_its_window(estimators, view, trial_feed, serve, open_page):
+    feed = trial_feed(estimators=estimators, values=LARGE, target=TARGET, specimen=100 * "x")
+    page = open_page(serve(feed).url(view))
+    wait_for(page, "teleop.rows() > 50")
+    feed.news.append({"type": "summary", **summary_of(estimators)})
+    if not view:
+        wait_for(page, "document.getElementById('summary').open")
+    for width, height in WIDTHS:
+        page.set_viewport_size({"width": width, "height": height})
+        wait_for(page, f"innerWidth === {width}")
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        if width > 760:
+            assert page.evaluate("document.documentElement.scrollHeight") <= height
+        for row in page.locator("#estimates tbody tr").all():
+            assert row.locator("th").inner_text() in estimators
+
+
+def summary_of(estimators):
+    """Return the results of a trial as the page receives them."""
+    row = {"k_end": 1.2e6, "k_interval": 6e4, "b_end": -1e5, "b_interval": 1e9}
+    row |= {"held": 1.0, "misfit": 9.99}
+    return {"estimates": dict.fromkeys(estimators, row), "recording": {"path": 50 * "folder/"}}
 
 
 @pytest.mark.parametrize("scheme", ["dark", "light"])

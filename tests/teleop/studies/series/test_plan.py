@@ -61,6 +61,30 @@ def test_factors_and_levels_set_the_settings_of_a_trial(read):
     assert len({trial.settings.seed for trial in trials}) == len(trials)
 
 
+def test_a_level_with_settings_of_its_own_still_names_the_specimen_and_the_condition(read):
+    named = PLAN + "[levels.condition.mimic]\nduration_s = 2.0\n"
+    by_label = {trial.label: trial.settings for trial in planned_trials(read(named), Path())}
+    settings = by_label["s1-mimic-cyst-1"]
+    assert (settings.specimen, settings.condition, settings.duration) == ("cyst", "mimic", 2.0)
+    assert by_label["s1-free-liver-1"].duration == 1.0
+
+
+def test_a_level_with_settings_of_its_own_may_have_a_name_that_is_no_condition(read):
+    slow = PLAN.replace('"mimic"', '"slow"') + '[levels.condition.slow]\ncondition = "mimic"\n'
+    by_label = {trial.label: trial.settings for trial in planned_trials(read(slow), Path())}
+    assert by_label["s1-slow-liver-1"].condition == "mimic"
+
+
+def test_a_problem_of_several_trials_is_reported_once(read):
+    with pytest.raises(InputError) as of_all:
+        planned_trials(read(PLAN.replace("1.0\n", "-1.0\n")), Path())
+    assert str(of_all.value).startswith("duration -1 s: expected more than 0")
+    deep = PLAN.replace("0.001", "0.5").replace('"s1", "s2"', '"s1"')
+    with pytest.raises(InputError) as of_some:
+        planned_trials(read(deep), Path())
+    assert str(of_some.value).startswith("s1, free, cyst; s1, mimic, cyst: depth 500 mm: expected")
+
+
 def test_all_problems_of_a_plan_are_reported_at_once(read):
     with pytest.raises(InputError) as refused:
         read('name = "a b"\nrepetitions = 0\nodd = 1\n[factors]\nc = []\n')
@@ -87,12 +111,12 @@ def test_a_plan_that_does_not_fit_together_is_refused(read, change, problem):
 
 
 def test_settings_that_are_refused_are_named_with_the_trial(read):
-    with pytest.raises(InputError, match="s1, free, cyst: depth 1000 mm"):
+    with pytest.raises(InputError, match="s1, free, cyst; .*s2, mimic, cyst: depth 1000 mm"):
         planned_trials(read(PLAN.replace("depth_m = 0.001", "depth_m = 1.0")), Path())
 
 
 def test_a_seed_that_is_no_number_is_refused(read):
-    with pytest.raises(InputError, match="s1, free, liver: seed"):
+    with pytest.raises(InputError, match="^seed: expected a whole number"):
         planned_trials(read(PLAN.replace("duration_s = 1.0", 'seed = "x"')), Path())
 
 

@@ -1,0 +1,112 @@
+"""Estimation from pairs of slave position and contact force: at a tick, or for many ticks at once.
+
+No command to the drives depends on the estimates.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import chain
+from typing import NamedTuple
+
+import numpy as np
+
+from estimation import Bank, Conditioner, Estimate, Excitation, Misfit
+from estimation.compiled import Floats
+from estimation.estimate_columns import estimate_arrays, estimate_row
+from teleop.control.alignment import Pair
+
+NO_ESTIMATE = Estimate(math.nan, math.nan, math.nan, math.nan, held=False)
+
+
+class Estimated(NamedTuple):
+    """Estimates after a pair of position and force, and quantities that belong to them."""
+
+    x: float
+    """Displacement passed to the estimators [m]."""
+    v: float
+    """Velocity passed to the estimators [m/s]."""
+    f: float
+    """Force passed to the estimators [N]."""
+    excitation: float
+    """Excitation measure; 0 for no excitation, 1 for a sine of 1 Hz about the position x = 0."""
+    contact: float
+    """1 while the contact gate of the estimators detects contact, else 0; NaN for no gate."""
+    estimates: tuple[float, ...]
+    """The model's regressors other than v and x, the estimates (`estimate_row`), and the misfit of
+    each estimator, which is NaN until it is known."""
+
+
+class EstimatedSeries(NamedTuple):
+    """The quantities of `Estimated` after each of n pairs, arrays of shape (n,)."""
+
+    x: Floats
+    v: Floats
+    f: Floats
+    excitation: Floats
+    contact: Floats
+    estimates: tuple[Floats, ...]
+
+
+class Estimation:
+    """Computes estimates, misfit and excitation from the pairs of position and force of a trial.
+
+    Parameters
+    ----------
+    conditioner
+        Computes the regressors from slave position and contact force.
+    bank
+        The estimators.
+
+    Attributes
+    ----------
+    unknown
+        Value of a tick at which the estimators are not updated; all numbers are NaN.
+    """
+
+    def __init__(self, conditioner: Conditioner, bank: Bank) -> None:
+        self._conditioner = conditioner
+        self._bank = bank
+        self._excitation = Excitation()
+        self._misfit = Misfit(bank)
+        nan = math.nan
+        further = max(len(e.model.further) for e in bank.values())
+        estimates = {
+            name: NO_ESTIMATE._replace(further=(nan,) * (2 * len(e.names) - 4))
+            for name, e in bank.items()
+        }
+        row = ((nan,) * further, estimate_row(estimates), (nan,) * len(bank))
+        self.unknown = Estimated(nan, nan, nan, nan, nan, tuple(chain(*row)))
+
+    def update(self, pair: Pair) -> Estimated:
+        """Process one pair of position and force."""
+        bank, dt = self._bank, pair.dt
+        x, v, f, further = self._conditioner.update(*pair)
+        estimates = bank.update(x, v, f, dt, further)
+        excitation = self._excitation.update(x, v, dt)
+        is_open, contact, gate = True, math.nan, bank.gate
+        if gate:
+            contact, is_open = float(gate.contact), gate.is_open
+        misfit = self._misfit.update(x, v, f, dt, further, estimates, is_open)
+        row = (*further, *estimate_row(estimates), *misfit)
+        return Estimated(x, v, f, excitation, contact, row)
+
+    def run(self, position: Floats, force: Floats, dt: Floats) -> EstimatedSeries:
+        """Process n pairs of position and force, with the same results as n calls of `update`.
+
+        Parameters
+        ----------
+        position, force, dt
+            Position of the slave [m], contact force [N], and time since the previous pair [s],
+            each of shape (n,).
+        """
+        bank = self._bank
+        regression = self._conditioner.run(position, force, dt)
+        x, v, f, dt, further = regression
+        estimates = bank.run(*regression)
+        excitation = self._excitation.run(x, v, dt)
+        gate = bank.gate
+        contact = gate.contacts.astype(np.float64) if gate else np.full(len(x), np.nan)
+        misfit = self._misfit.run(regression, estimates, bank.opened)
+        columns = (*further.T, *estimate_arrays(estimates), *misfit.values())
+        return EstimatedSeries(x, v, f, excitation, contact, columns)

@@ -1,0 +1,42 @@
+"""The part of a record over which the estimates are averaged."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.compiled import Floats
+
+
+class AveragedPart(NamedTuple):
+    """The part of a record over which the estimates are averaged.
+
+    The estimates at the end are those at the end of this part. The estimators process all samples.
+    """
+
+    start: float = -math.inf
+    """Time of the start of the part [s]."""
+    end: float = math.inf
+    """Time of the end of the part [s]."""
+    left_out: str = ""
+    """Description of the samples outside the part; empty if it is the whole record."""
+
+    def after(self, time: float) -> AveragedPart:
+        """Return the same part, if its times are measured from a given time [s]."""
+        return self._replace(start=self.start + time, end=self.end + time)
+
+    def contains(self, t: Floats) -> NDArray[np.bool_]:
+        """Return whether each of the times `t` [s], shape (n,), is in this part."""
+        return (t >= self.start) & (t < self.end)
+
+    def indices(self, t: Floats) -> slice:
+        """Return the indices of those of the increasing times `t` [s] that are in this part."""
+        start, end = np.searchsorted(t, (self.start, self.end))
+        return slice(int(start), int(end))
+
+
+WHOLE = AveragedPart()
+"""The whole record."""

@@ -1,0 +1,35 @@
+"""The part of a trial over which the estimates are averaged.
+
+The count-in of `mimic` and the ramp at the end of `autonomous` do not belong to this part. In both,
+the motion has no excitation.
+"""
+
+from __future__ import annotations
+
+from teleop.control.injector import ramp_time
+from teleop.errors import InputError
+from teleop.evaluation.averaged_part import WHOLE, AveragedPart
+from teleop.recording.recording import Recording
+from teleop.trial.settings import TrialSettings
+from teleop.trial.settings_json import from_document
+
+
+def averaged_part(recording: Recording, settings: TrialSettings) -> AveragedPart:
+    """Return the part of a recorded trial over which the estimates are averaged."""
+    part, count_in = WHOLE, settings.target.count_in
+    if settings.condition == "mimic" and count_in and "target" in recording.columns:
+        part = AveragedPart(start=count_in, left_out=f"the count-in of {count_in:g} s")
+    elif settings.condition == "autonomous":
+        ramp = ramp_time(settings.duration)
+        text = f"the ramp of the excitation to zero, the last {ramp:g} s"
+        part = AveragedPart(end=settings.duration - ramp, left_out=text)
+    armed = next((event["time"] for event in recording.events if event["mode"] == "active"), 0.0)
+    return part.after(armed)
+
+
+def recorded_part(recording: Recording) -> AveragedPart:
+    """Return `averaged_part` with the recorded settings; the whole trial if they are not valid."""
+    try:
+        return averaged_part(recording, from_document(recording.settings))
+    except InputError:
+        return WHOLE

@@ -1,0 +1,65 @@
+"""Frequency of the motion and contact point of a record with rests before and after the motion."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from teleop.evaluation.analysis import Analysis, analyse
+from teleop.evaluation.estimate_settings import EstimateSettings
+from teleop.evaluation.evaluation import evaluate
+from teleop.evaluation.motion import motion_of
+from teleop.evaluation.signals import Signals, periods
+from teleop.evaluation.turning_points import cycle_frequency
+
+RATE = 200.0
+
+
+def rest_motion_rest(frequency: float, before: float, after: float, middle: bool) -> Analysis:
+    t = np.arange(round(RATE * (before + 8.0 + after))) / RATE
+    phase = 2.0 * np.pi * frequency * np.clip(t - before, 0.0, 8.0)
+    x = 3e-3 + 1e-3 * (np.sin(phase) if middle else -np.cos(phase))
+    rng = np.random.default_rng(0)
+    f = 5.0 + 2000.0 * (x - 3e-3) + rng.normal(0.0, 0.01, len(t))
+    x = x + rng.normal(0.0, 1e-6, len(t))
+    return analyse(Signals(t, x, f, periods(t), "position"))
+
+
+@pytest.mark.parametrize("middle", [True, False])
+@pytest.mark.parametrize(("before", "after"), [(0.0, 0.0), (3.0, 3.0), (10.0, 0.0), (0.0, 15.0)])
+def test_a_rest_before_or_after_changes_neither_frequency_nor_contact(
+    before: float, after: float, middle: bool
+) -> None:
+    analysis = rest_motion_rest(1.0, before, after, middle)
+    assert motion_of(analysis.record).frequency_hz == pytest.approx(1.0, rel=0.02)
+    assert analysis.phases.contact_point is None
+
+
+def test_a_record_at_rest_has_no_frequency() -> None:
+    t = np.arange(2000) / RATE
+    rng = np.random.default_rng(0)
+    x, f = 3e-3 + rng.normal(0.0, 1e-6, 2000), 5.0 + rng.normal(0.0, 0.01, 2000)
+    analysis = analyse(Signals(t, x, f, periods(t), "position"))
+    assert np.isnan(motion_of(analysis.record).frequency_hz)
+    assert analysis.phases.contact_point is None
+
+
+@settings(deadline=None)
+@given(st.floats(0.5, 5.0), st.floats(0.0, 20.0), st.floats(0.0, 20.0), st.floats(0.0, 6.3))
+def test_the_frequency_of_a_sine_does_not_depend_on_the_rests(
+    frequency: float, before: float, after: float, start: float
+) -> None:
+    t = np.arange(round(RATE * (before + after + 12.0 / frequency))) / RATE
+    x = np.sin(start + 2.0 * np.pi * frequency * np.clip(t - before, 0.0, 12.0 / frequency))
+    assert cycle_frequency(x, 1.0 / RATE) == pytest.approx(frequency, rel=0.01)
+
+
+@pytest.mark.parametrize("rate", [10.0, 20.0, 50.0])
+def test_the_bandwidth_of_the_conditioning_is_at_most_half_of_the_sampling_rate(
+    rate: float,
+) -> None:
+    t = np.arange(round(30.0 * rate)) / rate
+    x = 1e-3 * np.sin(2.0 * np.pi * t)
+    f = 2000.0 * x + np.random.default_rng(0).normal(0.0, 0.01, len(t))
+    signals = Signals(t, x, f, periods(t), "position")
+    assert evaluate(signals, EstimateSettings()).bandwidth <= 0.5 * rate * (1.0 + 1e-9)

@@ -1,0 +1,42 @@
+"""Figure and table of the batch models name the same best model."""
+
+import numpy as np
+import pytest
+
+from teleop.evaluation.estimate_settings import EstimateSettings
+from teleop.evaluation.evaluation import Evaluation, evaluate
+from teleop.evaluation.signals import Signals, periods
+from teleop.output.fit_figures import fit_figure
+from teleop.output.result_tables import print_models
+
+
+@pytest.fixture
+def preloaded() -> Evaluation:
+    """Return a record whose best model has parameters that are not identifiable."""
+    t = np.arange(4000) / 200.0
+    x = 3e-3 + 1e-3 * np.sin(np.pi * t)
+    f = 5e4 * x**1.5 + np.random.default_rng(0).normal(0.0, 0.003, len(t))
+    return evaluate(Signals(t, x, f, periods(t), "position"), EstimateSettings())
+
+
+def test_the_figure_says_that_the_drawn_model_is_not_the_first_of_the_table(
+    preloaded: Evaluation,
+) -> None:
+    assert preloaded.models[0].name == "hunt-crossley"
+    best = preloaded.batch_summary()["best_model"]
+    assert best == "kelvin-voigt"
+    over_x = fit_figure("title", preloaded).axes[0]
+    legend = over_x.get_legend()
+    assert legend is not None
+    texts = [text.get_text() for text in legend.get_texts()]
+    assert "kelvin-voigt (hunt-crossley: not all parameters identifiable)" in texts
+
+
+def test_the_table_says_which_model_is_drawn_and_which_force_is_taken_for_unloaded(
+    preloaded: Evaluation, capsys: pytest.CaptureFixture[str]
+) -> None:
+    print_models(preloaded.summary())
+    out = " ".join(capsys.readouterr().out.split())
+    assert "kelvin-voigt: the best model whose parameters are all identifiable" in out
+    assert "hunt-crossley: the force out of contact is not known" in out
+    assert "relative to the datum (mean of the motion)" in out

@@ -1,0 +1,111 @@
+"""The part of a trial over which the estimates are averaged."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from teleop.cli import main
+from teleop.evaluation.averaged_part import WHOLE
+from teleop.output.trial_tables import print_trial
+from teleop.trial.averaged import averaged_part, recorded_part
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
+
+SETTINGS = TrialSettings(clock="virtual", duration=4.0, estimators=("rls", "me"))
+
+
+def averages(trial, first, last):
+    """Return the average and the last stiffness of RLS between two times, from the recording."""
+    part = (first <= trial.t) & (trial.t < last)
+    k = trial.estimates["rls"].k[part]
+    known = ~np.logical_and.accumulate(trial.estimates["rls"].held[part])
+    return k[known].mean(), k[-1]
+
+
+def test_the_estimates_of_an_autonomous_trial_end_before_the_excitation_ramps_to_zero():
+    trial = run_trial(replace(SETTINGS, condition="autonomous"))
+    row = trial.summary()["estimates"]["rls"]
+    assert (row["k"], row["k_end"]) == pytest.approx(averages(trial, -1.0, 3.5), rel=1e-12)
+    assert row["k_end"] != trial.estimates["rls"].k[-1]
+
+
+def test_the_averages_of_a_mimic_trial_leave_out_the_count_in():
+    trial = run_trial(replace(SETTINGS, condition="mimic", count_in=1.5))
+    summary = trial.summary()
+    row = summary["estimates"]["rls"]
+    assert (row["k"], row["k_end"]) == pytest.approx(averages(trial, 1.5, 9.0), rel=1e-12)
+    assert summary["excitation"]["mean"] == pytest.approx(
+        trial.columns["excitation"][trial.t >= 1.5].mean()
+    )
+    assert summary["pairs"] == len(trial.t)
+
+
+@pytest.mark.parametrize("changes", [{"condition": "free"}, {"condition": "mimic"}])
+def test_trials_without_count_in_and_ramp_are_averaged_as_a_whole(changes):
+    trial = run_trial(replace(SETTINGS, duration=1.0, **changes))
+    assert averaged_part(trial.recording, trial.settings) == WHOLE
+    assert trial.summary()["left_out"] == ""
+
+
+def test_the_part_begins_when_the_drives_are_armed():
+    settings = replace(SETTINGS, condition="autonomous")
+    trial = run_trial(settings)
+    late = replace(trial.recording, events=[{"mode": "active", "time": 0.25}])
+    assert averaged_part(late, settings)[:2] == (-np.inf, 3.75)
+
+
+def test_a_trial_that_ended_in_the_count_in_has_no_estimates(capsys):
+    settings = replace(SETTINGS, condition="mimic", count_in=3.0, duration=2.0)
+    summary = replace(run_trial(settings), interrupted=True).summary()
+    assert summary["estimates"] == {}
+    assert summary["actual_duration_s"] == pytest.approx(2.0, abs=0.01)
+    print_trial(summary)
+    assert "no estimates: 0.00 s of contact" in capsys.readouterr().out
+
+
+def test_the_result_of_a_mimic_trial_leaves_out_the_count_in(tmp_path, capsys):
+    path = tmp_path / "a.mcap"
+    run_trial(replace(SETTINGS, condition="mimic", count_in=3.0, duration=7.0), path)
+    assert main(["estimate", str(path), "--json"]) == 0
+    evaluated = json.loads(capsys.readouterr().out)
+    assert min(phase["from_s"] for phase in evaluated["phases"]) >= 3.0
+    assert evaluated["motion"]["frequency_hz"] > 0.9
+    assert evaluated["as_online"]
+    assert evaluated["samples_used"] > 6900
+
+
+def test_a_recording_that_ends_in_the_count_in_is_refused(tmp_path, capsys):
+    path = tmp_path / "a.mcap"
+    run_trial(replace(SETTINGS, condition="mimic", count_in=3.0, duration=2.0), path)
+    assert main(["estimate", str(path)]) == 2
+    assert "only 0 samples without the count-in of 3 s" in capsys.readouterr().err
+
+
+def test_settings_that_are_not_valid_average_the_whole_recording():
+    trial = run_trial(replace(SETTINGS, condition="autonomous", duration=1.0))
+    broken = replace(trial.recording, settings=trial.recording.settings | {"condition": "none"})
+    assert recorded_part(trial.recording).end == pytest.approx(0.5, abs=0.01)
+    assert recorded_part(broken) == WHOLE
+
+
+@pytest.mark.parametrize("condition", ["mimic", "autonomous"])
+def test_the_evaluation_of_a_recording_averages_the_same_part_as_the_trial(
+    condition, tmp_path, capsys
+):
+    path = tmp_path / "a.mcap"
+    settings = replace(SETTINGS, condition=condition, count_in=1.0)
+    summary = run_trial(settings, path).summary()
+    assert main(["estimate", str(path), "--json"]) == 0
+    evaluated = json.loads(capsys.readouterr().out)
+    assert evaluated["left_out"] == summary["left_out"] != ""
+    for name, row in summary["estimates"].items():
+        again = evaluated["estimates"][name]
+        for key in ("k", "b", "k_end", "e_f", "one_step_rms", "held"):
+            assert again[key] == pytest.approx(row[key], rel=1e-9), (name, key)
+    assert main(["estimate", str(path)]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert f"results and tables leave out {summary['left_out']}" in text
