@@ -205,7 +205,16 @@ def with_relaxation(rows: Rows, y: Floats, degrees: tuple[int, ...]) -> list[Can
                 best = min(trials, key=lambda one: one.bic)
             found += trials
             chosen = best.times
-    return found
+    return [one for one in found if rows.order == 0 or is_passive(one)]
+
+
+def is_passive(candidate: Candidate) -> bool:
+    """Return whether no relaxing part has a negative coefficient, as in a generalised Maxwell body.
+
+    Two parts with opposite signs can describe any change of the force, such as that at the start of
+    a motion. Beside a baseline, they do not determine the stiffness.
+    """
+    return bool(np.all(candidate.theta[len(candidate.theta) - len(candidate.times) :] >= 0.0))
 
 
 def merged(times: tuple[float, ...]) -> tuple[float, ...]:

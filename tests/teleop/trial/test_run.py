@@ -168,7 +168,11 @@ def test_position_coupling_keeps_the_slave_closer_to_the_master():
 
 
 def test_real_time_runs_for_its_duration_and_reports_its_timing():
-    trial = run_trial(TrialSettings(duration=0.5))
+    for _ in range(4):
+        trial = run_trial(TrialSettings(duration=0.5))
+        if not trial.fault:  # otherwise the machine was busy: try again
+            break
+    assert trial.fault is None
     loop = trial.summary()["loop"]
     columns = trial.columns
     assert columns["time"][-1] == pytest.approx(0.5, abs=0.1)

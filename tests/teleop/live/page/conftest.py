@@ -7,6 +7,7 @@ import math
 import shutil
 import threading
 import time
+from collections import deque
 
 import numpy as np
 import pytest
@@ -175,7 +176,7 @@ class TrialFeed(Feed):
             "series": None,
             **trial,
         }
-        self.news = []
+        self.news = deque()  # a test appends in its own thread
         self._start = time.monotonic()
         self._row = 0
         self._lock = threading.Lock()
@@ -206,8 +207,7 @@ class TrialFeed(Feed):
             if self.is_sending and end > self._row:
                 self.history.add(np.array([self.row(i / RATE) for i in range(self._row, end)]))
                 self._row = end
-        news, self.news = self.news, []
-        return news
+        return [self.news.popleft() for _ in range(len(self.news))]
 
     def stop_sending(self):
         """Add no more rows, and return the time of the last one [s]."""
