@@ -20,6 +20,9 @@ TRAVEL = 4.0
 the stiffness permits."""
 LAG = 1.5
 """Safety factor on the travel between a peak of the force and the later peak of the position."""
+MOVED = 0.5
+"""Smallest travel of the position with its baseline, relative to the travel that is required
+without the baseline. At rest, only the baseline that is removed changes."""
 PEAKED = 0.3
 """Smallest height (`peak_height`) of a smooth peak of the force, as a fraction of the width of the
 level. A force with a smaller height counts as constant."""
@@ -74,8 +77,10 @@ def levels(
         resting = np.zeros(len(f), dtype=np.bool_)
         for start, end in runs(level):
             peak = not bottom and peak_height(f[start:end]) > PEAKED * width
-            travel = min(continued(one, start, end, not bottom, margin) for one in (x, record.x))
-            if not peak and travel > allowed:
+            travel, moved = (
+                continued(one, start, end, not bottom, margin) for one in (x, record.x)
+            )
+            if not peak and travel > allowed and moved > MOVED * allowed:
                 resting[start:end] = True
         if resting.any():
             if bottom:
