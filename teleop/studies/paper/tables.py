@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from textwrap import fill
 from typing import Any
 
 from rich import box
@@ -45,4 +46,6 @@ def print_reproduction(summary: Mapping[str, Any]) -> None:
     for claim in summary["claims"]:
         style = "green" if claim["holds"] else "yellow"
         console.print("holds:   " if claim["holds"] else "does not:", style=style, end=" ")
-        console.print(f"{claim['claim']}\n          {claim['evidence']}")
+        indent = " " * 10
+        text = fill(claim["claim"], console.width, initial_indent=indent, subsequent_indent=indent)
+        console.print(f"{text.lstrip()}\n{indent}{claim['evidence']}")

@@ -131,15 +131,18 @@ def conduct(
         ):
             time.sleep(max(rested + plan.rest_s - time.monotonic(), 0.0))
             answer, note = ask(trial, prompt_of(plan, trial, len(trials)))
+            if answer == "skip" and not repeated:
+                journal.write("skipped", trial.number, note=note)
+                continue
+            if answer != "run" and note:
+                journal.write("note", trial.number, answer=answer, note=note)
             if answer == "quit":
                 break
             if answer == "repeat":  # its prompt states what is armed
-                last = journal.last_started()
+                last = journal.last_answered()
                 repeated = next((t for t in trials if t.number == last), None)
                 continue
             if answer == "skip":
-                if not repeated:
-                    journal.write("skipped", trial.number, note=note)
                 repeated = None
                 continue
             repeated, was_run = None, True

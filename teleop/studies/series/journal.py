@@ -64,10 +64,10 @@ class Journal:
         """Return the last entry of a trial, notes excluded; None if there is no entry."""
         return self._last.get(trial)
 
-    def last_started(self) -> int | None:
-        """Return the number of the trial that was started last; None if no trial was started."""
-        started = (e["trial"] for e in reversed(self.entries) if e["entry"] == "started")
-        return next(started, None)
+    def last_answered(self) -> int | None:
+        """Return the number of the trial that was last started or skipped; None without one."""
+        answered = ("started", "skipped")
+        return next((e["trial"] for e in reversed(self.entries) if e["entry"] in answered), None)
 
     def attempts(self, trial: int) -> int:
         """Return the number of times that a trial was started."""

@@ -115,6 +115,25 @@ def test_a_repeated_trial_is_asked_for_again_and_can_be_left_as_it_was(plan, tmp
     assert journal.attempts(1) == 1
 
 
+def test_the_note_on_each_answer_is_in_the_journal(plan, tmp_path):
+    folder = tmp_path / "out"
+    person = Person("run", "repeat", "skip", "skip", "repeat", "quit")
+    journal = conduct(folder, *plan, ask=person)
+    noted = [entry.get("answer", entry["entry"]) for entry in journal.entries if entry.get("note")]
+    assert noted == ["started", "repeat", "skip", "skipped", "repeat", "quit"]
+
+
+def test_a_trial_that_was_skipped_can_be_run_after_all(plan, tmp_path):
+    folder = tmp_path / "out"
+    person = Person("run", "skip", "repeat", "run", "quit")
+    journal = conduct(folder, *plan, ask=person)
+    assert [prompt[:7] for prompt in person.prompts] == [
+        f"trial {number}" for number in (1, 2, 3, 2, 3)
+    ]
+    assert [row["cube"] for row in rows(folder)] == ["soft", "medium"]
+    assert journal.last(2)["entry"] == "done"
+
+
 @pytest.mark.parametrize("error", [RigError("no such port"), InputError("the rate is too high")])
 def test_a_trial_that_cannot_be_run_is_asked_for_again(plan, tmp_path, error):
     def failing(settings, path):
