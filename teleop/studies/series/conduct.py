@@ -153,7 +153,8 @@ def conduct(
                     raise
                 problem, was_run = str(error), False
             rested = time.monotonic()
-            report(f"{trial.number} of {len(trials)}, {trial.label}: {problem or 'done'}")
+            again = "; the same trial is next" if problem and ask is not unattended else ""
+            report(f"{trial.number} of {len(trials)}, {trial.label}: {problem or 'done'}{again}")
             if was_run and (after := ask_note(trial)):
                 attempts = journal.attempts(trial.number)
                 journal.write("note", trial.number, attempt=attempts, note=after)

@@ -142,7 +142,7 @@ def test_a_trial_that_cannot_be_run_is_asked_for_again(plan, tmp_path, error):
     reports, person = [], Person("run", "quit")
     journal = conduct(tmp_path / "out", *plan, ask=person, run=failing, report=reports.append)
     assert [prompt[:7] for prompt in person.prompts] == ["trial 1", "trial 1"]
-    assert str(error) in reports[0]
+    assert reports[0].endswith(f"{error}; the same trial is next")
     assert journal.last(1)["problem"] == str(error)
     with pytest.raises(type(error)):
         conduct(tmp_path / "out", *plan, run=failing)
