@@ -22,7 +22,7 @@ from teleop.evaluation.signals import Signals, periods, read_signals
 from teleop.recording.gaps import GapFinder, missing_text, missing_ticks
 from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import load
-from teleop.trial import later_estimates
+from teleop.trial.later_estimates import LaterEstimates
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
@@ -180,12 +180,20 @@ def measure_lag_of(path):
 
 @pytest.fixture
 def slow(monkeypatch):
-    """Makes the recorder's pipe full for some ticks."""
-
-    monkeypatch.setattr(later_estimates, "BLOCK", 1)
+    """Makes the recorder's pipe full for some ticks; these are blocks of their own."""
 
     def during(*numbers):
         push, count = RecorderProcess.push, iter(range(10**9))
+        store, stored = LaterEstimates.push, iter(range(1, 10**9))
+
+        def store_in_blocks(self, message):
+            store(self, message)
+            later = next(stored)
+            if (later in numbers) != (later - 1 in numbers):
+                self._pass_on()
+
+        monkeypatch.setattr(LaterEstimates, "push", store_in_blocks)
+        numbers = set(numbers)
 
         def full(self, message):
             if next(count) in numbers:
