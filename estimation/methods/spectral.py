@@ -118,7 +118,10 @@ def slide(
     f: float,
     angle: float,
 ) -> None:
-    """Advance the window by the phase angle w dt [rad], and add a sample."""
+    """Add a sample to the exponential window, and reduce the weights of the older samples.
+
+    `angle` is the phase angle w dt [rad] by which the excitation has advanced.
+    """
     share = -math.expm1(-angle / parameters.angle)
     state.window_filled += share * (1.0 - state.window_filled)
     share /= state.window_filled

@@ -139,11 +139,11 @@ class Truncated(Random):
     """Fault: random frames are truncated to half of their length."""
 
     def octets(self, data: bytes) -> bytes:
-        """Return the bytes; if affected, only the first half."""
+        """Return the bytes. If the fault affects them, return only the first half."""
         return data[: len(data) // 2] if data and self.is_affected() else data
 
     def frame(self, frame: can.Message) -> can.Message:
-        """Return the frame; if affected, with only the first half of its data."""
+        """Return the frame. If the fault affects it, return it with the first half of its data."""
         return with_data(frame, frame.data[: len(frame.data) // 2]) if self.is_affected() else frame
 
 
@@ -151,11 +151,14 @@ class WrongLength(Random):
     """Fault: random frames have a wrong length."""
 
     def octets(self, data: bytes) -> bytes:
-        """Return the bytes; if affected, with three bytes inserted before the last byte."""
+        """Return the bytes. If the fault affects them, insert three bytes before the last one."""
         return data[:-1] + b"\x55\x55\x55" + data[-1:] if data and self.is_affected() else data
 
     def frame(self, frame: can.Message) -> can.Message:
-        """Return the frame; if affected, with one more byte (one less if it has eight bytes)."""
+        """Return the frame. If the fault affects it, return it with one byte more.
+
+        A frame of eight bytes, which is the largest length, has one byte less instead.
+        """
         if not self.is_affected():
             return frame
         return with_data(frame, (frame.data + b"\x55") if len(frame.data) < 8 else frame.data[:7])

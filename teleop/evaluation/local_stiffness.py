@@ -227,9 +227,10 @@ def merged(times: tuple[float, ...]) -> tuple[float, ...]:
 def model_weights(found: list[Candidate]) -> Floats:
     """Return the weights of the candidates, shape (m,).
 
-    Candidates with the same degree and the same number of time constants form one model. The sum of
-    their weights is the weight of the best of them, whatever the number of candidates. The weights
-    of all candidates sum to 1.
+    Candidates with the same degree and the same number of time constants form one model. The weight
+    of a model is proportional to exp(-BIC / 2) of its best candidate, so that a model with more
+    candidates has no larger weight. The candidates of a model share its weight in proportion to
+    their own exp(-BIC / 2). The weights of all candidates sum to 1.
     """
     bics = np.array([one.bic for one in found])
     weights = np.exp(-0.5 * (bics - bics.min()))

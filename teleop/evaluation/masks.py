@@ -37,9 +37,10 @@ def without_short(mask: NDArray[np.bool_], shortest: int) -> NDArray[np.bool_]:
 
 
 def eroded(mask: NDArray[np.bool_], guard: int) -> NDArray[np.bool_]:
-    """Return the mask with `guard` samples at each end of a run set to False.
+    """Return the mask with the first and last `guard` samples of each run of True set to False.
 
-    At the ends of the record, no samples of a run are set to False.
+    A run that starts at the first sample of the record keeps its first samples. A run that ends at
+    the last sample of the record keeps its last samples.
     """
     kept = mask.copy()
     for start, end in runs(mask):

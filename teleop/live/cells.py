@@ -58,7 +58,10 @@ class CellReader:
         self._numbers = memoryview(buffer).toreadonly().cast("d")
 
     def pointer(self) -> tuple[int, float, bool] | None:
-        """Return sequence number, depth [m] and grip; None if they are being written."""
+        """Return the sequence number, the depth [m], and whether the handle is held.
+
+        Return None while the live process writes these values.
+        """
         counts = self.counts
         before = counts[SEQUENCE]
         depth, grip = self._numbers[DEPTH], counts[GRIP]

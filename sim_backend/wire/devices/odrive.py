@@ -35,9 +35,9 @@ SET_POINTS = (0x0C, 0x0D, 0x0E)
 
 
 class EmulatedODrive(EmulatedCanDevice):
-    """An axis of an ODrive controller. It moves the drive `axis` of its mount.
+    """Emulated axis of an ODrive controller, which moves one drive of the simulated telemanipulator.
 
-    The axis moves only in closed-loop velocity control with the input mode passthrough.
+    The drive moves only in closed-loop velocity control with the input mode passthrough.
 
     Parameters
     ----------
