@@ -35,7 +35,7 @@ SET_POINTS = (0x0C, 0x0D, 0x0E)
 
 
 class EmulatedODrive(EmulatedCanDevice):
-    """Emulated axis of an ODrive controller, which moves one drive of the simulated telemanipulator.
+    """Emulated axis of an ODrive controller, which moves one drive of the simulated rig.
 
     The drive moves only in closed-loop velocity control with the input mode passthrough.
 
