@@ -138,6 +138,10 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
         if not row.result.identifiable:
             reasons = "; ".join(row.result.reasons)
             console.print(f"  {name}: no result: {reasons}", style="yellow")
+    for hint in dict.fromkeys(
+        hint for row in rows if not row.result.identifiable for hint in row.result.hints
+    ):
+        console.print(f"  hint: {hint}")
     title = f"by {', '.join(by)}" if by else "all"
     print_text_table(title, group_table(groups, by))
     if tracking := tracking_table(groups, by):
