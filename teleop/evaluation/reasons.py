@@ -39,7 +39,7 @@ FEWEST_INDEPENDENT = 35
 With fewer samples, the error model for four parameters has fewer than four cosines
 (`robust_error`).
 """
-SLOPES = "teleop estimate --json prints the slope of each loading (phases)"
+SLOPES = "teleop estimate FILE --json prints the slope of each loading (phases)"
 LAG = "--force-lag compensates a lag of the force, and teleop lag measures it"
 
 

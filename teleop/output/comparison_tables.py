@@ -62,6 +62,16 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
     return TextTable(headings, rows, len(by) + 2, notes)
 
 
+def without_kind(table: TextTable, by: Sequence[str]) -> TextTable:
+    """Return the table of groups without the kind of k, which the first note states as well.
+
+    With the usual factors, the table then fits a terminal of 80 columns.
+    """
+    kind = len(by) + 1
+    headings, *rows = ([*row[:kind], *row[kind + 1 :]] for row in (table.headings, *table.rows))
+    return TextTable(headings, rows, table.left - 1, table.notes)
+
+
 def tracking_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable | None:
     """Return the table of tracking in the condition `mimic`, by group; None without such trials."""
     rows = [
@@ -128,12 +138,13 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
     print_table(
         console,
         f"{folder}: results, with 95 % intervals" if folder else "results, with 95 % intervals",
-        ("recording", "tangent k [N/m]", "at force [N]", "at depth [mm]", "b [N s/m]"),
+        ("recording", "k [N/m]", "b [N s/m]", "force [N]", "depth [mm]"),
         [
-            [name, result_text(row, "k"), *tangent_texts(row.result), result_text(row, "b")]
+            [name, result_text(row, "k"), result_text(row, "b"), *tangent_texts(row.result)]
             for name, row in zip(names, rows, strict=True)
         ],
     )
+    console.print("  k: tangent stiffness at this force and this depth")
     for name, row in zip(names, rows, strict=True):
         if not row.result.identifiable:
             reasons = "; ".join(row.result.reasons)
@@ -143,7 +154,7 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
     ):
         console.print(f"  hint: {hint}")
     title = f"by {', '.join(by)}" if by else "all"
-    print_text_table(title, group_table(groups, by))
+    print_text_table(title, without_kind(group_table(groups, by), by))
     if tracking := tracking_table(groups, by):
         print_text_table("tracking", tracking)
 
@@ -157,8 +168,9 @@ def in_folder(files: Sequence[str]) -> tuple[str, list[str]]:
 
 
 def print_text_table(title: str, table: TextTable) -> None:
-    """Print a table with its notes."""
+    """Print an empty line, and a table with its notes."""
     console = plain_console()
+    console.print()
     rows = shortened(table.rows, table.left)
     print_table(console, title, table.headings, rows, max(table.left, 1))
     for mark, text in table.notes:
