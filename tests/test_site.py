@@ -39,9 +39,16 @@ class Block(NamedTuple):
 
     @property
     def commands(self) -> list[str]:
-        """Its command lines, without the prompt."""
-        lines = (line.strip() for line in self.text.splitlines())
+        """Its commands, each in one line without the prompt."""
+        joined = re.sub(r" \\\n *", " ", self.text)
+        lines = (line.strip() for line in joined.splitlines())
         return [line.removeprefix("$ ") for line in lines if line.startswith("$ ")]
+
+    @property
+    def typed_lines(self) -> list[str]:
+        """The lines of its commands as they are written, with the prompt."""
+        typed = re.findall(r"^ *\$ (?:.* \\\n)*.*$", self.text, re.MULTILINE)
+        return [line for command in typed for line in command.splitlines()]
 
 
 def blocks(page: Path) -> list[Block]:
@@ -68,6 +75,18 @@ def test_code_is_run_or_says_why_not(page):
         if page.stem not in TESTED:
             assert block.kind != "python", "use {run-python}"
     assert not re.search(r"^    (\$ )?teleop ", page.read_text(encoding="utf-8"), re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", [*PAGES, *GUIDES], ids=lambda page: page.stem)
+def test_the_lines_of_commands_have_at_most_80_columns(page):
+    indented = re.findall(
+        r"^ {4,}(?:teleop|\.venv|python3) (?:.* \\\n)*.*$",
+        FENCE.sub("", page.read_text(encoding="utf-8")),
+        re.MULTILINE,
+    )
+    typed = [line for block in blocks(page) for line in block.typed_lines]
+    for line in [*typed, *(line for command in indented for line in command.splitlines())]:
+        assert len(line) <= 80, line
 
 
 @pytest.mark.parametrize("page", [*PAGES, *GUIDES], ids=lambda page: page.stem)
