@@ -41,7 +41,7 @@ def compare(
     A file that cannot be evaluated is reported and left out. If none can be evaluated, the exit
     code is 2.
 
-    Example: `teleop compare paper-series --by condition,cube --out table.tex --plot figure.pdf`
+    Example: `teleop compare paper-series --out table.tex --plot figure.pdf`
 
     Parameters
     ----------

@@ -16,9 +16,11 @@ from teleop.evaluation.result import Result
 from teleop.output.comparison_scales import Interval, factor_of_rows, set_scale
 from teleop.output.figure_files import plain
 
-SPREAD = 0.35
-"""Width over which the recordings of a group are spread on the axis, as a fraction of the distance
-between two groups."""
+RECORDINGS = (-0.32, 0.08)
+"""Positions of the first and the last recording of a group relative to that of the group, as
+fractions of the distance between two groups."""
+MEAN = 0.3
+"""Position of the mean of a group, relative to that of the group."""
 CHARACTERS = 9.0
 """Largest number of characters per inch of width for which group names are written horizontally."""
 LONGEST_LEVEL = 24
@@ -173,9 +175,8 @@ def draw_results(axes: Axes, place: int, results: Sequence[Result], symbol: str)
         return
     value = np.array([getattr(one, symbol) for one in results])
     low, high = np.array([interval(one, symbol) for one in results]).T
-    offset = SPREAD * (np.arange(len(value)) / max(len(value) - 1, 1) - 0.5)
     axes.errorbar(
-        place + offset if len(value) > 1 else [place],
+        place + np.linspace(*RECORDINGS, len(value)) if len(value) > 1 else [place],
         value,
         [value - low, high - value],
         fmt="o",
@@ -192,7 +193,7 @@ def draw_mean(axes: Axes, place: int, mean: Mean) -> None:
     if mean.recordings < 2:
         return
     axes.errorbar(
-        place + 0.5 * SPREAD + 0.1,
+        place + MEAN,
         mean.value,
         mean.half,
         fmt="D",

@@ -10,6 +10,7 @@ from typing import Any
 
 from teleop.evaluation.comparison import AVERAGE, KIND_OF_K, RESULT, Compared, Group, Mean
 from teleop.evaluation.result import Result
+from teleop.files import RECORDING
 from teleop.output.console import plain_console, print_table
 from teleop.output.result_tables import with_half
 from teleop.output.table_files import TextTable, shortened
@@ -134,10 +135,10 @@ def mean_text(mean: Mean) -> str:
 def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequence[str]) -> None:
     """Print the results of the recordings, and the table of groups."""
     console = plain_console()
-    folder, names = in_folder([row.file for row in rows])
+    pattern, names = common_part([row.file for row in rows])
     print_table(
         console,
-        f"{folder}: results, with 95 % intervals" if folder else "results, with 95 % intervals",
+        f"{pattern}: results, with 95 % intervals" if pattern else "results, with 95 % intervals",
         ("recording", "k [N/m]", "b [N s/m]", "force [N]", "depth [mm]"),
         [
             [name, result_text(row, "k"), result_text(row, "b"), *tangent_texts(row.result)]
@@ -159,12 +160,19 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
         print_text_table("tracking", tracking)
 
 
-def in_folder(files: Sequence[str]) -> tuple[str, list[str]]:
-    """Return the folder of files, and their names in it; an empty folder if the folders differ."""
-    folders = {str(Path(file).parent) for file in files}
-    if len(folders) > 1 or folders == {"."}:
+def common_part(files: Sequence[str]) -> tuple[str, list[str]]:
+    """Return a pattern of the names of files, and the part that differs.
+
+    If all files are recordings of one folder, the pattern is the folder with `*.mcap`, and the
+    parts are the names without ending. If they are other files of one folder, the pattern is the
+    folder. Otherwise it is empty.
+    """
+    paths = [Path(file) for file in files]
+    if len({path.parent for path in paths}) > 1 or str(paths[0].parent) == ".":
         return "", list(files)
-    return folders.pop(), [Path(file).name for file in files]
+    if all(path.suffix == RECORDING for path in paths):
+        return str(paths[0].parent / f"*{RECORDING}"), [path.stem for path in paths]
+    return str(paths[0].parent), [path.name for path in paths]
 
 
 def print_text_table(title: str, table: TextTable) -> None:

@@ -187,7 +187,7 @@ def test_the_tables_of_the_paper_are_not_divided_in_80_columns(monkeypatch, caps
     result = Result(49057.0, 45870.0, 52244.0, -10.85, -11.69, -10.01, True, force=25.4, depth=8e-4)
     estimates = {"rls": summarised(27024.7, -398.2, 0.5857)}
     rows = [
-        Compared(f"P/recordings/00{i}-autonomous-{cube}-1-1.mcap", levels, one, estimates)
+        Compared(f"P/recordings/00{i}-s01-autonomous-{cube}-1-1.mcap", levels, one, estimates)
         for i, cube in enumerate(("soft", "medium", "hard"))
         for levels in [{"condition": "autonomous", "cube": cube}]
         for one in [Result(reasons=("no contact",)) if cube == "hard" else result]
@@ -211,10 +211,10 @@ def test_the_folder_of_all_recordings_is_printed_once(series, tmp_path, capsys):
     assert main(["compare", str(series)]) == 0
     folder = str(series / "recordings")
     out = capsys.readouterr().out
-    assert out.splitlines()[0] == f"{folder}: results, with 95 % intervals"
+    assert out.splitlines()[0] == f"{folder}/*.mcap: results, with 95 % intervals"
     assert out.count(folder) == 1
     first = min((series / "recordings").iterdir())
-    assert f"  {first.name}  " in out
+    assert f"  {first.stem}  " in out
     copied = shutil.copy(first, tmp_path / "other.mcap")
     assert main(["compare", str(first), str(copied)]) == 0
     out = capsys.readouterr().out

@@ -108,3 +108,22 @@ def test_the_axes_of_the_rows_do_not_overlap(width):
     for i, one in enumerate(boxes):
         assert one.x0 >= 0.0
         assert not any(one.overlaps(other) for other in boxes[:i])
+
+
+def test_the_mean_of_a_group_is_beside_its_recordings_in_one_column():
+    from estimation.figure_style import figure_style
+
+    rows = [compared(x, cube, 1.0 + 0.1 * i) for x in "abc" for cube in SIZE for i in range(4)]
+    with figure_style("single"):
+        figure = comparison_figure(rows, grouped(rows, BY, {}), BY)
+        figure.draw_without_rendering()
+    axes = figure.axes[0]
+    points = [axes.transData.transform(line.get_xydata()) for line in axes.lines]
+    sizes = [line.get_markersize() for line in axes.lines]
+    marked = [i for i, line in enumerate(axes.lines) if line.get_marker() in ("o", "D")]
+    means = [i for i in marked if axes.lines[i].get_marker() == "D"]
+    assert len(means) == 3
+    for mean in means:
+        for other in set(marked) - {mean}:
+            distance = np.abs(points[other][:, 0] - points[mean][0, 0]).min()
+            assert distance > 0.5 * (sizes[mean] + sizes[other]) * figure.dpi / 72.0
