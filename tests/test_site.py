@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -99,6 +100,28 @@ def test_commands_that_are_not_run_exist_with_their_options(page):
             elif Path(program).name == "python" and arguments[0].endswith(".py"):
                 script = (ROOT / arguments[0]).read_text(encoding="utf-8")
                 assert all(f'"{word}"' in script for word in arguments if word.startswith("--"))
+
+
+def functions(parent: App) -> list[Callable[..., object]]:
+    """Return the functions of all commands."""
+    found = []
+    for name, command in parent.resolved_commands().items():
+        if not name.startswith("-"):
+            found += [command.default_command] if command.default_command else []
+            found += functions(command)
+    return found
+
+
+def test_the_example_in_the_help_of_a_command_is_on_one_line_of_80_columns():
+    examples = [
+        example
+        for function in functions(app)
+        for example in re.findall(r"Example: `[^`]*`", function.__doc__ or "")
+    ]
+    assert len(examples) > 15
+    for example in examples:
+        assert "\n" not in example
+        assert len(example.replace("`", "")) <= 80, example
 
 
 def commands(parent: App, path: tuple[str, ...] = ()) -> dict[tuple[str, ...], set[str]]:

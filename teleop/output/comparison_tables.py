@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
@@ -22,7 +24,7 @@ CAPTION = (
     "estimator over each record, without the count-in of mimic and the ramp at the end of "
     "autonomous; their k is the slope of a line through the datum. The two kinds of k agree only "
     "for a linear specimen. \u00b1: 95 % interval of the mean, from the spread between the "
-    "recordings; for n = 1 that of the recording."
+    "recordings; for n = 1 that of the result of the recording."
 )
 """Note below the table of groups that explains the rows of the table."""
 TRACKING_CAPTION = (
@@ -150,14 +152,22 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
         if not row.result.identifiable:
             reasons = "; ".join(row.result.reasons)
             console.print(f"  {name}: no result: {reasons}", style="yellow")
-    for hint in dict.fromkeys(
-        hint for row in rows if not row.result.identifiable for hint in row.result.hints
-    ):
+    for text, count in shared(row.result.reasons for row in rows if row.result.identifiable):
+        console.print(f"  {text} ({count} recordings)", style="yellow")
+    hints = [hint for row in rows if not row.result.identifiable for hint in row.result.hints]
+    hints += [hint for hint, _ in shared(row.result.hints for row in rows)]
+    for hint in dict.fromkeys(hints):
         console.print(f"  hint: {hint}")
     title = f"by {', '.join(by)}" if by else "all"
     print_text_table(title, without_kind(group_table(groups, by), by))
     if tracking := tracking_table(groups, by):
         print_text_table("tracking", tracking)
+
+
+def shared(texts: Iterable[Iterable[str]]) -> list[tuple[str, int]]:
+    """Return the texts that two or more recordings have, and the number of these recordings."""
+    counts = Counter(chain.from_iterable(texts))
+    return [(text, count) for text, count in counts.items() if count > 1]
 
 
 def common_part(files: Sequence[str]) -> tuple[str, list[str]]:

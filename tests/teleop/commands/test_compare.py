@@ -202,6 +202,20 @@ def test_the_tables_of_the_paper_are_not_divided_in_80_columns(monkeypatch, caps
     assert heading.split()[-2:] == ["e_f", "[N]"]
 
 
+def test_a_remark_that_several_recordings_share_is_printed_once_with_its_hint(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+    remarks = [("negative", "one is 1"), ("negative", "one is 2"), ("negative",)]
+    results = [Result(1.0, 0.9, 1.1, -1.0, -1.1, -0.9, True, one, ("lag",)) for one in remarks]
+    results.append(Result(reasons=("no contact",), hints=("touch",)))
+    rows = [Compared(f"{i}.mcap", {"cube": "soft"}, one, {}) for i, one in enumerate(results)]
+    print_comparison(rows, grouped(rows, ["cube"], {}), ["cube"])
+    lines = capsys.readouterr().out.splitlines()
+    start = lines.index("  3.mcap: no result: no contact")
+    expected = ["  negative (3 recordings)", "  hint: touch", "  hint: lag"]
+    assert lines[start + 1 : start + 4] == expected
+    assert not any("one is" in line for line in lines)
+
+
 def summarised(k, b, e_f):
     numbers = dict.fromkeys(EstimatorSummary._fields, 0.0)
     return EstimatorSummary(**numbers | {"k": k, "b": b, "e_f": e_f})
