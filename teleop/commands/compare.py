@@ -152,6 +152,17 @@ def compare(
     check_factors(rows, factors)
     groups = grouped(rows, factors, planned_levels(found))
     effects = effects_of(rows, factors, anova) if anova else []
+    if out:
+        tables = [group_table(groups, factors), tracking_table(groups, factors)]
+        shown = [table for table in tables if table]
+        write_table_file(out, tidy_rows(rows, factors), shown, overwrite)
+    if plot:
+        from estimation.figure_style import figure_style
+        from teleop.output.comparison_figure import comparison_figure
+        from teleop.output.figure_files import save
+
+        with figure_style(width):
+            save(comparison_figure(rows, groups, factors), plot, overwrite)
     if json:
         document: dict[str, Any] = {
             "by": factors,
@@ -176,17 +187,6 @@ def compare(
             title, console = f"analysis of variance of {anova}", plain_console()
             console.print()
             print_table(console, title, EFFECT_HEADINGS, effect_cells(effects))
-    if out:
-        tables = [group_table(groups, factors), tracking_table(groups, factors)]
-        shown = [table for table in tables if table]
-        write_table_file(out, tidy_rows(rows, factors), shown, overwrite)
-    if plot:
-        from estimation.figure_style import figure_style
-        from teleop.output.comparison_figure import comparison_figure
-        from teleop.output.figure_files import save
-
-        with figure_style(width):
-            save(comparison_figure(rows, groups, factors), plot, overwrite)
     return 0
 
 

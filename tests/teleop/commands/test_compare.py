@@ -6,6 +6,8 @@ import csv
 import json
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -219,6 +221,16 @@ def test_a_remark_that_several_recordings_share_is_printed_once_with_its_hint(mo
 def summarised(k, b, e_f):
     numbers = dict.fromkeys(EstimatorSummary._fields, 0.0)
     return EstimatorSummary(**numbers | {"k": k, "b": b, "e_f": e_f})
+
+
+def test_table_and_figure_are_written_even_if_the_reader_of_the_output_ends(series, tmp_path):
+    files = [tmp_path / "table.tex", tmp_path / "figure.pdf"]
+    command = [sys.executable, "-m", "teleop", "compare", str(series)]
+    command += ["--out", str(files[0]), "--plot", str(files[1])]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    process.stdout.close()
+    process.wait(timeout=120)
+    assert all(path.stat().st_size > 0 for path in files)
 
 
 def test_the_folder_of_all_recordings_is_printed_once(series, tmp_path, capsys):
