@@ -13,7 +13,10 @@ from teleop.cli import main
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 (BLOCK,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-COMMANDS = [shlex.split(line)[1:] for line in re.findall(r"^ +(teleop .*)$", README, re.MULTILINE)]
+COMMANDS = [
+    shlex.split(line)[1:]
+    for line in re.findall(r"^ +(teleop .*)$", re.sub(r" \\\n *", " ", README), re.MULTILINE)
+]
 VIRTUAL = ("--clock", "virtual")
 
 

@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -39,9 +40,16 @@ class Block(NamedTuple):
 
     @property
     def commands(self) -> list[str]:
-        """Its command lines, without the prompt."""
-        lines = (line.strip() for line in self.text.splitlines())
+        """Its commands, each in one line without the prompt."""
+        joined = re.sub(r" \\\n *", " ", self.text)
+        lines = (line.strip() for line in joined.splitlines())
         return [line.removeprefix("$ ") for line in lines if line.startswith("$ ")]
+
+    @property
+    def typed_lines(self) -> list[str]:
+        """The lines of its commands as they are written, with the prompt."""
+        typed = re.findall(r"^ *\$ (?:.* \\\n)*.*$", self.text, re.MULTILINE)
+        return [line for command in typed for line in command.splitlines()]
 
 
 def blocks(page: Path) -> list[Block]:
@@ -71,6 +79,18 @@ def test_code_is_run_or_says_why_not(page):
 
 
 @pytest.mark.parametrize("page", [*PAGES, *GUIDES], ids=lambda page: page.stem)
+def test_the_lines_of_commands_have_at_most_80_columns(page):
+    indented = re.findall(
+        r"^ {4,}(?:teleop|\.venv|python3) (?:.* \\\n)*.*$",
+        FENCE.sub("", page.read_text(encoding="utf-8")),
+        re.MULTILINE,
+    )
+    typed = [line for block in blocks(page) for line in block.typed_lines]
+    for line in [*typed, *(line for command in indented for line in command.splitlines())]:
+        assert len(line) <= 80, line
+
+
+@pytest.mark.parametrize("page", [*PAGES, *GUIDES], ids=lambda page: page.stem)
 def test_commands_that_are_not_run_exist_with_their_options(page):
     for line in not_run(page):
         for command in re.split(r" (?:&&|\|) ", line):
@@ -80,6 +100,28 @@ def test_commands_that_are_not_run_exist_with_their_options(page):
             elif Path(program).name == "python" and arguments[0].endswith(".py"):
                 script = (ROOT / arguments[0]).read_text(encoding="utf-8")
                 assert all(f'"{word}"' in script for word in arguments if word.startswith("--"))
+
+
+def functions(parent: App) -> list[Callable[..., object]]:
+    """Return the functions of all commands."""
+    found = []
+    for name, command in parent.resolved_commands().items():
+        if not name.startswith("-"):
+            found += [command.default_command] if command.default_command else []
+            found += functions(command)
+    return found
+
+
+def test_the_example_in_the_help_of_a_command_is_on_one_line_of_80_columns():
+    examples = [
+        example
+        for function in functions(app)
+        for example in re.findall(r"Example: `[^`]*`", function.__doc__ or "")
+    ]
+    assert len(examples) > 15
+    for example in examples:
+        assert "\n" not in example
+        assert len(example.replace("`", "")) <= 80, example
 
 
 def commands(parent: App, path: tuple[str, ...] = ()) -> dict[tuple[str, ...], set[str]]:

@@ -1,6 +1,7 @@
 """Directives for the commands and the Python code of a page, which the build runs.
 
-    {run}          commands, one a line after `$ `; runs them and shows what they print
+    {run}          commands, each after `$ `, with a backslash before a line that continues one;
+                   runs them and shows what they print
     {run-python}   Python code; runs it and shows what it prints
     {computed}     Python code that is not shown; what it prints becomes part of the page
     {commands} KIND    commands that the build does not run: KIND is `hardware` (needs a rig),
@@ -16,6 +17,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -38,6 +40,10 @@ LINKS = {"rigs": "rigs", "data": "examples/data/mach1"}
 """Links in the folder of a page, and the folders of the repository that they lead to."""
 WIDTH = 88
 """Columns for the output of commands."""
+CONTINUATION = re.compile(r" \\\n *")
+"""Break within a command: a backslash at the end of a line."""
+CONTINUED = re.compile(r"(?<! \\)\n")
+"""Break between two commands."""
 KINDS = ("hardware", "emulator", "setup", "long")
 
 
@@ -173,9 +179,9 @@ class Run(Block):
         """Run each command and show it with its output."""
         shown: list[str] = []
         further = shlex.split(self.options.get("with", ""))
-        for line in self.content:
-            command = line.removeprefix("$ ")
-            shown.append(f"$ {command}")
+        for typed in CONTINUED.split("\n".join(self.content)):
+            shown.append(typed)
+            command = CONTINUATION.sub(" ", typed.removeprefix("$ "))
             try:
                 printed = self.page().command(command, further, self.options.get("exit", 0))
             except Failure as failure:

@@ -41,7 +41,7 @@ def compare(
     A file that cannot be evaluated is reported and left out. If none can be evaluated, the exit
     code is 2.
 
-    Example: `teleop compare paper-series --by condition,cube --out table.tex --plot figure.pdf`
+    Example: `teleop compare paper-series --out table.tex --plot figure.pdf`
 
     Parameters
     ----------
@@ -83,7 +83,9 @@ def compare(
         method. A LaTeX or Markdown file contains the means of the groups, and notes. The LaTeX
         file needs the packages booktabs and threeparttable.
     plot
-        Plot the mean stiffness and damping of each group to a .png, .svg or .pdf file.
+        Plot the stiffness and damping of each recording, and the mean of each group, to a .png,
+        .svg or .pdf file. If the values differ by more than a factor of ten, each level of one
+        factor has its own row of panels.
     width
         Width of the figure: for a screen (screen), one column (single) or two columns (double) of
         an IEEE paper, or an A4 page (a4).
@@ -110,7 +112,7 @@ def compare(
     from teleop.output.table_files import check_table_ending, write_table_file
     from teleop.printable import print_error
     from teleop.studies.anova import check_available
-    from teleop.studies.recordings import known_factors, sources, usual_factors
+    from teleop.studies.recordings import known_factors, planned_levels, sources, usual_factors
     from teleop.trial.tracked import recorded_tracking
 
     if anova:
@@ -148,8 +150,19 @@ def compare(
         raise InputError("no file can be evaluated")
     factors = usual_factors(found) if by is None else [name.strip() for name in by.split(",")]
     check_factors(rows, factors)
-    groups = grouped(rows, factors)
+    groups = grouped(rows, factors, planned_levels(found))
     effects = effects_of(rows, factors, anova) if anova else []
+    if out:
+        tables = [group_table(groups, factors), tracking_table(groups, factors)]
+        shown = [table for table in tables if table]
+        write_table_file(out, tidy_rows(rows, factors), shown, overwrite)
+    if plot:
+        from estimation.figure_style import figure_style
+        from teleop.output.comparison_figure import comparison_figure
+        from teleop.output.figure_files import save
+
+        with figure_style(width):
+            save(comparison_figure(rows, groups, factors), plot, overwrite)
     if json:
         document: dict[str, Any] = {
             "by": factors,
@@ -171,19 +184,9 @@ def compare(
     else:
         print_comparison(rows, groups, factors)
         if anova:
-            title = f"analysis of variance of {anova}"
-            print_table(plain_console(), title, EFFECT_HEADINGS, effect_cells(effects))
-    if out:
-        tables = [group_table(groups, factors), tracking_table(groups, factors)]
-        shown = [table for table in tables if table]
-        write_table_file(out, tidy_rows(rows, factors), shown, overwrite)
-    if plot:
-        from estimation.figure_style import figure_style
-        from teleop.output.comparison_figure import comparison_figure
-        from teleop.output.figure_files import save
-
-        with figure_style(width):
-            save(comparison_figure(rows, groups, factors), plot, overwrite)
+            title, console = f"analysis of variance of {anova}", plain_console()
+            console.print()
+            print_table(console, title, EFFECT_HEADINGS, effect_cells(effects))
     return 0
 
 

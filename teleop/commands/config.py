@@ -29,13 +29,13 @@ def init(
         defaults.
     """
     from teleop.files import write_text
-    from teleop.output.console import plain_console
+    from teleop.output.next_command import print_command
     from teleop.trial.configuration import read_configuration, write_configuration
     from teleop.trial.settings import TrialSettings
 
     settings = read_configuration(source) if source else TrialSettings()
     write_text(out, write_configuration(settings), overwrite)
-    plain_console().print(f"{out}: run it with: teleop run --config {out}", soft_wrap=True)
+    print_command(f"{out}: run it with", ["teleop", "run", "--config", str(out)])
     return 0
 
 

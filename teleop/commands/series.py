@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 from functools import partial
 from pathlib import Path
@@ -68,6 +67,7 @@ def series(
     from teleop.commands.live_trials import PageOfSeries
     from teleop.errors import InputError
     from teleop.output.console import plain_console, print_json, print_table
+    from teleop.output.next_command import print_command
     from teleop.printable import print_error
     from teleop.studies.series.conduct import (
         conduct,
@@ -124,12 +124,9 @@ def series(
             f"skipped, {summary['pending']} pending"
         )
         if summary["done"]:
-            name = shlex.quote(str(folder))
-            plain_console().print(
-                f"table and figure: teleop compare {name} --out {name}/table.tex "
-                f"--plot {name}/figure.pdf",
-                soft_wrap=True,
-            )
+            table, figure = str(folder / "table.tex"), str(folder / "figure.pdf")
+            command = ["teleop", "compare", str(folder), "--out", table, "--plot", figure]
+            print_command("table and figure", command)
     return 0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -117,8 +118,13 @@ def mean_of(values: Sequence[float], halves: Sequence[float]) -> Mean:
     )
 
 
-def grouped(rows: Iterable[Compared], by: Sequence[str]) -> list[Group]:
+def grouped(
+    rows: Sequence[Compared], by: Sequence[str], planned: Mapping[str, Sequence[str]]
+) -> list[Group]:
     """Return the groups of recordings with the same levels, in the order of the levels.
+
+    The levels of a factor have the order of the plan. Levels that no plan contains follow these, in
+    the order of their numbers, or in the order in which they first occur if one is not a number.
 
     Parameters
     ----------
@@ -126,11 +132,20 @@ def grouped(rows: Iterable[Compared], by: Sequence[str]) -> list[Group]:
         The recordings.
     by
         Names of factors. A factor that is not known for a recording has the level `NO_LEVEL`.
+    planned
+        Levels of the factors of a series in the order of its plan, by the name of the factor.
     """
     members: dict[tuple[str, ...], list[Compared]] = {}
     for row in rows:
         members.setdefault(row.levels(by), []).append(row)
-    ordered = sorted(members, key=lambda levels: [in_order(level) for level in levels])
+    ranks = [
+        ranks_of(planned.get(name, ()), (levels[i] for levels in members))
+        for i, name in enumerate(by)
+    ]
+    ordered = sorted(
+        members,
+        key=lambda levels: [rank[level] for rank, level in zip(ranks, levels, strict=True)],
+    )
     return [group_of(levels, members[levels]) for levels in ordered]
 
 
@@ -152,12 +167,12 @@ def group_of(levels: tuple[str, ...], rows: Sequence[Compared]) -> Group:
     return Group(levels, means(rows), missing, tracking, len(subjects) if pooled else 0)
 
 
-def in_order(level: str) -> tuple[float, str]:
-    """Return a sort key for a level: numbers are sorted by value, and come before other levels."""
-    try:
-        return float(level), level
-    except ValueError:
-        return math.inf, level
+def ranks_of(planned: Sequence[str], occurring: Iterable[str]) -> dict[str, int]:
+    """Return the position of each level of a factor in the order of `grouped`."""
+    others = [level for level in dict.fromkeys(occurring) if level not in planned]
+    with contextlib.suppress(ValueError):
+        others = sorted(others, key=lambda level: math.inf if level == NO_LEVEL else float(level))
+    return {level: rank for rank, level in enumerate([*planned, *others])}
 
 
 def means(rows: Sequence[Compared]) -> dict[str, dict[str, Mean]]:

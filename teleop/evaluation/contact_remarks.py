@@ -6,6 +6,7 @@ import numpy as np
 
 from teleop.evaluation.local_stiffness import LocalStiffness
 from teleop.evaluation.prepared import Prepared
+from teleop.evaluation.reason import INVERT_BOTH, Reason
 from teleop.evaluation.unsuited import negative_force
 
 LOWEST = 0.1
@@ -30,24 +31,32 @@ def adhesion(record: Prepared) -> float | None:
     return pull if pull > max(PULL * span, PULL_NOISE * record.f_noise_smoothed) else None
 
 
-def contact_remarks(record: Prepared, local: LocalStiffness) -> list[str]:
+def contact_remarks(record: Prepared, local: LocalStiffness) -> list[Reason]:
     """Return the remarks on the contact of a record whose stiffness is identifiable."""
     found = []
     if pull := adhesion(record):
-        found.append(f"adhesion: the force falls by {pull:.3g} N below its level out of contact")
+        found.append(
+            Reason(f"adhesion: the force falls by {pull:.3g} N below its level out of contact")
+        )
     if record.ramp:
         found.append(
-            "one ramp: a drift of the force during the ramp has the same effect as a stiffness; "
-            "expected a motion that reverses, to see the difference"
+            Reason(
+                "one ramp: a drift of the force during the ramp has the same effect as a "
+                "stiffness; expected a motion that reverses, to see the difference"
+            )
         )
     if local.friction:
         found.append(
-            "friction: the loss does not depend on the speed; b holds for this frequency and "
-            "amplitude only"
+            Reason(
+                "friction: the loss does not depend on the speed; b holds for this frequency and "
+                "amplitude only"
+            )
         )
     if negative_force(record):
         found.append(
-            "the force is negative: if it is negative in compression, k is that of unloading; see "
-            "--invert both"
+            Reason(
+                "the force is negative: if it is negative in compression, k is that of unloading",
+                INVERT_BOTH,
+            )
         )
     return found

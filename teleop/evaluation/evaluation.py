@@ -77,7 +77,7 @@ def evaluate(
     InputError
         A setting is out of its range, nothing moves, or too few samples remain between gaps.
     """
-    lag, note = settings.force_lag, ""
+    lag, note = settings.force_lag, None
     if isinstance(samples, Signals):
         samples = Samples(samples)
     signals = samples.signals

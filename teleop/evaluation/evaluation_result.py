@@ -25,6 +25,7 @@ from teleop.evaluation.conditioned import Conditioned
 from teleop.evaluation.datum import Datum
 from teleop.evaluation.model_comparison import cost as sample_cost
 from teleop.evaluation.online import OnlineResult, table
+from teleop.evaluation.reason import Reason
 
 FEWEST_KEPT = 0.9
 """A message is reported if the conditioning keeps less than this fraction of the force variance."""
@@ -68,9 +69,9 @@ class Evaluation(Presented):
     """The batch evaluation."""
     kept_force_variance: float
     """Fraction of the variance of the force that the conditioning keeps, from 0 to 1."""
-    filter_note: str
-    """Text that states how the delay of the force filter was compensated, or why it was not; empty
-    if the file states no filter."""
+    filter_note: Reason | None
+    """How the delay of the force filter was compensated, or why it was not; None if the file states
+    no filter."""
     gaps: tuple[tuple[float, float], ...] = ()
     """Time of the last sample before each gap, and of the first sample after the gap [s]."""
     averaged: AveragedPart = WHOLE
@@ -159,7 +160,7 @@ class Evaluation(Presented):
     def batch_summary(self) -> dict[str, Any]:
         """Return the result, the models and the phases as a dictionary for JSON."""
         result = self.analysis.result
-        reasons = list(result.reasons)
+        reasons, hints = list(result.reasons), list(result.hints)
         excitation = float(np.percentile(self.excitation, 95))
         if excitation < LEAST_EXCITATION:
             reasons.append(
@@ -172,7 +173,8 @@ class Evaluation(Presented):
                 f"{self.samples} samples, in evenly spaced sections"
             )
         if self.filter_note:
-            reasons.append(self.filter_note)
+            reasons.append(self.filter_note.text)
+            hints.append(self.filter_note.hint)
         if self.kept_force_variance < FEWEST_KEPT:
             reasons.append(
                 f"conditioning at {self.bandwidth:.3g} Hz keeps {self.kept_force_variance:.0%} of "
@@ -181,7 +183,7 @@ class Evaluation(Presented):
         identified = [fit.name for fit in self.models if fit.identifiable]
         best = identified[0] if identified and result.identifiable else None
         return {
-            "result": {**result.summary(), "reasons": reasons},
+            "result": {**result.summary(), "reasons": reasons, "hints": hints},
             "best_model": best,
             "models": [fit.summary() for fit in self.models],
             **self.analysis.summary(),

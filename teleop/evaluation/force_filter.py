@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from teleop.evaluation.reason import Reason
 from teleop.evaluation.signals import Signals, periods
 
 ORDER = re.compile(
@@ -42,9 +43,8 @@ class Compensated(NamedTuple):
     """Signals after the compensation, and a note on the compensation."""
 
     signals: Signals
-    note: str
-    """Text that states how the delay was compensated, or why it was not; empty if no filter is
-    stated."""
+    note: Reason | None
+    """How the delay was compensated, or why it was not; None if no filter is stated."""
 
 
 def stated_delay(text: str) -> float | None:
@@ -76,20 +76,26 @@ def without_filter_delay(signals: Signals) -> Compensated:
     """Shift the force to earlier times by the delay of the force filter that the file states."""
     stated = signals.force_filter
     if not stated:
-        return Compensated(signals, "")
+        return Compensated(signals, None)
     delay = stated_delay(stated)
     if delay is None:
         return Compensated(
             signals,
-            f"the file states a filter of the force, {stated!r}, whose delay is not known: b is "
-            "too low by k times the delay; give --force-lag (0 if there is no delay)",
+            Reason(
+                f"the file states a filter of the force, {stated!r}, whose delay is not known: b "
+                "is too low by k times the delay",
+                "--force-lag gives the delay (0 if there is none)",
+            ),
         )
     if delay == 0.0:
-        return Compensated(signals, "")
+        return Compensated(signals, None)
     return Compensated(
         advanced(signals, delay),
-        f"the force is advanced by {delay * 1e3:.3g} ms, the delay of the filter that the file "
-        f"states ({stated!r}); --force-lag gives another value, 0 for no lag",
+        Reason(
+            f"the force is advanced by {delay * 1e3:.3g} ms, the delay of the filter that the file "
+            f"states ({stated!r})",
+            "--force-lag gives another delay of the filter, 0 for none",
+        ),
     )
 
 

@@ -9,6 +9,7 @@ from teleop.evaluation.contact_remarks import contact_remarks
 from teleop.evaluation.local_stiffness import LocalStiffness, merged
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
+from teleop.evaluation.reason import Reason
 from teleop.evaluation.unsuited import no_contact, too_few_per_cycle, unsuited
 
 WIDEST = 0.5
@@ -38,41 +39,49 @@ FEWEST_INDEPENDENT = 35
 With fewer samples, the error model for four parameters has fewer than four cosines
 (`robust_error`).
 """
+SLOPES = "teleop estimate FILE --json prints the slope of each loading (phases)"
+LAG = "--force-lag compensates a lag of the force, and teleop lag measures it"
 
 
-def reasons_before_fit(record: Prepared, phases: Phases) -> list[str]:
+def reasons_before_fit(record: Prepared, phases: Phases) -> list[Reason]:
     """Return the reasons why no stiffness can be fitted to the record; empty if there are none."""
     if reason := unsuited(record, phases):
         return [reason]
     found = []
     if phases.saturated:
         found.append(
-            "the force rests at its highest value while the position moves: the sensor is "
-            "saturated, or the specimen slips or yields"
+            Reason(
+                "the force rests at its highest value while the position moves: the sensor is "
+                "saturated, or the specimen slips or yields"
+            )
         )
     if record.band.coherence == 0.0:
-        found.append(no_contact(record))
+        found.append(Reason(no_contact(record)))
     elif not phases.usable.any():
-        found.append("contact is too short for the smoothing: expected longer contact")
+        found.append(Reason("contact is too short for the smoothing: expected longer contact"))
     else:
         inside = record.x[phases.usable]
         travel = float(np.ptp(inside))
         if travel < 2.5 * MOTION * record.x_noise:
             found.append(
-                too_few_per_cycle(record)
-                or f"in contact the position moves by {travel * 1e6:.3g} um, too little for its "
-                f"noise of {record.x_noise * 1e6:.2g} um: a rigid stop, or a position sensor that "
-                "does not resolve the indentation"
+                Reason(
+                    too_few_per_cycle(record)
+                    or f"in contact the position moves by {travel * 1e6:.3g} um, too little for "
+                    f"its noise of {record.x_noise * 1e6:.2g} um: a rigid stop, or a position "
+                    "sensor that does not resolve the indentation"
+                )
             )
         elif phases.free_force is not None and travel < DEPTH * float(np.ptp(record.x)):
             found.append(
-                f"in contact the position moves by {travel * 1e6:.3g} um of "
-                f"{np.ptp(record.x) * 1e6:.4g} um: a rigid stop"
+                Reason(
+                    f"in contact the position moves by {travel * 1e6:.3g} um of "
+                    f"{np.ptp(record.x) * 1e6:.4g} um: a rigid stop"
+                )
             )
     return found
 
 
-def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> list[str]:
+def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> list[Reason]:
     """Return the reasons why a fitted stiffness is not reported; empty if there are none.
 
     Parameters
@@ -86,30 +95,38 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
     """
     if local.k + half_k < 0.0:
         return [
-            f"the stiffness is negative ({local.k:.0f} N/m): check that force and position are "
-            "both positive in compression (see --invert), and that inertia does not dominate"
+            Reason(
+                f"the stiffness is negative ({local.k:.0f} N/m): expected force and position "
+                "positive in compression, and forces of inertia that do not dominate",
+                "--invert reverses the sign of force or position",
+            )
         ]
     structural = phases.free_force is not None or local.best.degree >= STRUCTURAL
     if structural and local.r2 < EXPLAINED:
         return [
-            f"in contact the position explains {local.r2:.0%} of the force variance: a rigid stop, "
-            "slip, or a specimen that changes"
+            Reason(
+                f"in contact the position explains {local.r2:.0%} of the force variance: a rigid "
+                "stop, slip, or a specimen that changes"
+            )
         ]
     if half_k > WIDEST * abs(local.k) or local.k < 0.0:
         where = "" if phases.free_force is None else " in contact"
-        why = "no contact, noise, or too little motion"
+        why, hint = "no contact, noise, or too little motion", ""
         if local.r2 > POOR and local.best.degree > 1:
-            why = "it depends on depth or time; `phases` in --json has the slope of each loading"
+            why, hint = "it depends on depth or time", SLOPES
         return [
-            f"the force does not follow the displacement well enough{where}: stiffness "
-            f"{local.k:.0f} \u00b1 {half_k:.0f} N/m ({why})"
+            Reason(
+                f"the force does not follow the displacement well enough{where}: stiffness "
+                f"{local.k:.0f} \u00b1 {half_k:.0f} N/m ({why})",
+                hint,
+            )
         ]
     return []
 
 
 def remarks(
     record: Prepared, phases: Phases, local: LocalStiffness, half_b: float, change: Change | None
-) -> list[str]:
+) -> list[Reason]:
     """Return the remarks that are reported with an identifiable stiffness.
 
     Parameters
@@ -126,7 +143,7 @@ def remarks(
     size = float(np.ptp(record.f[phases.usable]))
     slight = plain.rms < SLIGHT * 0.35 * size
     if change:
-        found.append(change.text)
+        found.append(Reason(change.text))
     elif (
         best is not plain
         and not slight
@@ -139,32 +156,45 @@ def remarks(
                 f"force relaxes ({', '.join(f'{tau:.2g} s' for tau in merged(best.times))})"
             )
         found.append(
-            f"Kelvin-Voigt is insufficient: {' and '.join(what)}; residual {plain.rms:.2g} N, "
-            f"and {best.rms:.2g} N with that in the model"
+            Reason(
+                f"Kelvin-Voigt is insufficient: {' and '.join(what)}; residual {plain.rms:.2g} N, "
+                f"and {best.rms:.2g} N with that in the model"
+            )
         )
     found += contact_remarks(record, local)
     if local.r2 < POOR:
         found.append(
-            f"bad fit: {1.0 - local.r2:.0%} of the force variance in contact is not explained"
+            Reason(
+                f"bad fit: {1.0 - local.r2:.0%} of the force variance in contact is not explained"
+            )
         )
     if local.baseline_size > SMALL_BASELINE * size:
         found.append(
-            f"a baseline of {local.baseline_size:.3g} N peak to peak below "
-            f"{0.6 * record.band.low:.2g} Hz is removed: drift, or relaxation"
+            Reason(
+                f"a baseline of {local.baseline_size:.3g} N peak to peak below "
+                f"{0.6 * record.band.low:.2g} Hz is removed: drift, or relaxation"
+            )
         )
     if local.samples < FEWEST_INDEPENDENT:
         found.append(
-            f"few samples: {local.samples} independent samples in contact, and the intervals need "
-            f"{FEWEST_INDEPENDENT}: expected a longer record or a faster rate"
+            Reason(
+                f"few samples: {local.samples} independent samples in contact, and the intervals "
+                f"need {FEWEST_INDEPENDENT}: expected a longer record or a faster rate"
+            )
         )
     v = record.v[phases.usable]
     if float(np.std(v)) < CONSTANT_SPEED * float(np.mean(np.abs(v))):
-        found.append("the speed in contact is constant: damping is not determined, and given as 0")
+        found.append(
+            Reason("the speed in contact is constant: damping is not determined, and given as 0")
+        )
     elif half_b > abs(local.b):
-        found.append("damping is not resolved: its interval contains zero")
+        found.append(Reason("damping is not resolved: its interval contains zero"))
     elif local.b < 0.0:
         found.append(
-            "damping is negative: the force lags behind the position (see --force-lag and teleop "
-            "lag), or motion is lost between the position sensor and the tip, which biases k too"
+            Reason(
+                "damping is negative: the force lags behind the position, or motion is lost "
+                "between the position sensor and the tip, which biases k too",
+                LAG,
+            )
         )
     return found

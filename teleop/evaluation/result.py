@@ -13,6 +13,7 @@ are None, and `reasons` contains the reasons.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -21,6 +22,7 @@ from teleop.evaluation.constancy import change_over_cycles
 from teleop.evaluation.local_stiffness import LocalStiffness, merged
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
+from teleop.evaluation.reason import Reason
 from teleop.evaluation.reasons import reasons_after_fit, reasons_before_fit, remarks
 
 DATUM_ERROR = 1e-4
@@ -47,6 +49,9 @@ class Result:
     """Whether the data are sufficient for k and b."""
     reasons: tuple[str, ...] = ()
     """Reasons why k is not identifiable; if k is identifiable, remarks on the result."""
+    hints: tuple[str, ...] = ()
+    """Options and commands of this program that concern the reasons. They are printed in a
+    terminal only."""
     force: float | None = None
     """Force at which the tangent stiffness is evaluated: half of the force range [N]."""
     depth: float | None = None
@@ -74,6 +79,7 @@ class Result:
         """Return the result as a dictionary for JSON."""
         document = asdict(self)
         document["reasons"] = list(self.reasons)
+        document["hints"] = list(self.hints)
         document["b_change_per_ms_of_lag"] = self.b_change_per_ms
         document["tangent"] = {
             "force_n": document.pop("force"),
@@ -106,18 +112,21 @@ def publishable(
     """
     against = reasons_before_fit(record, phases)
     if local is None and not against:
-        against.append("too few samples in contact: expected a longer record or a faster rate")
+        against.append(
+            Reason("too few samples in contact: expected a longer record or a faster rate")
+        )
     if local is None or against:
-        return Result(reasons=tuple(against))
+        return without_result(against)
     second = other or local
     half_k = LEVEL_95 * math.hypot(local.k_std, 0.5 * (local.k - second.k))
     half_b = LEVEL_95 * math.hypot(local.b_std, 0.5 * (local.b - second.b))
     change = change_over_cycles(record, phases)
     against = reasons_after_fit(local, half_k, phases)
     if change and change.with_frequency:
-        against = [change.text]
+        against = [Reason(change.text)]
     if against:
-        return Result(reasons=tuple(against))
+        return without_result(against)
+    found = remarks(record, phases, local, half_b, change)
     inside = phases.usable
     lowest = float(record.x[inside].min())
     point, level = phases.contact_point, phases.free_force
@@ -138,7 +147,7 @@ def publishable(
         local.b - half_b,
         local.b + half_b,
         True,
-        tuple(remarks(record, phases, local, half_b, change)),
+        *texts_and_hints(found),
         force if level is None else force - level,
         depth,
         secant,
@@ -148,3 +157,15 @@ def publishable(
         "contact point" if point else "lowest position",
         local.frequency if math.isfinite(local.frequency) else None,
     )
+
+
+def without_result(against: Sequence[Reason]) -> Result:
+    """Return the result of a record without k and b, with the reasons for this."""
+    reasons, hints = texts_and_hints(against)
+    return Result(reasons=reasons, hints=hints)
+
+
+def texts_and_hints(found: Sequence[Reason]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the texts of reasons, and their distinct hints."""
+    hints = dict.fromkeys(one.hint for one in found if one.hint)
+    return tuple(one.text for one in found), tuple(hints)

@@ -10,6 +10,7 @@ from teleop.evaluation.constancy import rise_at_rest
 from teleop.evaluation.masks import runs
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
+from teleop.evaluation.reason import INVERT_BOTH, Reason
 from teleop.evaluation.single_stroke import LEAST_RISE, is_single_stroke
 from teleop.evaluation.speed import typical_speed
 
@@ -32,7 +33,7 @@ ZERO = 0.1
 """Largest force that counts as a force without contact, as a fraction of the force range."""
 
 
-def unsuited(record: Prepared, phases: Phases) -> str | None:
+def unsuited(record: Prepared, phases: Phases) -> Reason | None:
     """Return why this kind of test gives no tangent stiffness; None if there is no such reason.
 
     Parameters
@@ -41,24 +42,25 @@ def unsuited(record: Prepared, phases: Phases) -> str | None:
         The prepared record and its phases.
     """
     if phases.saturated and rests_at_zero(record):
-        return (
+        return Reason(
             "the force rests near zero at the highest positions, and is negative at the lowest: "
-            "expected force and position positive in compression, see --invert both"
+            "expected force and position positive in compression",
+            INVERT_BOTH,
         )
     if (level := creep_force(record, phases)) is not None:
-        return (
+        return Reason(
             f"the force is constant at {level:.3g} N while the position creeps: a creep test has "
             "no tangent stiffness"
         )
     if (fall := puncture(record)) is not None:
         before, after, position = fall
-        return (
+        return Reason(
             f"the force falls from {before:.3g} to {after:.3g} N in loading, at a position of "
             f"{position * 1e3:.4g} mm: the specimen is punctured or slips. Expected a recording "
             "that ends before"
         )
     if rise := rise_at_rest(record):
-        return (
+        return Reason(
             f"the force drifts: it rises by {rise[0]:.3g} N in {rise[1]:.3g} s at rest, where that "
             "of a passive body does not"
         )

@@ -2,27 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from estimation.figure_style import BLUE, legend, new_figure, tidy
 from teleop.evaluation.comparison import RESULT, Compared, Group, Mean
 from teleop.evaluation.result import Result
+from teleop.output.comparison_scales import Interval, factor_of_rows, set_scale
 from teleop.output.figure_files import plain
 
-SPREAD = 0.35
-"""Width over which the recordings of a group are spread on the axis, as a fraction of the distance
-between two groups."""
-WIDE = 10.0
-"""Ratio of the largest to the smallest stiffness above which the stiffness axis is logarithmic."""
+RECORDINGS = (-0.32, 0.08)
+"""Positions of the first and the last recording of a group relative to that of the group, as
+fractions of the distance between two groups."""
+MEAN = 0.3
+"""Position of the mean of a group, relative to that of the group."""
 CHARACTERS = 9.0
 """Largest number of characters per inch of width for which group names are written horizontally."""
 LONGEST_LEVEL = 24
 """Number of characters to which the name of a level is shortened."""
+LABELS = {"k": "stiffness $k$ [N/m]", "b": "damping $b$ [N s/m]"}
+"""Label of each quantity, by its symbol."""
+
+
+class Place(NamedTuple):
+    """A group of recordings in the figure."""
+
+    row: str
+    """Level that has its own row of panels; empty without such levels."""
+    name: tuple[str, ...]
+    """Levels that are written below the axis."""
+    means: dict[str, Mean]
+    """Means of the results of the group, by symbol."""
+    results: list[Result]
+    """Results of the recordings that have one."""
+
+    def intervals(self, symbol: str) -> list[Interval]:
+        """Return the intervals of k or b (`symbol`) that are drawn."""
+        mean = self.means[symbol]
+        found = [interval(result, symbol) for result in self.results]
+        if mean.recordings > 1:
+            found.append((mean.value - mean.half, mean.value + mean.half))
+        return found
 
 
 def comparison_figure(
@@ -30,7 +55,8 @@ def comparison_figure(
 ) -> Figure:
     """Return a figure of k and b of each recording, and of the mean of each group.
 
-    Error bars are 95 % intervals.
+    Error bars are 95 % intervals. If k or b of the groups differ by more than a factor of ten, each
+    level of one factor has its own row of panels.
 
     Parameters
     ----------
@@ -41,34 +67,96 @@ def comparison_figure(
     by
         Names of the factors by which the recordings are grouped.
     """
-    figure = new_figure(0.75, rows=2)
-    panels = figure.subplots(2, 1, sharex=True)
-    labels = {"k": "stiffness $k$ [N/m]", "b": "damping $b$ [N s/m]"}
-    for axes, symbol in zip(panels, labels, strict=True):
-        for place, group in enumerate(groups):
-            members = [row.result for row in rows if row.levels(by) == group.levels]
-            draw_results(axes, place, [one for one in members if one.identifiable], symbol)
-            draw_mean(axes, place, group.means[RESULT][symbol])
-        axes.set_ylabel(labels[symbol])
-        tidy(axes, "y")
-    names = ["\n".join(plain(level[:LONGEST_LEVEL]) for level in one.levels) for one in groups]
-    stiffness = [one.result.k for one in rows if one.result.k is not None]
-    if stiffness and 0.0 < WIDE * min(stiffness) < max(stiffness):
-        panels[0].set_yscale("log", subs=(1, 2, 5))
-        panels[0].yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        panels[0].yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        panels[0].yaxis.set_minor_formatter(NullFormatter())
-    panels[-1].set_xticks(range(len(groups)), names or [""])
-    longest = max((len(part) for name in names for part in name.split("\n")), default=0)
-    if longest * len(groups) > CHARACTERS * figure.get_figwidth():
-        panels[-1].tick_params(axis="x", labelrotation=90)
-    panels[-1].set_xlim(-0.6, len(groups) - 0.4)
-    if by:
-        panels[-1].set_xlabel(plain(", ".join(by)))
-    handles, texts = panels[0].get_legend_handles_labels()
-    unique = dict(zip(texts, handles, strict=True))
+    places, factor = placed(rows, groups, by)
+    names = list(dict.fromkeys(place.name for place in places))
+    levels = list(dict.fromkeys(place.row for place in places))
+    if factor is None:
+        figure = new_figure(0.75, rows=2)
+        columns = [[axes] for axes in figure.subplots(2, 1, sharex=True)]
+    else:
+        figure = new_figure(0.75, rows=len(levels))
+        panels = figure.subplots(len(levels), 2, sharex=True, squeeze=False)
+        columns = [list(column) for column in panels.T]
+    for (symbol, label), column in zip(LABELS.items(), columns, strict=True):
+        for axes, level in zip(column, levels, strict=True):
+            shown = [place for place in places if place.row == level]
+            draw_panel(axes, shown, names, symbol)
+        if factor is None:
+            column[0].set_ylabel(label)
+        else:
+            column[0].set_title(label, fontsize="medium")
+    if factor is not None:
+        for axes, level in zip(columns[0], levels, strict=True):
+            axes.set_ylabel(f"{plain(by[factor])}: {shortened(level)}")
+        figure.align_ylabels(columns[0])
+    below = [columns[-1][-1]] if factor is None else [column[-1] for column in columns]
+    for axes in below:
+        label_groups(axes, names, figure.get_figwidth() / len(below))
+        if others := [name for i, name in enumerate(by) if i != factor]:
+            axes.set_xlabel(plain(", ".join(others)))
+    drawn = [axes.get_legend_handles_labels() for axes in figure.axes]
+    unique = {text: one for pair in drawn for one, text in zip(*pair, strict=True)}
     legend(figure, [*unique.values()], [*unique])
     return figure
+
+
+def placed(
+    rows: Sequence[Compared], groups: Sequence[Group], by: Sequence[str]
+) -> tuple[list[Place], int | None]:
+    """Return the groups with their results, and the index of the factor that has rows of panels."""
+    results = [
+        [r.result for r in rows if r.levels(by) == group.levels and r.result.identifiable]
+        for group in groups
+    ]
+    places = [
+        Place("", group.levels, group.means[RESULT], found)
+        for group, found in zip(groups, results, strict=True)
+    ]
+    factor = factor_of_rows(
+        {place.name: [place.intervals(symbol) for symbol in LABELS] for place in places}
+    )
+    if factor is not None:
+        places = [
+            place._replace(
+                row=place.name[factor], name=place.name[:factor] + place.name[factor + 1 :]
+            )
+            for place in places
+        ]
+    return places, factor
+
+
+def interval(result: Result, symbol: str) -> Interval:
+    """Return the lower and upper end of the interval of k or b (`symbol`)."""
+    return getattr(result, f"{symbol}_low"), getattr(result, f"{symbol}_high")
+
+
+def draw_panel(
+    axes: Axes, places: Iterable[Place], names: Sequence[tuple[str, ...]], symbol: str
+) -> None:
+    """Draw k or b (`symbol`) of groups, at the positions of their names in `names`."""
+    intervals: list[Interval] = []
+    for place in places:
+        at = names.index(place.name)
+        draw_results(axes, at, place.results, symbol)
+        draw_mean(axes, at, place.means[symbol])
+        intervals += place.intervals(symbol)
+    set_scale(axes, [pair for pair in intervals if all(map(math.isfinite, pair))])
+    tidy(axes, "y")
+
+
+def label_groups(axes: Axes, names: Sequence[tuple[str, ...]], width: float) -> None:
+    """Write the names of the groups below axes of this width [in]."""
+    texts = ["\n".join(map(shortened, name)) for name in names]
+    axes.set_xticks(range(len(names)), texts or [""])
+    longest = max((len(part) for text in texts for part in text.split("\n")), default=0)
+    if longest * len(names) > CHARACTERS * width:
+        axes.tick_params(axis="x", labelrotation=90)
+    axes.set_xlim(-0.6, len(names) - 0.4)
+
+
+def shortened(level: str) -> str:
+    """Return the name of a level, which has at most `LONGEST_LEVEL` characters."""
+    return plain(level[:LONGEST_LEVEL])
 
 
 def draw_results(axes: Axes, place: int, results: Sequence[Result], symbol: str) -> None:
@@ -85,13 +173,10 @@ def draw_results(axes: Axes, place: int, results: Sequence[Result], symbol: str)
             rotation=90,
         )
         return
-    value, low, high = (
-        np.array([getattr(one, f"{symbol}{end}") for one in results])
-        for end in ("", "_low", "_high")
-    )
-    offset = SPREAD * (np.arange(len(value)) / max(len(value) - 1, 1) - 0.5)
+    value = np.array([getattr(one, symbol) for one in results])
+    low, high = np.array([interval(one, symbol) for one in results]).T
     axes.errorbar(
-        place + offset if len(value) > 1 else [place],
+        place + np.linspace(*RECORDINGS, len(value)) if len(value) > 1 else [place],
         value,
         [value - low, high - value],
         fmt="o",
@@ -108,7 +193,7 @@ def draw_mean(axes: Axes, place: int, mean: Mean) -> None:
     if mean.recordings < 2:
         return
     axes.errorbar(
-        place + 0.5 * SPREAD + 0.1,
+        place + MEAN,
         mean.value,
         mean.half,
         fmt="D",

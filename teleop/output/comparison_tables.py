@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
 
 from teleop.evaluation.comparison import AVERAGE, KIND_OF_K, RESULT, Compared, Group, Mean
 from teleop.evaluation.result import Result
+from teleop.files import RECORDING
 from teleop.output.console import plain_console, print_table
 from teleop.output.result_tables import with_half
 from teleop.output.table_files import TextTable, shortened
@@ -21,7 +24,7 @@ CAPTION = (
     "estimator over each record, without the count-in of mimic and the ramp at the end of "
     "autonomous; their k is the slope of a line through the datum. The two kinds of k agree only "
     "for a linear specimen. \u00b1: 95 % interval of the mean, from the spread between the "
-    "recordings; for n = 1 that of the recording."
+    "recordings; for n = 1 that of the result of the recording."
 )
 """Note below the table of groups that explains the rows of the table."""
 TRACKING_CAPTION = (
@@ -60,6 +63,16 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
             rows.append([*group.levels, method, KIND_OF_K.get(method, AVERAGE), count, *values])
     headings = [*by, "method", "k is", "n", "k [N/m]", "b [N s/m]", "e_f [N]"]
     return TextTable(headings, rows, len(by) + 2, notes)
+
+
+def without_kind(table: TextTable, by: Sequence[str]) -> TextTable:
+    """Return the table of groups without the kind of k, which the first note states as well.
+
+    With the usual factors, the table then fits a terminal of 80 columns.
+    """
+    kind = len(by) + 1
+    headings, *rows = ([*row[:kind], *row[kind + 1 :]] for row in (table.headings, *table.rows))
+    return TextTable(headings, rows, table.left - 1, table.notes)
 
 
 def tracking_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable | None:
@@ -124,37 +137,58 @@ def mean_text(mean: Mean) -> str:
 def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequence[str]) -> None:
     """Print the results of the recordings, and the table of groups."""
     console = plain_console()
-    folder, names = in_folder([row.file for row in rows])
+    pattern, names = common_part([row.file for row in rows])
     print_table(
         console,
-        f"{folder}: results, with 95 % intervals" if folder else "results, with 95 % intervals",
-        ("recording", "tangent k [N/m]", "at force [N]", "at depth [mm]", "b [N s/m]"),
+        f"{pattern}: results, with 95 % intervals" if pattern else "results, with 95 % intervals",
+        ("recording", "k [N/m]", "b [N s/m]", "force [N]", "depth [mm]"),
         [
-            [name, result_text(row, "k"), *tangent_texts(row.result), result_text(row, "b")]
+            [name, result_text(row, "k"), result_text(row, "b"), *tangent_texts(row.result)]
             for name, row in zip(names, rows, strict=True)
         ],
     )
+    console.print("  k: tangent stiffness at this force and this depth")
     for name, row in zip(names, rows, strict=True):
         if not row.result.identifiable:
             reasons = "; ".join(row.result.reasons)
             console.print(f"  {name}: no result: {reasons}", style="yellow")
+    for text, count in shared(row.result.reasons for row in rows if row.result.identifiable):
+        console.print(f"  {text} ({count} recordings)", style="yellow")
+    hints = [hint for row in rows if not row.result.identifiable for hint in row.result.hints]
+    hints += [hint for hint, _ in shared(row.result.hints for row in rows)]
+    for hint in dict.fromkeys(hints):
+        console.print(f"  hint: {hint}")
     title = f"by {', '.join(by)}" if by else "all"
-    print_text_table(title, group_table(groups, by))
+    print_text_table(title, without_kind(group_table(groups, by), by))
     if tracking := tracking_table(groups, by):
         print_text_table("tracking", tracking)
 
 
-def in_folder(files: Sequence[str]) -> tuple[str, list[str]]:
-    """Return the folder of files, and their names in it; an empty folder if the folders differ."""
-    folders = {str(Path(file).parent) for file in files}
-    if len(folders) > 1 or folders == {"."}:
+def shared(texts: Iterable[Iterable[str]]) -> list[tuple[str, int]]:
+    """Return the texts that two or more recordings have, and the number of these recordings."""
+    counts = Counter(chain.from_iterable(texts))
+    return [(text, count) for text, count in counts.items() if count > 1]
+
+
+def common_part(files: Sequence[str]) -> tuple[str, list[str]]:
+    """Return a pattern of the names of files, and the part that differs.
+
+    If all files are recordings of one folder, the pattern is the folder with `*.mcap`, and the
+    parts are the names without ending. If they are other files of one folder, the pattern is the
+    folder. Otherwise it is empty.
+    """
+    paths = [Path(file) for file in files]
+    if len({path.parent for path in paths}) > 1 or str(paths[0].parent) == ".":
         return "", list(files)
-    return folders.pop(), [Path(file).name for file in files]
+    if all(path.suffix == RECORDING for path in paths):
+        return str(paths[0].parent / f"*{RECORDING}"), [path.stem for path in paths]
+    return str(paths[0].parent), [path.name for path in paths]
 
 
 def print_text_table(title: str, table: TextTable) -> None:
-    """Print a table with its notes."""
+    """Print an empty line, and a table with its notes."""
     console = plain_console()
+    console.print()
     rows = shortened(table.rows, table.left)
     print_table(console, title, table.headings, rows, max(table.left, 1))
     for mark, text in table.notes:

@@ -127,8 +127,11 @@ def facts(recording: Recording) -> Iterator[tuple[str, str]]:
     yield "date", session.get("created", "not known")
     yield "rig", session.get("rig", "not known")
     for name in STATED:
-        if recording.settings.get(name) not in (None, ""):
-            yield name.removesuffix("_s"), str(recording.settings[name])
+        value = recording.settings.get(name)
+        if name.endswith("_s") and value is not None:
+            yield name.removesuffix("_s"), f"{value:g} s"
+        elif value not in (None, ""):
+            yield name, str(value)
     for name in ("software", "python", "libraries", "machine"):
         yield name, session.get(name, "not known")
 

@@ -29,6 +29,8 @@ def print_result(summary: Mapping[str, Any], name: str) -> None:
     for reason in result["reasons"]:
         style = "yellow" if result["identifiable"] else "red"
         console.print(f"  - {reason}", style=style)
+    for hint in result["hints"]:
+        console.print(f"  hint: {hint}")
     for line in tangent_lines(result["tangent"]):
         console.print(f"  {line}")
     console.print(f"  {motion_line(summary)}")

@@ -15,6 +15,7 @@ from rich.live import Live
 from drivers.rig import UNITS as CHANNEL_UNITS
 from teleop.control.tare import Tare
 from teleop.output.console import TrimmedTable, fitting_tables, number, plain_console, small
+from teleop.output.next_command import print_command
 from teleop.output.trial_tables import print_rejected
 
 if TYPE_CHECKING:
@@ -154,10 +155,11 @@ def print_emulation(
     for bus, port in ports.items():
         console.print(f"  {bus}: {port}")
     console.print("  for another operator, cube or depth, type it and Enter: mimic medium 5mm")
-    options = " ".join(f"--{option} {value}" for option, value in palpation.items())
-    command = f"teleop run --rig {out} {options}"
+    options = [word for name, value in palpation.items() for word in (f"--{name}", value)]
     any_condition = "" if "condition" in palpation else ", with any --condition"
-    console.print(f"  run against it{any_condition}: {command}", soft_wrap=True)
+    print_command(
+        f"  run against it{any_condition}", ["teleop", "run", "--rig", str(out), *options]
+    )
 
 
 def print_lag(summary: Mapping[str, Any]) -> None:
@@ -185,10 +187,8 @@ def print_lag(summary: Mapping[str, Any]) -> None:
             f"true lag (simulated) {summary['true_lag_s'] * 1e3:.3f} ms, "
             f"lost motion {summary['true_lost_motion_m'] * 1e6:.1f} um"
         )
-    console.print(
-        f"compensate the lag with: teleop estimate FILE --force-lag {summary['lag_s']:.5f}",
-        soft_wrap=True,
-    )
+    lag = f"{summary['lag_s']:.5f}"
+    print_command("compensate the lag with", ["teleop", "estimate", "FILE", "--force-lag", lag])
 
 
 def print_tare(tare: Tare, noise: float, path: Path, rig: Path | None) -> None:
@@ -205,14 +205,15 @@ def print_tare(tare: Tare, noise: float, path: Path, rig: Path | None) -> None:
     rig
         Rig file; None for the simulated rig.
     """
-    on_rig = f"--rig {rig} " if rig else ""
-    needed = " --specimen NAME --depth DEPTH" if rig else ""
+    on_rig = ["--rig", str(rig)] if rig else []
+    needed = ["--specimen", "NAME", "--depth", "DEPTH"] if rig else []
     contact = tare.slave_position
     datum = f"{contact * 1e3:+.4f} mm" if contact else "at position 0, not measured (see --contact)"
     plain_console().print(
         f"master force zero {tare.master_force:+.4f} N\n"
         f"contact force zero {tare.contact_force:+.4f} N, noise {noise:.3f} N rms\n"
         f"contact datum {datum}\n"
-        f"stored in {path}, {tare.date}; apply it with: teleop run {on_rig}--tare {path}{needed}",
+        f"stored in {path}, {tare.date}",
         soft_wrap=True,
     )
+    print_command("apply it with", ["teleop", "run", *on_rig, "--tare", str(path), *needed])

@@ -9,6 +9,7 @@ from rich.console import Console
 
 from teleop.output.console import number, plain_console
 from teleop.output.estimate_tables import left_out_lines, print_estimated, print_estimates
+from teleop.output.next_command import print_command
 from teleop.recording.gaps import Gap, missing_text
 from teleop.safety.events import time_text
 
@@ -60,7 +61,8 @@ def print_trial(summary: Mapping[str, Any]) -> None:
     recording = summary["recording"]
     if recording["path"]:
         path = recording["path"]
-        console.print(f"  recording: {path}\n  result to publish: teleop estimate {path}")
+        console.print(f"  recording: {path}")
+        print_command("  result to publish", ["teleop", "estimate", path])
     print_incomplete(console, recording)
     if recording["black_box"]:
         console.print(f"  black box: {recording['black_box']}", style="red")
@@ -81,10 +83,10 @@ def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:
         console.print(f"  the recording is not complete: {recording['problem']}", style="red")
         if recording["recoverable"]:
             console.print(
-                "  the tables above are computed from its intact part; write that to a complete "
-                f"file with: teleop recover {recording['path']}",
-                soft_wrap=True,
+                "  the tables above are computed from its intact part, which can be written to a "
+                "complete file"
             )
+            print_command("  write it with", ["teleop", "recover", recording["path"]])
         else:
             console.print("  the tables above are computed from the last seconds, kept in memory")
 

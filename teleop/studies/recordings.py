@@ -12,6 +12,8 @@ from typing import Any
 from teleop.errors import InputError
 from teleop.evaluation.comparison import SUBJECT
 from teleop.files import RECORDING, unreadable
+from teleop.json_documents import loads
+from teleop.studies.series.journal import NAME as JOURNAL
 from teleop.studies.series.table import NAME, RECORDINGS
 
 
@@ -93,6 +95,43 @@ def trials(folder: Path) -> dict[str, dict[str, str]]:
         raise unreadable(path, error) from error
     except (KeyError, ValueError, csv.Error) as error:
         raise InputError(f"{path}: not the table of a series") from error
+
+
+def planned_levels(found: Iterable[Source]) -> dict[str, list[str]]:
+    """Return the levels of the factors in the order of the plans of the series.
+
+    Parameters
+    ----------
+    found
+        Files. The plan of a series is read from the journal in its folder. A file that belongs to
+        no series, and a series without a journal, have no plan.
+
+    Raises
+    ------
+    InputError
+        A journal cannot be read.
+    """
+    levels: dict[str, list[str]] = {}
+    for folder in dict.fromkeys(
+        source.path.absolute().parent.parent for source in found if source.levels
+    ):
+        for name, planned in plan_factors(folder / JOURNAL).items():
+            levels[name] = [*dict.fromkeys([*levels.get(name, ()), *planned])]
+    return levels
+
+
+def plan_factors(journal: Path) -> dict[str, list[str]]:
+    """Return the factors of the plan in the first line of a journal, with the levels of each."""
+    try:
+        with journal.open("rb") as file:
+            factors = loads(file.readline())["plan"]["factors"]
+        return {str(name): [str(level) for level in levels] for name, levels in factors.items()}
+    except FileNotFoundError:
+        return {}
+    except OSError as error:
+        raise unreadable(journal, error) from error
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{journal}: not the journal of a series") from error
 
 
 def factors_of(row: dict[str, str]) -> Iterator[tuple[str, str]]:

@@ -6,12 +6,20 @@ import csv
 import json
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from estimation.summary import EstimatorSummary
 from teleop.cli import main
+from teleop.evaluation.comparison import Compared, grouped, ranks_of
+from teleop.evaluation.result import Result
+from teleop.output.comparison_tables import print_comparison
 
 PLAN = """
 name = "short"
@@ -46,7 +54,7 @@ def test_a_series_is_grouped_by_its_factors_and_has_an_analysis_of_variance(seri
     found = document(capsys, series, "--anova", "e_f")
     assert found["by"] == ["cube"]
     assert len(found["recordings"]) == 8
-    assert [group["levels"] for group in found["groups"]] == [["medium"], ["soft"]]
+    assert [group["levels"] for group in found["groups"]] == [["soft"], ["medium"]]
     for group in found["groups"]:
         levels = group["levels"][0]
         k = [
@@ -61,6 +69,47 @@ def test_a_series_is_grouped_by_its_factors_and_has_an_analysis_of_variance(seri
     assert {effect["error_degrees"] for effect in found["anova"]} == {1}, "subjects are random"
 
 
+@pytest.mark.parametrize("has_journal", [True, False])
+def test_levels_have_the_order_of_the_plan_or_of_their_first_occurrence(
+    series, has_journal, tmp_path, capsys
+):
+    copied = Path(shutil.copytree(series, tmp_path / "copied"))
+    lines = (copied / "trials.csv").read_text().splitlines(keepends=True)
+    backwards = "".join([lines[0], *reversed(lines[1:])])  # the last trial is of the medium cube
+    (copied / "trials.csv").write_text(backwards)
+    if not has_journal:
+        (copied / "journal.jsonl").unlink()
+    found = document(capsys, copied, "--by", "cube,subject")
+    cubes, subjects = ["soft", "medium"], ["s1", "s2"]
+    if not has_journal:
+        cubes, subjects = cubes[::-1], subjects[::-1]
+    expected = [[cube, subject] for cube in cubes for subject in subjects]
+    assert [group["levels"] for group in found["groups"]] == expected
+    assert main(["compare", str(copied), "--by", "cube", "--out", str(tmp_path / "a.tex")]) == 0
+    table = (tmp_path / "a.tex").read_text()
+    assert table.index(f"\n{cubes[0]} ") < table.index(f"\n{cubes[1]} ")
+
+
+@given(st.lists(st.text(), unique=True), st.lists(st.text()))
+def test_planned_levels_are_first_and_each_level_has_one_rank(planned, occurring):
+    ranks = ranks_of(planned, occurring)
+    assert set(ranks) == {*planned, *occurring}
+    assert sorted(ranks.values()) == list(range(len(ranks)))
+    assert [*ranks][: len(planned)] == planned
+
+
+@given(st.lists(st.integers(-9, 99).map(str)))
+def test_numbers_that_no_plan_orders_increase_and_an_unknown_level_is_last(occurring):
+    assert [*ranks_of((), ["-", *occurring])] == [*sorted({*occurring}, key=int), "-"]
+
+
+def test_a_journal_without_a_plan_is_refused(series, tmp_path, capsys):
+    copied = Path(shutil.copytree(series, tmp_path / "copied"))
+    (copied / "journal.jsonl").write_text("[]\n")
+    assert main(["compare", str(copied)]) == 2
+    assert "journal.jsonl: not the journal of a series" in capsys.readouterr().err
+
+
 def test_recordings_are_grouped_by_their_settings_and_other_files_have_no_level(
     series, tmp_path, capsys
 ):
@@ -69,8 +118,8 @@ def test_recordings_are_grouped_by_their_settings_and_other_files_have_no_level(
         shutil.copy(path, tmp_path)
     found = document(capsys, *sorted(tmp_path.iterdir()), "--by", "cube,condition")
     levels = [group["levels"] for group in found["groups"]]
-    assert levels == [["-", "-"], ["medium", "autonomous"], ["soft", "autonomous"]]
-    alone = found["groups"][0]["means"]["result"]["k"]
+    assert levels == [["soft", "autonomous"], ["medium", "autonomous"], ["-", "-"]]
+    alone = found["groups"][-1]["means"]["result"]["k"]
     result = next(one["result"] for one in found["recordings"] if "foreign" in one["file"])
     assert alone == [result["k"], pytest.approx(0.5 * (result["k_high"] - result["k_low"])), 1]
 
@@ -135,14 +184,63 @@ def test_a_table_is_written_as_csv_latex_and_markdown(series, tmp_path, capsys):
     assert "\nresult: mean of the results" in markdown
 
 
+def test_the_tables_of_the_paper_are_not_divided_in_80_columns(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+    result = Result(49057.0, 45870.0, 52244.0, -10.85, -11.69, -10.01, True, force=25.4, depth=8e-4)
+    estimates = {"rls": summarised(27024.7, -398.2, 0.5857)}
+    rows = [
+        Compared(f"P/recordings/00{i}-s01-autonomous-{cube}-1-1.mcap", levels, one, estimates)
+        for i, cube in enumerate(("soft", "medium", "hard"))
+        for levels in [{"condition": "autonomous", "cube": cube}]
+        for one in [Result(reasons=("no contact",)) if cube == "hard" else result]
+    ]
+    by = ["condition", "cube"]
+    print_comparison(rows, grouped(rows, by, {}), by)
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    rules = [line for line in lines if "\u2500" in line]
+    assert len(rules) == 2, "one table of the results, one of the groups"
+    (heading,) = [line for line in lines if "method" in line]
+    assert heading.split()[-2:] == ["e_f", "[N]"]
+
+
+def test_a_remark_that_several_recordings_share_is_printed_once_with_its_hint(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+    remarks = [("negative", "one is 1"), ("negative", "one is 2"), ("negative",)]
+    results = [Result(1.0, 0.9, 1.1, -1.0, -1.1, -0.9, True, one, ("lag",)) for one in remarks]
+    results.append(Result(reasons=("no contact",), hints=("touch",)))
+    rows = [Compared(f"{i}.mcap", {"cube": "soft"}, one, {}) for i, one in enumerate(results)]
+    print_comparison(rows, grouped(rows, ["cube"], {}), ["cube"])
+    lines = capsys.readouterr().out.splitlines()
+    start = lines.index("  3.mcap: no result: no contact")
+    expected = ["  negative (3 recordings)", "  hint: touch", "  hint: lag"]
+    assert lines[start + 1 : start + 4] == expected
+    assert not any("one is" in line for line in lines)
+
+
+def summarised(k, b, e_f):
+    numbers = dict.fromkeys(EstimatorSummary._fields, 0.0)
+    return EstimatorSummary(**numbers | {"k": k, "b": b, "e_f": e_f})
+
+
+def test_table_and_figure_are_written_even_if_the_reader_of_the_output_ends(series, tmp_path):
+    files = [tmp_path / "table.tex", tmp_path / "figure.pdf"]
+    command = [sys.executable, "-m", "teleop", "compare", str(series)]
+    command += ["--out", str(files[0]), "--plot", str(files[1])]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    process.stdout.close()
+    process.wait(timeout=120)
+    assert all(path.stat().st_size > 0 for path in files)
+
+
 def test_the_folder_of_all_recordings_is_printed_once(series, tmp_path, capsys):
     assert main(["compare", str(series)]) == 0
     folder = str(series / "recordings")
     out = capsys.readouterr().out
-    assert out.splitlines()[0] == f"{folder}: results, with 95 % intervals"
+    assert out.splitlines()[0] == f"{folder}/*.mcap: results, with 95 % intervals"
     assert out.count(folder) == 1
     first = min((series / "recordings").iterdir())
-    assert f"  {first.name}  " in out
+    assert f"  {first.stem}  " in out
     copied = shutil.copy(first, tmp_path / "other.mcap")
     assert main(["compare", str(first), str(copied)]) == 0
     out = capsys.readouterr().out

@@ -33,6 +33,7 @@ def test_the_page_has_what_was_run_the_result_the_figures_events_and_all_setting
         recording.session["software"],
         recording.session["libraries"],
         "autonomous",
+        '<td class="left">1.5 s</td>',
         "medium",
         "force lag",
         "bandwidth 20 Hz",

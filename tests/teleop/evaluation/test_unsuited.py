@@ -57,15 +57,18 @@ def indentation() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def test_both_signs_inverted_are_named_where_the_force_rests_out_of_contact():
     t, x, f = indentation()
-    assert "--invert both" in only_reason(result(t, -x, -f, 5e-4))
+    found = result(t, -x, -f, 5e-4)
+    assert "expected force and position positive in compression" in only_reason(found)
+    assert any("--invert both" in hint for hint in found.hints)
 
 
 def test_a_negative_force_in_contact_throughout_is_a_remark():
     t = np.arange(0.0, 10.0, 0.005)
     x = 2e-3 * (1.0 - np.cos(2.0 * np.pi * t))
     found = result(t, -x, -400.0 * x)
-    assert any("--invert both" in reason for reason in found.reasons)
-    assert not any("--invert" in reason for reason in result(t, x, 400.0 * x).reasons)
+    assert any("the force is negative" in reason for reason in found.reasons)
+    assert any("--invert both" in hint for hint in found.hints)
+    assert not any("--invert" in hint for hint in result(t, x, 400.0 * x).hints)
 
 
 def test_a_peak_of_the_force_is_not_taken_for_saturation():

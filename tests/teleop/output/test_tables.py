@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import shlex
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from teleop.cli import main
 from teleop.output.console import number, plain_console, print_table, wrapped
+from teleop.output.next_command import broken
 from teleop.output.result_tables import with_half
 
 
@@ -80,11 +82,29 @@ def test_lines_are_broken_between_words_only(words, width, indent):
         assert len(line) <= max(width, indent + 1) or len(line.split()) <= 1
 
 
-def test_a_command_to_copy_is_not_broken(monkeypatch, capsys, tmp_path):
-    monkeypatch.setenv("COLUMNS", "40")
-    path = tmp_path / "configuration.toml"
-    assert main(["config", "init", str(path)]) == 0
-    assert capsys.readouterr().out == f"{path}: run it with: teleop run --config {path}\n"
+@given(
+    st.lists(st.text(st.characters(codec="ascii", exclude_categories=["Cc"]), max_size=20)),
+    st.integers(20, 100),
+)
+def test_a_broken_command_is_read_by_a_shell_as_the_same_words(words, width):
+    command = ["teleop", "compare", *words, "--out", "table.tex", "--plot", "figure.pdf"]
+    lines = broken(command, "  ", width)
+    assert shlex.split(" ".join(lines)) == command
+    for line in lines:
+        options = [word for word in shlex.split(line) if word.startswith("-")]
+        assert len(line) <= width or len(options) <= 1
+
+
+def test_a_command_to_copy_is_on_one_line_if_it_fits(monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    command = "teleop run --config my-trial.toml"
+    for columns, expected in (
+        ("80", f"my-trial.toml: run it with: {command}\n"),
+        ("30", "my-trial.toml: run it with:\n  teleop run \\\n  --config my-trial.toml\n"),
+    ):
+        monkeypatch.setenv("COLUMNS", columns)
+        assert main(["config", "init", "my-trial.toml", "--overwrite"]) == 0
+        assert capsys.readouterr().out == expected
 
 
 @pytest.mark.parametrize("columns", range(24, 34))
