@@ -117,6 +117,7 @@ def test_the_tracking_of_a_long_trial_is_that_of_its_last_ticks(tmp_path, small,
     monkeypatch.setattr(kept_parts, "LAST", 3000)
     settings = replace(QUICK, condition="mimic", duration=8.0)
     long = run_trial(settings, tmp_path / "long.mcap")
+    rewrite_in_small_chunks(tmp_path / "long.mcap")
     found = long.tracking()
     assert 2 <= found["periods"] < 6
     last = slice(-len(tracked_ticks(long.ticks)), None)
