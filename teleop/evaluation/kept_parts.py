@@ -85,8 +85,8 @@ class Last:
         return len(next(iter(self._blocks[0].values()), ()))
 
     def columns(self, names: Iterable[str]) -> dict[str, Floats]:
-        """Return the columns."""
+        """Return the columns, and release the blocks, one column after another."""
         return {
-            name: np.concatenate([np.empty(0), *(block[name] for block in self._blocks)])
+            name: np.concatenate([np.empty(0), *(block.pop(name) for block in self._blocks)])
             for name in names
         }

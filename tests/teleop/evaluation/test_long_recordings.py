@@ -46,7 +46,7 @@ def trials(tmp_path_factory):
         contents = read_intact(recorded)
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(recovery, "CHUNK", 200)
-            write_contents(paths[duration], contents, list(messages(contents)))
+            write_contents(paths[duration], contents, messages(recorded))
     return paths
 
 

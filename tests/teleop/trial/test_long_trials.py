@@ -58,11 +58,11 @@ def trial(request, tmp_path_factory):
 
 def rewrite_in_small_chunks(path):
     """Write a recording again with 200 ticks in each chunk: a chunk is read at once."""
-    contents = read_intact(path)
+    contents, ticks = read_intact(path), list(messages(path))
     path.unlink()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(recovery, "CHUNK", 200)
-        write_contents(path, contents, list(messages(contents)))
+        write_contents(path, contents, ticks)
 
 
 def in_blocks(trial):
