@@ -2,7 +2,6 @@
 
     python benchmarks/live.py                    # all measurements, about four minutes
     python benchmarks/live.py --times 3 --seconds 5
-    python benchmarks/live.py --minutes 30       # pages that come and go: memory, descriptors
 
 Each result is printed next to its aim:
 
@@ -178,44 +177,12 @@ def pairs(times: int, seconds: float) -> None:
         )
 
 
-async def soak(minutes: float) -> None:
-    """Print the growth of memory and descriptors while pages come and go."""
-    end = now() + 60.0 * minutes
-    with session("--duration", str(60.0 * minutes + 60.0), "--no-record", "--yes") as running:
-
-        async def come_and_go() -> int:
-            count = 0
-            while now() < end:
-                async with running.page():
-                    await asyncio.sleep(random.uniform(0.5, 20.0))
-                count += 1
-            return count
-
-        async with running.page() as page:
-            visitors = [asyncio.create_task(come_and_go()) for _ in range(7)]
-            await asyncio.sleep(min(60.0, 12.0 * minutes))
-            memory = running.memory()
-            count = sum(await asyncio.gather(*visitors))
-            await asyncio.sleep(2.0)
-            alone = running.descriptors()
-            print(
-                f"{minutes:g} min, {count} visits: memory {running.memory() - memory:+.2f} MB (aim "
-                f"+1), {alone} descriptors with one page, {page.state['health']}"
-            )
-        await asyncio.sleep(1.0)
-        print(f"{running.descriptors()} descriptors without a page")
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--times", type=int, default=15)
     parser.add_argument("--seconds", type=float, default=10.0)
-    parser.add_argument("--minutes", type=float)
     options = parser.parse_args()
     print(f"load {os.getloadavg()[0]:.1f}, {os.cpu_count()} processors")
-    if options.minutes:
-        asyncio.run(soak(options.minutes))
-        return
     parts()
     ticks(options.times)
     with tempfile.TemporaryDirectory() as name:

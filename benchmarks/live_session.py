@@ -111,15 +111,6 @@ class Session:
         fields = Path(f"/proc/{self.live}/stat").read_text().rpartition(")")[2].split()
         return (int(fields[11]) + int(fields[12])) * TICK
 
-    def memory(self) -> float:
-        """Return the resident memory of the live process [MB]."""
-        text = Path(f"/proc/{self.live}/status").read_text()
-        return int(re.search(r"VmRSS:\s+(\d+)", text)[1]) / 1024.0
-
-    def descriptors(self) -> int:
-        """Return the number of open descriptors of the live process."""
-        return len(os.listdir(f"/proc/{self.live}/fd"))  # noqa: PTH208
-
 
 @contextlib.contextmanager
 def session(*options: str) -> Iterator[Session]:

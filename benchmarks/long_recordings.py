@@ -1,9 +1,10 @@
 """Measure time and memory for long recordings: `python benchmarks/long_recordings.py`.
 
 A trial is run in virtual time. Its recording is repeated up to each length, from seconds to hours.
-Each command evaluates the long recording in its own process. This process reports its processor
-time and its largest memory. The option `--against` states the folder with the source of another
-version, which is measured in the same run.
+With the option `--run`, a trial of each length is run instead, and measured too. Each command
+evaluates the long recording in its own process. This process reports its processor time, its
+largest memory, and the largest memory of its child processes (the recorder). The option `--against`
+states the folder with the source of another version, which is measured in the same run.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +23,7 @@ from teleop.recording.mcap_reader import read_intact
 from teleop.recording.mcap_writer import END, McapFile
 from teleop.recording.stream import FIELD, tick_values
 
+TRIAL = ("run", "--condition=autonomous", "--clock=virtual", "--json")
 COMMANDS = {
     "estimate, 3 estimators": ("estimate", "{file}", "--estimators=rls,ai,me", "--json"),
     "estimate, all": ("estimate", "{file}", "--estimators=all", "--json"),
@@ -38,7 +41,8 @@ with contextlib.redirect_stdout(io.StringIO()):
     code = main(sys.argv[1:])
 seconds = time.perf_counter() - begin
 usage = resource.getrusage(resource.RUSAGE_SELF)
-print(code, seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024.0)
+children = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+print(code, seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024, children / 1024)
 """
 FLUSHED = 500
 """Number of ticks in a chunk of the recording."""
@@ -68,7 +72,7 @@ def repeat(source: Path, out: Path, seconds: float) -> None:
 
 
 def measure(arguments: list[str], tree: Path | None) -> str:
-    """Run a command, and return its time [s], processor time [s] and memory [MB] as text."""
+    """Run a command, and return its times [s] and the memory of its processes [MB] as text."""
     environment = dict(os.environ, OPENBLAS_NUM_THREADS="1")
     if tree:
         environment["PYTHONPATH"] = str(tree)
@@ -81,31 +85,36 @@ def measure(arguments: list[str], tree: Path | None) -> str:
     )
     if done.returncode:
         return f"{done.stderr.strip().splitlines()[-1]:.40}"
-    code, seconds, processor, memory = map(float, done.stdout.split())
-    problem = "" if code == 0 else f" exit code {code:.0f}"
-    return f"{seconds:7.1f} s {processor:7.1f} s {memory:6.0f} MB{problem}"
+    code, seconds, processor, memory, recorder = map(float, done.stdout.split())
+    text = f"{seconds:7.1f} s {processor:7.1f} s {memory:6.0f} MB"
+    text += f", child {recorder:.0f} MB" if recorder else ""
+    return text + (f" exit code {code:.0f}" if code else "")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", default="10,600,3600")
     parser.add_argument("--commands", default="|".join(COMMANDS), help="separated by |")
+    parser.add_argument("--run", action="store_true", help="run a trial of each length")
     parser.add_argument("--against", type=Path)
     options = parser.parse_args()
     trees = {"this version": None} | ({"other": options.against} if options.against else {})
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         source = folder / "trial.mcap"
-        trial = ["--condition=autonomous", "--clock=virtual", "--duration=60", f"--record={source}"]
-        subprocess.run(
-            [sys.executable, "-m", "teleop", "run", *trial], check=True, stdout=subprocess.DEVNULL
-        )
+        if not options.run:
+            measure([*TRIAL, "--duration=60", f"--record={source}"], None)
+        print(f"# python benchmarks/long_recordings.py {' '.join(sys.argv[1:])}, {date.today()}")
         print("time, processor time and largest memory of each command")
         for seconds in map(float, options.seconds.split(",")):
             file = folder / f"{seconds:g}.mcap"
-            repeat(source, file, seconds)
-            size = file.stat().st_size / 1e6
-            print(f"{seconds:g} s at 1 kHz, {size:.0f} MB, load {os.getloadavg()[0]:.0f}")
+            print(f"{seconds:g} s at 1 kHz, load {os.getloadavg()[0]:.0f}", flush=True)
+            if options.run:
+                trial = [*TRIAL, f"--duration={seconds}", f"--record={file}"]
+                print(f"  {'run':24} {'this version':13} {measure(trial, None)}", flush=True)
+            else:
+                repeat(source, file, seconds)
+            print(f"  the recording has {file.stat().st_size / 1e6:.0f} MB", flush=True)
             for command in options.commands.split("|"):
                 arguments = [one.format(file=file, folder=folder) for one in COMMANDS[command]]
                 for title, tree in trees.items():

@@ -1,11 +1,10 @@
 """Measure the lateness of the live loop, compared with cyclictest and loop-rate-limiters.
 
     python benchmarks/loop.py                  # 30 s each: idle, second core busy, the peer
-    python benchmarks/loop.py --minutes 30     # soak test with the second core busy
 
 The loop is `teleop run` with its recorder. At the same time, cyclictest (package rt-tests of
-Debian) measures the kernel's wake-ups at the same rate and priority on the other processor. The
-memory of the loop's process is also measured.
+Debian) measures the kernel's wake-ups at the same rate and priority on the other processor.
+`soak.py` runs the loop for a long time.
 """
 
 from __future__ import annotations
@@ -26,8 +25,6 @@ from typing import Any
 import numpy as np
 
 RATE = 1000.0
-WARM = 60.0
-"""Time after which the growth of memory is measured [s]."""
 
 
 @contextmanager
@@ -70,31 +67,17 @@ def percentiles(histogram: str) -> dict[str, float]:
     }
 
 
-def resident(pid: int) -> int:
-    """Return the resident memory of a process [bytes]."""
-    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
-        if line.startswith("VmRSS"):
-            return int(line.split()[1]) * 1024
-    return 0
-
-
-def run(seconds: float, folder: Path) -> tuple[dict[str, Any], list[tuple[float, int]]]:
-    """Run `teleop run`; return its summary, and its memory as pairs of time [s] and bytes."""
+def run(seconds: float, folder: Path) -> dict[str, Any]:
+    """Run `teleop run`, and return its summary."""
     path = folder / f"{time.time_ns()}.mcap"
     command = ["run", "--duration", str(seconds), "--condition", "free", "--record", str(path)]
-    process = subprocess.Popen(
+    done = subprocess.run(
         [sys.executable, "-m", "teleop", *command, "--json"], stdout=subprocess.PIPE, text=True
     )
-    started = time.monotonic()
-    memory = []
-    while (now := time.monotonic() - started) < seconds - 2.0 and process.poll() is None:
-        memory.append((now, resident(process.pid)))
-        time.sleep(min(1.0, seconds / 20.0))
-    out, _ = process.communicate()
-    if process.returncode:
-        print(out)
-        raise SystemExit(f"teleop run ended with {process.returncode}")
-    return json.loads(out), memory
+    if done.returncode:
+        print(done.stdout)
+        raise SystemExit(f"teleop run ended with {done.returncode}")
+    return dict(json.loads(done.stdout))
 
 
 def compare(title: str, seconds: float, folder: Path, load: bool) -> float:
@@ -103,7 +86,7 @@ def compare(title: str, seconds: float, folder: Path, load: bool) -> float:
     other = processors[0]
     with busy(other) if load else nullcontext():
         peer = cyclictest(seconds, other)
-        summary, memory = run(seconds, folder)
+        summary = run(seconds, folder)
         kernel = percentiles(peer.communicate()[0]) if peer else None
     loop = summary["loop"]
     late, tick = loop["lateness_us"], loop["tick_us"]
@@ -132,12 +115,6 @@ def compare(title: str, seconds: float, folder: Path, load: bool) -> float:
         f"{tick['write']['p50']:.1f}, the rest is packing and pushing"
     )
     print(f"  lateness: {histogram(loop['lateness_histogram'])}")
-    after = [size for when, size in memory if when > min(WARM, 0.3 * seconds)]
-    if after:
-        print(
-            f"  memory {after[0] / 2**20:.2f} MB, growth by {(max(after) - after[0]) / 2**10:.0f} "
-            f"kB after the first {min(WARM, 0.3 * seconds):.0f} s"
-        )
     return ratio
 
 
@@ -174,14 +151,10 @@ def limiter(seconds: float) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--minutes", type=float, default=0.0, help="length of the soak")
     parser.add_argument("--seconds", type=float, default=30.0, help="of each short comparison")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        if options.minutes:
-            compare("soak, second core busy", 60.0 * options.minutes, folder, load=True)
-            return
         compare("idle machine", options.seconds, folder, load=False)
         compare("second core busy", options.seconds, folder, load=True)
         limiter(options.seconds)

@@ -34,7 +34,8 @@ def lag(
     Parameters
     ----------
     file
-        Data measured on the spring, in any format that `teleop estimate` reads.
+        Data measured on the spring, in any format that `teleop estimate` reads: at most 1 000 000
+        samples.
     columns
         Columns to read, and the zeros of position and force.
     cube
@@ -46,11 +47,12 @@ def lag(
     """
     from teleop.errors import InputError
     from teleop.evaluation.datum import find_datum
-    from teleop.evaluation.replay import recorded_signals
+    from teleop.evaluation.replay import is_replayed, recorded_signals
+    from teleop.evaluation.samples import NEEDED
     from teleop.output import console
     from teleop.output.rig_tables import print_lag
     from teleop.recording.recording import load
-    from teleop.rig.force_lag import measure_lag
+    from teleop.rig.force_lag import MOST_SAMPLES, measure_lag
     from teleop.rig.reference_spring import measure_simulated_lag
 
     summary: dict[str, Any]
@@ -62,8 +64,12 @@ def lag(
             "true_lost_motion_m": setup.transmission.lost_motion,
         }
     else:
-        samples, recording = columns.read(file)
-        signals = samples.signals if samples.is_whole else recorded_signals(load(file))
+        samples, recording = columns.read(file, is_replayed)
+        if samples.count > MOST_SAMPLES:
+            raise InputError(f"{file}: {samples.count} samples: expected at most {MOST_SAMPLES}")
+        signals = samples.signals
+        if not samples.is_whole:
+            signals = recorded_signals(load(file, NEEDED.__contains__))
         if signals.gaps:
             end = signals.gaps[0]
             raise InputError(

@@ -73,7 +73,7 @@ def next_settings(
     returned at once. The result is None if the session must end.
     """
     waiting = link.trial is not None and not link.trial.armed
-    why = f"{link.trial.recording.events[-1]['text']}; " if link.trial and waiting else ""
+    why = f"{link.trial.ticks.events[-1]['text']}; " if link.trial and waiting else ""
     link.tell({"type": "prompt", "text": f"{why}NEXT prepares another trial"})
     while request := next_request(link, stopped):
         kind = request["type"]

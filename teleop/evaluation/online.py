@@ -13,8 +13,9 @@ from estimation import Bank, Estimates, Excitation, Misfit, Regression
 from estimation.compiled import Floats
 from estimation.estimate_columns import estimate_arrays, estimate_columns, misfit_columns
 from estimation.estimator import Series
-from estimation.summary import EstimatorSummary, RunningSummary
+from estimation.summary import EstimatorSummary
 from teleop.evaluation.averaged_part import WHOLE, AveragedPart
+from teleop.evaluation.averages import RunningAverages
 from teleop.evaluation.conditioned import Conditioned
 from teleop.evaluation.model_comparison import Comparison, RunningComparison
 
@@ -88,12 +89,10 @@ class OnlineRun:
         self._bank, self._misfit, self._measure = bank, misfit, measure
         self._comparisons = comparisons
         self._period, self._every, self._write = period, every, write
-        self._averaged = averaged
-        self._summaries = {name: RunningSummary(e) for name, e in bank.items()}
+        self._averages = RunningAverages(bank, averaged)
         self._kept = KeptArrays(math.ceil(count / every) + 1)
-        self._used = self._kept_samples = self._averaged_samples = 0
-        self._excitation = self._longest = self._deviation = 0.0
-        self._last_excitation = math.nan
+        self._used = self._kept_samples = 0
+        self._longest = self._deviation = 0.0
         self._as_recorded = True
 
     def add(self, samples: Conditioned, recorded: Mapping[str, tuple[Floats, Floats]]) -> None:
@@ -111,12 +110,7 @@ class OnlineRun:
             return
         excitation = self._measure.run(regression.x, regression.v, regression.dt)
         within = np.delete(regression.dt, apart)
-        part = self._averaged.indices(t)
-        averaged = t[part], regression.part(part)
-        self._excitation += float(np.sum(excitation[part]))
-        self._averaged_samples += len(averaged[0])
-        if len(averaged[0]):
-            self._last_excitation = float(excitation[part][-1])
+        self._averages.begin(t, regression, excitation)
         self._longest = max(self._longest, float(np.max(regression.dt)))
         self._deviation = max(
             self._deviation, float(np.max(np.abs(within - self._period), initial=0.0))
@@ -138,7 +132,7 @@ class OnlineRun:
         for i, (name, series) in enumerate(self._bank.each(*regression)):
             ends = ends or self._misfit.ends(regression, self._bank.opened)
             values = self._misfit.series(i, ends, series)
-            self._summaries[name].add(*averaged, series.part(part), values[part])
+            self._averages.add(name, series, values)
             for comparison in self._comparisons:
                 comparison.add(name, series)
             if self._as_recorded:
@@ -161,7 +155,7 @@ class OnlineRun:
         kept = self._kept
         estimates = {name: kept.estimates(count, name) for name in self._bank}
         t = kept.get(count, "t")
-        part = self._averaged.indices(t)
+        averages = self._averages
         rows = [comparison.result() for comparison in self._comparisons]
         return OnlineResult(
             t,
@@ -169,14 +163,11 @@ class OnlineRun:
             estimates,
             {name: kept.get(count, name, MISFIT) for name in self._bank},
             kept.get(count, "excitation"),
-            {
-                name: one.summary(estimates[name].part(part))
-                for name, one in self._summaries.items()
-            },
+            averages.summaries(t, estimates),
             {name: row for found in rows for name, row in found.items()},
             self._used,
-            self._excitation / self._averaged_samples if self._averaged_samples else math.nan,
-            self._last_excitation,
+            averages.mean_excitation,
+            averages.last_excitation,
             self._longest,
             self._deviation,
             self._as_recorded,

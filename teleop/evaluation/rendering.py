@@ -43,6 +43,10 @@ MOST_SUSTAINED = 0.8
 frequencies at which the hand receives energy."""
 SEGMENT = 1.0
 """Duration of the segments of the motion of which the spectra are averaged [s]."""
+FIRST = 1 << 14
+"""Number of samples from which the duration of a segment in samples is computed."""
+OLDEST = 10.0
+"""Longest age of a motion that the slave executes [s], more than a channel can delay it."""
 
 
 class Rendering(NamedTuple):
@@ -80,10 +84,8 @@ class Hand(NamedTuple):
     """Velocity of the virtual mass [m/s]."""
 
 
-def hand(
-    recording: Recording, mass: float, damping: float, stiffness: float, scale: float = 1.0
-) -> Hand:
-    """Return what the hand felt at each tick in mode active.
+class RunningHand:
+    """Quantities at the hand in a trial whose ticks in mode active arrive in blocks.
 
     The force of the environment is the measured force of the hand minus the force that the
     admittance needs for its motion. The centre of its spring is the position at the start. Where a
@@ -92,102 +94,187 @@ def hand(
 
     Parameters
     ----------
-    recording
-        A trial with force feedback or a channel, in mode active.
     mass, damping, stiffness
         Virtual mass [kg], damping [N s/m] and stiffness [N/m] of the admittance.
     scale
         Ratio of slave motion to master motion.
     """
-    desired, dt = recording["desired_master_velocity"], recording["dt"]
-    limited = recording["commanded_master_velocity"] != desired
-    v = np.where(limited, recording["applied_master_velocity"], desired)
-    before = np.concatenate(([0.0], v[:-1]))
-    mean = np.where(limited, v, 0.5 * (v + before))
-    moved = np.cumsum(mean * dt)
-    force = recording["drive_force"] - mass * (v - before) / dt - damping * mean
-    force -= stiffness * (moved - 0.5 * mean * dt)
-    force = np.where(limited, recording["displayed_force"], force)
-    start = recording["slave_position"][0] / scale if len(v) else 0.0
-    return Hand(start + moved, force, mean)
+
+    def __init__(self, mass: float, damping: float, stiffness: float, scale: float = 1.0) -> None:
+        self._mass, self._damping, self._stiffness = mass, damping, stiffness
+        self._scale = scale
+        self._start: float | None = None
+        self._v = self._moved = 0.0
+
+    def add(self, active: Recording) -> Hand:
+        """Return the quantities at the next ticks."""
+        if not len(active):
+            return Hand(np.empty(0), np.empty(0), np.empty(0))
+        desired, dt = active["desired_master_velocity"], active["dt"]
+        limited = active["commanded_master_velocity"] != desired
+        v = np.where(limited, active["applied_master_velocity"], desired)
+        before = np.concatenate(([self._v], v[:-1]))
+        mean = np.where(limited, v, 0.5 * (v + before))
+        moved = cumulative_sum(mean * dt, self._moved)
+        force = active["drive_force"] - self._mass * (v - before) / dt - self._damping * mean
+        force -= self._stiffness * (moved - 0.5 * mean * dt)
+        force = np.where(limited, active["displayed_force"], force)
+        if self._start is None:
+            self._start = float(active["slave_position"][0]) / self._scale
+        self._v, self._moved = float(v[-1]), float(moved[-1])
+        return Hand(self._start + moved, force, mean)
 
 
-def rendering(
-    active: Recording,
-    mass: float,
-    damping: float,
-    stiffness: float,
-    scale: float = 1.0,
-    gain: float = 1.0,
-) -> Rendering:
-    """Return a summary of what the hand felt in a trial with force feedback or a channel.
+def hand(
+    recording: Recording, mass: float, damping: float, stiffness: float, scale: float = 1.0
+) -> Hand:
+    """Return the quantities at the hand at all ticks in mode active (see `RunningHand`)."""
+    return RunningHand(mass, damping, stiffness, scale).add(recording)
+
+
+class RunningRendering:
+    """Summary of what the hand felt in a trial whose ticks in mode active arrive in blocks.
 
     Parameters
     ----------
-    active
-        The ticks of the trial in mode active, and its events.
-    mass, damping, stiffness
-        Virtual mass [kg], damping [N s/m] and stiffness [N/m] of the admittance.
+    hand
+        Computes the quantities at the hand.
     scale
         Ratio of slave motion to master motion.
     gain
         Ratio of the displayed force to the contact force.
+    end
+        Time of the last tick in mode active [s].
     """
-    if not len(active):
-        return Rendering(math.nan, math.nan, math.nan, math.nan, stable=False)
-    t, x, f = active["time"], active["slave_position"], gain * active["contact_force"]
-    felt = hand(active, mass, damping, stiffness, scale)
-    energy = np.cumsum(felt.force * felt.velocity * active["dt"])
-    settled = t > min(SETTLING, 0.5 * t[-1])
-    oscillation = sustained_share(
-        felt.velocity[settled], active["drive_force"][settled], active["dt"][settled]
-    )
-    stable = active.fault is None and oscillation < MOST_SUSTAINED
-    part = settled & (np.abs(f) > LEAST_FORCE)
-    lowest = min(float(energy.min()), 0.0)
-    if part.sum() < 100:
-        return Rendering(math.nan, math.nan, math.nan, lowest, stable)
-    sent = (t - active["motion_age"])[part]
-    position, force = np.interp(sent, t, felt.position), np.interp(sent, t, felt.force)
-    rendered = secant(position, force)
-    touched = scale * secant(x[part], f[part])
-    error = math.sqrt(np.mean((force - f[part]) ** 2) / np.mean(f[part] ** 2))
-    return Rendering(rendered, rendered / touched - 1.0, error, lowest, stable)
+
+    def __init__(self, hand: RunningHand, scale: float, gain: float, end: float) -> None:
+        self._hand, self._scale, self._gain = hand, scale, gain
+        self._settled = min(SETTLING, 0.5 * end)
+        self._spectra = RunningSpectra()
+        self._ticks = self._evaluated = 0
+        self._energy = self._lowest = 0.0
+        self._sums = np.zeros(6)
+        self._earlier: Floats = np.empty((3, 0))
+        """Times of earlier ticks, and position and force of the hand at these ticks."""
+
+    def add(self, active: Recording) -> None:
+        """Add the next ticks in mode active."""
+        if not len(active):
+            return
+        self._ticks += len(active)
+        t, x, f = active["time"], active["slave_position"], self._gain * active["contact_force"]
+        felt = self._hand.add(active)
+        energy = cumulative_sum(felt.force * felt.velocity * active["dt"], self._energy)
+        self._energy, self._lowest = float(energy[-1]), min(self._lowest, float(energy.min()))
+        settled = t > self._settled
+        self._spectra.add(
+            felt.velocity[settled], active["drive_force"][settled], active["dt"][settled]
+        )
+        part = settled & (np.abs(f) > LEAST_FORCE)
+        times, positions, forces = self._earlier = np.concatenate(
+            (self._earlier, (t, felt.position, felt.force)), axis=1
+        )
+        sent, x, f = (t - active["motion_age"])[part], x[part], f[part]
+        position, force = np.interp(sent, times, positions), np.interp(sent, times, forces)
+        self._evaluated += len(f)
+        self._sums += (
+            np.dot(force, position),
+            np.dot(position, position),
+            np.dot(f, x),
+            np.dot(x, x),
+            np.sum((force - f) ** 2),
+            np.sum(f**2),
+        )
+        self._earlier = self._earlier[:, times > t[-1] - OLDEST]
+
+    def result(self, fault: bool) -> Rendering:
+        """Return the summary; `fault` is whether a fault stopped the trial."""
+        if not self._ticks:
+            return Rendering(math.nan, math.nan, math.nan, math.nan, stable=False)
+        stable = not fault and self._spectra.sustained_share() < MOST_SUSTAINED
+        count = self._evaluated
+        if count < 100:
+            return Rendering(math.nan, math.nan, math.nan, self._lowest, stable)
+        felt, felt_square, touched, touched_square, error, square = self._sums.tolist()
+        rendered = felt / felt_square
+        expected = self._scale * (touched / touched_square)
+        relative = math.sqrt((error / count) / (square / count))
+        return Rendering(rendered, rendered / expected - 1.0, relative, self._lowest, stable)
 
 
-def secant(x: Floats, f: Floats) -> float:
-    """Return the slope of the line through the contact point that fits force and position [N/m]."""
-    return float(np.dot(f, x) / np.dot(x, x))
+def cumulative_sum(values: Floats, start: float) -> Floats:
+    """Return the sums of `start` and the first 1, 2, ... n values, shape (n,)."""
+    return np.cumsum(np.concatenate(([start], values)))[1:]
+
+
+class RunningSpectra:
+    """Spectra of velocity and force, from which oscillations of the loop are detected.
+
+    The spectra are averages over overlapping segments (P. D. Welch, IEEE Trans. Audio
+    Electroacoust. 15(2), 1967). The period of the samples is the mean of the first `FIRST` samples
+    or more.
+    """
+
+    def __init__(self) -> None:
+        self._pending: Floats = np.empty((3, 0))
+        self._step = 0.0
+        self._length = 0
+        self._motion: Floats = np.empty(0)
+        self._from_hand: Floats = np.empty(0)
+
+    def add(self, velocity: Floats, force: Floats, dt: Floats) -> None:
+        """Add samples.
+
+        Parameters
+        ----------
+        velocity
+            Velocity of the virtual mass [m/s].
+        force
+            Force of the hand on the virtual mass [N].
+        dt
+            Time step of each sample [s].
+        """
+        self._pending = np.concatenate((self._pending, (velocity, force, dt)), axis=1)
+        if self._pending.shape[1] >= FIRST:
+            self._add_segments()
+
+    def sustained_share(self) -> float:
+        """Return the share of the power of the motion that is in an oscillation of the loop.
+
+        It is the fraction of the power of the velocity above `FASTEST`, at frequencies at which the
+        hand receives energy.
+        """
+        if not self._length:
+            if not self._pending.shape[1]:
+                return 0.0
+            self._add_segments()
+        fast = np.fft.rfftfreq(self._length, self._step) > FASTEST
+        total = float(self._motion.sum())
+        oscillating = fast & (self._from_hand < 0.0)
+        return float(self._motion[oscillating].sum()) / total if total > 0.0 else 0.0
+
+    def _add_segments(self) -> None:
+        velocity, force, dt = self._pending
+        if not self._length:
+            self._step = float(np.mean(dt))
+            self._length = min(max(round(SEGMENT / self._step), 2), len(velocity))
+            self._motion = np.zeros(self._length // 2 + 1)
+            self._from_hand = np.zeros(self._length // 2 + 1)
+        length, stride = self._length, max(self._length // 2, 1)
+        if len(velocity) < length:
+            return
+        window = np.hanning(length)
+        v, f = (
+            np.fft.rfft(window * sliding_window_view(signal, length)[::stride], axis=1)
+            for signal in (velocity, force)
+        )
+        self._motion += np.sum(np.abs(v) ** 2, axis=0)
+        self._from_hand += np.sum((f * v.conj()).real, axis=0)
+        self._pending = self._pending[:, len(v) * stride :].copy()
 
 
 def sustained_share(velocity: Floats, force: Floats, dt: Floats) -> float:
-    """Return the share of a motion's power that is in an oscillation of the loop.
-
-    It is the fraction of the power of the velocity above `FASTEST`, at frequencies at which the
-    hand receives energy. The spectra are averages over overlapping segments (P. D. Welch, IEEE
-    Trans. Audio Electroacoust. 15(2), 1967).
-
-    Parameters
-    ----------
-    velocity
-        Velocity of the virtual mass [m/s].
-    force
-        Force of the hand on the virtual mass [N].
-    dt
-        Time step of each sample [s].
-    """
-    if not len(velocity):
-        return 0.0
-    step = float(np.mean(dt))
-    length = min(max(round(SEGMENT / step), 2), len(velocity))
-    starts = slice(None, None, max(length // 2, 1))
-    window = np.hanning(length)
-    v, f = (
-        np.fft.rfft(window * sliding_window_view(signal, length)[starts], axis=1)
-        for signal in (velocity, force)
-    )
-    motion = np.sum(np.abs(v) ** 2, axis=0)
-    from_hand = np.sum((f * v.conj()).real, axis=0)
-    fast = np.fft.rfftfreq(length, step) > FASTEST
-    total = float(motion.sum())
-    return float(motion[fast & (from_hand < 0.0)].sum()) / total if total > 0.0 else 0.0
+    """Return the share of a motion's power that is in an oscillation (see `RunningSpectra`)."""
+    spectra = RunningSpectra()
+    spectra.add(velocity, force, dt)
+    return spectra.sustained_share()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -13,6 +12,7 @@ from estimation import Estimates
 from estimation.compiled import Floats
 from estimation.estimate_columns import estimators_in
 from teleop.errors import InputError
+from teleop.evaluation.kept_parts import MEASURED, Last, Sections
 from teleop.evaluation.signals import Signals
 from teleop.evaluation.units import LARGEST
 from teleop.recording.gaps import Gap
@@ -23,17 +23,8 @@ BLOCK = 1 << 14
 """Number of samples in a block of a long record."""
 WHOLE = 1 << 16
 """Largest number of samples in a single block, if the record has no more samples."""
-SECTION = 1 << 14
-"""Number of samples in a section of a long recording."""
-SECTIONS = 5
-"""Largest number of sections of a recording that are kept in memory."""
-LAST = 1 << 16
-"""Approximate largest number of ticks at the end of a recording whose columns are kept."""
 NEEDED = ("time", "dt", "dropped", "x", "paired_position", "paired_force", "paired_dt")
 """Columns that are needed to evaluate a recorded trial."""
-MEASURED = ("time", "paired_position", "paired_force", "paired_dt")
-"""Columns of the samples of the estimators: time, position, force, and time since the previous
-sample."""
 
 NOTHING: Floats = np.empty(0)
 
@@ -88,9 +79,9 @@ class Samples:
 class RecordedSamples(Samples):
     """Samples of a recorded trial, which are read from the file twice.
 
-    The file is read when the object is made, and again by `blocks`. Of a recording of more than
-    `SECTIONS` sections of `SECTION` samples, `signals` contains evenly spaced sections. So the
-    memory does not depend on the duration.
+    The file is read when the object is made, and again by `blocks`. Of a long
+    recording, `signals` contains evenly spaced sections (see `Sections`). So the memory does not
+    depend on the duration; it increases with the rate.
 
     Parameters
     ----------
@@ -129,7 +120,7 @@ class RecordedSamples(Samples):
             settings=stream.settings,
             gaps=stream.gaps,
         )
-        """The recording. It has the columns `is_wanted`, at the last `LAST` ticks or some more."""
+        """The recording. It has the columns `is_wanted`, and of a long recording only `Last`."""
         t, x, f, dt = sections.samples()
         gaps = with_gaps(t, dt, ends_of(stream.gaps), sections.starts)
         super().__init__(Signals(t, x, f, dt, "slave_position", gaps))
@@ -151,70 +142,6 @@ class RecordedSamples(Samples):
             recorded = dict(zip(names, pairs, strict=True))
             yield Block(Signals(t, x, f, dt, "slave_position", gaps), recorded)
             before = t[-1:]
-
-
-class Sections:
-    """Evenly spaced sections of samples that arrive in blocks.
-
-    If there are too many sections, every second section is dropped.
-    """
-
-    def __init__(self) -> None:
-        self.count = 0
-        """Number of all samples so far."""
-        self._every = 1
-        self._kept: dict[int, list[Floats]] = {}
-
-    def add(self, samples: Floats) -> None:
-        """Add samples, shape (channels, n)."""
-        while samples.shape[1]:
-            number, inside = divmod(self.count, SECTION)
-            part = samples[:, : SECTION - inside]
-            samples = samples[:, SECTION - inside :]
-            self.count += part.shape[1]
-            if number % self._every == 0:
-                self._kept.setdefault(number, []).append(part.copy())
-            if len(self._kept) > SECTIONS:
-                self._every *= 2
-                self._kept = {i: one for i, one in self._kept.items() if i % self._every == 0}
-
-    def samples(self) -> Floats:
-        """Return the samples of the sections one after another, shape (channels, n)."""
-        parts = [part for section in self._kept.values() for part in section]
-        return np.concatenate(parts, axis=1) if parts else np.empty((len(MEASURED), 0))
-
-    @property
-    def starts(self) -> Sequence[int]:
-        """Index of the first sample of each section that does not follow the previous section."""
-        return [] if self._every == 1 else list(range(SECTION, len(self._kept) * SECTION, SECTION))
-
-
-class Last:
-    """The last ticks, about `LAST`, of columns that arrive in blocks."""
-
-    def __init__(self) -> None:
-        self._blocks: deque[dict[str, Floats]] = deque()
-        self._count = 0
-
-    def add(self, block: dict[str, Floats]) -> None:
-        """Add a block of columns."""
-        size = len(next(iter(block.values()), ()))
-        self._blocks.append({name: column.copy() for name, column in block.items()})
-        self._count += size
-        while self._count - self._first_size >= LAST:
-            self._count -= self._first_size
-            self._blocks.popleft()
-
-    @property
-    def _first_size(self) -> int:
-        return len(next(iter(self._blocks[0].values()), ()))
-
-    def columns(self, names: Iterable[str]) -> dict[str, Floats]:
-        """Return the columns."""
-        return {
-            name: np.concatenate([np.empty(0), *(block[name] for block in self._blocks)])
-            for name in names
-        }
 
 
 def measured(block: Mapping[str, Floats], further: Sequence[str] = ()) -> Floats:

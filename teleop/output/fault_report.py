@@ -12,7 +12,7 @@ from teleop.output.figure_files import save
 from teleop.output.trial_figures import fault_figure
 from teleop.recording.black_box import BEFORE
 from teleop.recording.recording import Recording
-from teleop.recording.timing import loop_timing
+from teleop.recording.timing import RunningTiming
 
 LISTED = (*CHANNELS, "desired_slave_velocity", "applied_slave_velocity")
 """Columns whose values at the fault are listed in the report."""
@@ -68,14 +68,15 @@ def fault_text(recording: Recording, fault: dict[str, Any]) -> str:
     before = (t > fault["time"] - BEFORE) & (t <= fault["time"])
     if before.sum() > 1:
         rate = 1.0 / float(recording["dt"][before].mean())
-        columns = (recording[name][before] for name in ("dt", "lateness", "overrun"))
-        timing = loop_timing(rate, *columns)
+        running = RunningTiming()
+        running.add(recording.where(before))
+        timing = running.summary(rate)
         late = timing["lateness_us"]
         lines += [
             "",
             f"loop in the {t[before][-1] - t[before][0]:.1f} s before",
             f"  {timing['mean_rate_hz']:.1f} Hz, {timing['overruns']} overruns, "
-            f"{int(recording['skipped'][before].sum())} periods skipped",
+            f"{timing['skipped']} periods skipped",
             f"  lateness [us]: p50 {late['p50']:.1f}, p99 {late['p99']:.1f}, max {late['max']:.1f}",
         ]
     return "\n".join(lines) + "\n"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from estimation import Estimates, Regression
 from estimation.compiled import Floats
 from estimation.estimate_columns import estimates_in, estimators_in, misfit_in
-from teleop.errors import InputError, MissingColumn
+from teleop.errors import MissingColumn
 from teleop.recording.bounded_file import check_memory
 from teleop.recording.cdr import CDR
 from teleop.recording.gaps import Gap, missing_ticks
@@ -84,6 +84,18 @@ class Recording:
         """Names of the channels that were estimated by an observer instead of measured."""
         names = self.session.get("estimated_channels", "none")
         return [] if names == "none" else names.split(", ")
+
+    def blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[Recording]:
+        """Yield this recording, as `RecordingFile.blocks` yields parts of a longer recording."""
+        yield self
+
+    def evenly_spaced(self) -> Recording:
+        """Return this recording, as `RecordingFile.evenly_spaced` returns some of its ticks."""
+        return self
+
+    def load(self) -> Recording:
+        """Return this recording, as `RecordingFile.load` returns a recording in a file."""
+        return self
 
     def estimated(self) -> Recording:
         """Return a recording that contains only the ticks at which the estimators were updated."""
@@ -209,15 +221,6 @@ def load(path: Path | str, is_wanted: Callable[[str], bool] = bool) -> Recording
     """
     stream = RecordingStream(Path(path))
     return stored(stream, stream.blocks(is_wanted))
-
-
-def load_intact(path: Path) -> Recording | None:
-    """Read the intact part of a recording from an MCAP file; None if no part is intact."""
-    try:
-        stream = RecordingStream(path)
-        return stored(stream, stream.intact_blocks())
-    except InputError:
-        return None
 
 
 def stored(stream: RecordingStream, blocks: Iterable[dict[str, Floats]]) -> Recording:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from teleop.errors import InputError
 from teleop.files import unwritable
-from teleop.recording.cdr import CDR, TIME
+from teleop.recording.cdr import TIME
 from teleop.recording.gaps import Gap
-from teleop.recording.mcap_reader import CUT, Contents, read_intact
+from teleop.recording.mcap_reader import CUT, Contents, read_ticks
 from teleop.recording.mcap_writer import McapFile
-from teleop.recording.recording import from_messages
-from teleop.recording.stream import FIELD
+from teleop.recording.stream import FIELD, RecordingStream
 
 CHUNK = 1000
 """Number of ticks per chunk of the new MCAP file."""
@@ -46,7 +45,7 @@ def recover_recording(file: Path, out: Path) -> Recovery:
     Parameters
     ----------
     file
-        The recording.
+        The recording. It is read twice, in blocks.
     out
         The new file.
 
@@ -56,25 +55,25 @@ def recover_recording(file: Path, out: Path) -> Recovery:
         The file cannot be read or is not a recording of `teleop run`, no tick is intact, or the
         new file exists or cannot be written.
     """
-    contents = read_intact(file)
-    ticks = list(messages(contents))
-    gaps = from_messages(contents.definition, contents.messages, [], contents.metadata).gaps
-    if not ticks:
+    stream = RecordingStream(file)
+    for _ in stream.intact_blocks(lambda name: False):
+        pass
+    if not stream.ticks:
         raise InputError(f"{file}: no tick is intact: nothing can be recovered")
-    recovery = Recovery(len(ticks), TIME.unpack_from(ticks[-1])[0], contents.damage, gaps)
+    contents = stream.contents
     if contents.damage:
-        write_contents(out, contents, ticks)
-    return recovery
+        write_contents(out, contents, messages(file))
+    return Recovery(stream.ticks, stream.last_time, contents.damage, stream.gaps)
 
 
-def messages(contents: Contents) -> Iterator[bytes]:
-    """Yield the message of each tick of a recording."""
-    size = len(CDR) + 8 * len(FIELD.findall(contents.definition))
-    for place in range(0, len(contents.messages), size):
-        yield bytes(contents.messages[place : place + size])
+def messages(file: Path) -> Iterator[bytes]:
+    """Read a recording, and yield the message of each intact tick."""
+    for rows in read_ticks(file, Contents()):
+        for row in rows:
+            yield row.tobytes()
 
 
-def write_contents(out: Path, contents: Contents, ticks: list[bytes]) -> None:
+def write_contents(out: Path, contents: Contents, ticks: Iterable[bytes]) -> None:
     """Write a complete recording, with ticks and events in the order of their times.
 
     Parameters
@@ -84,7 +83,7 @@ def write_contents(out: Path, contents: Contents, ticks: list[bytes]) -> None:
     contents
         Intact content of the incomplete recording.
     ticks
-        Message of each tick.
+        Message of each tick. They are written one after another, so that they need no memory.
 
     Raises
     ------

@@ -7,57 +7,60 @@ from typing import Any
 
 import numpy as np
 
-from estimation.compiled import Floats
+from teleop.recording.percentiles import Percentiles
 from teleop.recording.recording import Recording
 
 PERCENTILES = {"p50": 50.0, "p99": 99.0, "p99_9": 99.9, "max": 100.0}
 """Computed percentiles [%], by name."""
 HISTOGRAM = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0, 10000.0)
 """Upper bounds of the bins of the histogram of lateness [us]; the last bin has no upper bound."""
+PARTS = ("read_time", "compute_time", "write_time", "busy_time")
+"""Columns with the durations of the parts of a tick, and of the whole tick."""
 
 
-def loop_timing(rate: float, dt: Floats, lateness: Floats, overruns: Floats) -> dict[str, Any]:
-    """Return statistics of the rate, the lateness and the overruns of the loop.
+class RunningTiming:
+    """Statistics of rate, lateness, overruns and durations of the ticks, which arrive in blocks."""
 
-    Parameters
-    ----------
-    rate
-        Nominal rate of the loop [Hz].
-    dt
-        Time since the previous tick [s], shape (ticks,). The first value is not used.
-    lateness
-        Time from the deadline of a tick to its start [s], shape (ticks,).
-    overruns
-        1 if the previous tick had not ended at the deadline, otherwise 0, shape (ticks,).
-    """
-    periods = dt[1:]
-    return {
-        "rate_hz": rate,
-        "mean_rate_hz": 1.0 / float(np.mean(periods)) if len(periods) else math.nan,
-        "lateness_us": {
-            name: float(np.percentile(lateness, q)) * 1e6 if len(lateness) else math.nan
-            for name, q in PERCENTILES.items()
-        },
-        "overruns": int(overruns.sum()),
-        "longest_gap_s": float(np.max(periods, initial=0.0)),
-    }
+    def __init__(self) -> None:
+        self._ticks = self._overruns = self._skipped = 0
+        self._elapsed = self._longest = 0.0
+        self._times = {name: Percentiles() for name in ("lateness", *PARTS)}
+        self._histogram = np.zeros(len(HISTOGRAM) + 1, np.int64)
 
+    def add(self, ticks: Recording) -> None:
+        """Add the next ticks. The period before the first tick of the trial is not used."""
+        periods = ticks["dt"] if self._ticks else ticks["dt"][1:]
+        self._ticks += len(ticks)
+        self._elapsed += float(np.sum(periods))
+        self._longest = float(np.max(periods, initial=self._longest))
+        self._overruns += int(ticks["overrun"].sum())
+        self._skipped += int(ticks["skipped"].sum())
+        for name, times in self._times.items():
+            times.add(ticks[name])
+        bounds = (0.0, *HISTOGRAM, math.inf)
+        self._histogram += np.histogram(ticks["lateness"] * 1e6, bounds)[0]
 
-def tick_times(recording: Recording) -> dict[str, Any]:
-    """Return percentiles of the durations of the parts of a tick, and a histogram of lateness.
+    def summary(self, rate: float) -> dict[str, Any]:
+        """Return the statistics for a nominal rate of the loop [Hz].
 
-    All times in the result are in us. `HISTOGRAM` gives the bounds of the bins.
-    """
-    parts = ("read_time", "compute_time", "write_time", "busy_time")
-    counts, _ = np.histogram(recording["lateness"] * 1e6, (0.0, *HISTOGRAM, math.inf))
-    return {
-        "tick_us": {
-            name.removesuffix("_time"): {
-                key: float(np.percentile(recording[name], q)) * 1e6 if len(recording) else math.nan
-                for key, q in PERCENTILES.items()
-            }
-            for name in parts
-        },
-        "lateness_histogram": {"bounds_us": list(HISTOGRAM), "ticks": counts.tolist()},
-        "skipped": int(recording["skipped"].sum()),
-    }
+        Lateness is the time from the deadline of a tick to its start. An overrun is a tick that had
+        not ended at the next deadline. `HISTOGRAM` gives the bounds of the bins of the histogram.
+        """
+        periods = self._ticks - 1
+        return {
+            "rate_hz": rate,
+            "mean_rate_hz": 1.0 / (self._elapsed / periods) if periods > 0 else math.nan,
+            "lateness_us": self._microseconds("lateness"),
+            "overruns": self._overruns,
+            "longest_gap_s": self._longest,
+            "tick_us": {name.removesuffix("_time"): self._microseconds(name) for name in PARTS},
+            "lateness_histogram": {
+                "bounds_us": list(HISTOGRAM),
+                "ticks": self._histogram.tolist(),
+            },
+            "skipped": self._skipped,
+        }
+
+    def _microseconds(self, name: str) -> dict[str, float]:
+        times = self._times[name]
+        return {key: times.value(q) * 1e6 for key, q in PERCENTILES.items()}

@@ -32,6 +32,9 @@ from teleop.errors import InputError
 
 LONGEST = 0.1
 """Longest lag that can be measured [s]."""
+MOST_SAMPLES = 1_000_000
+"""Largest number of samples of a file that is measured. All samples are in memory, and the fit
+processes all of them many times."""
 SPEEDS = 1.3
 """Smallest ratio of the 90 % quantile of the stroke speeds to the 10 % quantile with which lag and
 lost motion can be separated."""

@@ -10,14 +10,15 @@ from teleop.control.injector import ramp_time
 from teleop.errors import InputError
 from teleop.evaluation.averaged_part import WHOLE, AveragedPart
 from teleop.recording.recording import Recording
+from teleop.recording.recording_file import RecordingFile
 from teleop.trial.settings import TrialSettings
 from teleop.trial.settings_json import from_document
 
 
-def averaged_part(recording: Recording, settings: TrialSettings) -> AveragedPart:
+def averaged_part(recording: Recording | RecordingFile, settings: TrialSettings) -> AveragedPart:
     """Return the part of a recorded trial over which the estimates are averaged."""
     part, count_in = WHOLE, settings.target.count_in
-    if settings.condition == "mimic" and count_in and "target" in recording.columns:
+    if settings.condition == "mimic" and count_in and "target" in recording.units:
         part = AveragedPart(start=count_in, left_out=f"the count-in of {count_in:g} s")
     elif settings.condition == "autonomous":
         ramp = ramp_time(settings.duration)

@@ -7,11 +7,11 @@ RATES = (50.0, 100_000.0)
 hand and admittance is unstable."""
 DEEPEST = 0.1
 """Largest depth of palpation [m]."""
-DURATION = 3600.0
-"""Longest duration of a trial [s].
-
-It is limited because the summary reads all ticks into memory: 0.4 MB per second at 1 kHz.
-"""
+MOST_TICKS = 1 << 32
+"""Largest number of ticks of a trial. The number of a tick in a recording has 32 bits."""
+IN_MEMORY = 3_600_000
+"""Largest number of ticks of a trial that is not recorded. Its ticks are kept in memory, about
+0.4 kB for each tick."""
 NAME = 100
 """Largest number of characters of the name of a specimen or an operator."""
 NOTES = 10_000
@@ -20,3 +20,8 @@ FREQUENCY = {"mimic": 1.0, "autonomous": 2.0}
 """Frequency of the sine [Hz] if the settings have no signal, by condition."""
 COUNT_IN = 3.0
 """Time at the start of a `mimic` trial in which the target does not move, on a hardware rig [s]."""
+
+
+def longest_duration(rate: float) -> float:
+    """Return the longest duration of a trial [s] at a rate [Hz], or at the nearest valid rate."""
+    return MOST_TICKS / min(max(rate, RATES[0]), RATES[1])

@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from estimation import Bank, Estimates, Regression
 from estimation.compiled import Floats
 from estimation.presentation import Presented
-from estimation.presets import GATE
-from estimation.summary import summarise
 from teleop.errors import InputError
-from teleop.evaluation.rendering import rendering
 from teleop.recording.gaps import gap_rows, missing_text
 from teleop.recording.recording import Recording
+from teleop.recording.recording_file import RecordingFile
 from teleop.recording.sinks import Outcome
-from teleop.recording.timing import loop_timing, tick_times
-from teleop.safety.events import ACTIVE, STOPPING
-from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
-from teleop.trial.averaged import averaged_part
 from teleop.trial.metadata import estimated_channels
 from teleop.trial.settings import TrialSettings
-from teleop.trial.tracked import tracking_of
+from teleop.trial.tracked import tracked_ticks, tracking_of
+from teleop.trial.trial_statistics import TrialStatistics
 from teleop.trial.true_values import recorded_truth, truth
 
 if TYPE_CHECKING:
@@ -44,8 +37,9 @@ class Trial(Presented):
 
     settings: TrialSettings
     """Settings of the trial."""
-    recording: Recording
-    """All ticks of the trial; if the recording file is not complete, all ticks that can be read."""
+    ticks: Recording | RecordingFile
+    """All ticks of the trial, in memory or in the file of the recording; if this file is not
+    complete, all ticks that can be read."""
     bank: Bank
     """The estimators in their final state."""
     interrupted: bool
@@ -62,6 +56,30 @@ class Trial(Presented):
     """Folder of the black box; None if there was no fault."""
     black_box_problem: str = ""
     """Reason why the black box could not be written; empty if there was no such problem."""
+
+    @cached_property
+    def recording(self) -> Recording:
+        """All ticks of the trial. If they are in a file, they are read when they are first used.
+
+        The file is used for a recorded trial of more than `IN_MEMORY` values (ticks times columns),
+        which is about a minute at 1 kHz.
+
+        Raises
+        ------
+        InputError
+            The file cannot be read, or the recording is too large for the memory of this machine.
+        """
+        return self.ticks.load()
+
+    @cached_property
+    def statistics(self) -> TrialStatistics:
+        """Statistics of all ticks, from which the summary is made."""
+        return TrialStatistics(self.ticks, self.settings, self.bank)
+
+    @cached_property
+    def shown(self) -> Trial:
+        """The same trial with evenly spaced ticks in memory, for figures and short texts."""
+        return replace(self, ticks=self.ticks.evenly_spaced())
 
     @property
     def columns(self) -> dict[str, Floats]:
@@ -92,7 +110,7 @@ class Trial(Presented):
     @property
     def armed(self) -> dict[str, Any] | None:
         """Event at which the drives were armed; None if they were not armed."""
-        return next((e for e in self.recording.events if e["mode"] == "active"), None)
+        return next((e for e in self.ticks.events if e["mode"] == "active"), None)
 
     @property
     def incomplete(self) -> str:
@@ -102,7 +120,7 @@ class Trial(Presented):
         if problem:
             problems.append(f"{path}: the recording is not complete: {problem}")
         elif dropped and path:
-            missing = missing_text(self.recording.gaps) or f"{dropped} ticks are missing"
+            missing = missing_text(self.ticks.gaps) or f"{dropped} ticks are missing"
             problems.append(f"{path}: {missing}")
         if self.black_box_problem:
             problems.append(self.black_box_problem)
@@ -124,9 +142,8 @@ class Trial(Presented):
         """
         from estimation.figures import known_truth
 
-        return super().plot(
-            width, self._title(title), truth or known_truth(recorded_truth(self.recording))
-        )
+        true = truth or known_truth(recorded_truth(self.shown.recording))
+        return Presented.plot(self.shown, width, self._title(title), true)
 
     def plot_force(self, width: str = "screen", title: str | None = None) -> Figure:
         """Return a figure of the measured force and the force that the first estimator predicts.
@@ -136,10 +153,12 @@ class Trial(Presented):
         width, title
             As in `plot`.
         """
-        return super().plot_force(width, self._title(title))
+        return Presented.plot_force(self.shown, width, self._title(title))
 
     def plot_tracking(self, width: str = "screen", title: str | None = None) -> Figure:
         """Return a figure of target, slave position and their difference in the condition `mimic`.
+
+        Of a long trial, the figure shows the last ticks.
 
         Parameters
         ----------
@@ -154,14 +173,15 @@ class Trial(Presented):
         from estimation.figure_style import figure_style
         from teleop.output.tracking_figure import tracking_figure
 
-        found = self.tracking()
+        ticks = tracked_ticks(self.ticks)
+        found = tracking_of(ticks, self.settings)
         if found is None:
             raise InputError(
                 f"no tracking in a trial of {self.settings.condition} and "
                 f"{self.settings.duration:g} s: expected mimic and two periods of the target"
             )
         with figure_style(width):
-            return tracking_figure(self._title(title), self.recording, found)
+            return tracking_figure(self._title(title), ticks, found._asdict())
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return all recorded columns at the ticks with updated estimators, indexed by time [s].
@@ -172,6 +192,13 @@ class Trial(Presented):
             pandas is not installed.
         """
         return self.recording.estimated().to_dataframe()
+
+    def __repr__(self) -> str:
+        """Return one line of text with the estimates after the last sample."""
+        return Presented.__repr__(self.shown)
+
+    def _repr_html_(self) -> str:
+        return Presented._repr_html_(self.shown)
 
     def _title(self, title: str | None) -> str:
         from teleop.output.figure_files import plain
@@ -186,38 +213,18 @@ class Trial(Presented):
         """Return gain, phase and error of the slave relative to the target in `mimic`.
 
         The result is None if the condition is not `mimic`, or if the target moved for less than two
-        periods.
+        periods. Of a long trial, the last ticks are evaluated.
         """
-        found = tracking_of(self.recording, self.settings)
+        found = tracking_of(tracked_ticks(self.ticks), self.settings)
         return found and found._asdict()
 
     def feedback(self) -> dict[str, Any] | None:
         """Return a summary of the displayed forces; None without force feedback and channel."""
-        settings = self.settings
-        if not settings.has_link:
-            return None
-        admittance, feedback = settings.admittance, settings.feedback
-        found = rendering(
-            self.recording.where(self.recording["mode"] == ACTIVE),
-            admittance.mass,
-            admittance.damping,
-            admittance.stiffness,
-            settings.coupling.scale,
-            feedback.gain,
-        )
-        channel = settings.channel and settings.channel.text
-        return {"law": feedback.law, "channel": channel} | found._asdict()
+        return self.statistics.feedback()
 
     def summary(self) -> dict[str, Any]:
         """Return the results of the trial, with the keys of the output of `teleop run --json`."""
-        settings, active = self.settings, self.recording.estimated()
-        depth = float(np.max(np.abs(active["slave_position"]), initial=0.0))
-        part = averaged_part(self.recording, settings)
-        averaged = active.where(part.contains(active["time"]))
-        t, regression, excitation = averaged["time"], averaged.regression(), averaged["excitation"]
-        whole = self.recording
-        threshold = (settings.estimation_preset.gate or GATE).force
-        contact = float(np.sum(regression.dt[np.abs(regression.f) > threshold]))
+        settings, found = self.settings, self.statistics
         return {
             "condition": settings.condition,
             "cube": None if settings.rig else settings.cube,
@@ -227,33 +234,32 @@ class Trial(Presented):
             "rig": settings.rig_name,
             "estimated_channels": list(estimated_channels(settings)),
             "duration_s": settings.duration,
-            "actual_duration_s": float(active["time"][-1] - (self.armed or {"time": 0.0})["time"])
-            if len(active)
+            "actual_duration_s": found.end - (self.armed or {"time": 0.0})["time"]
+            if found.pairs
             else 0.0,
-            "contact_s": contact,
+            "contact_s": found.contact_time,
             "least_contact_s": LEAST_CONTACT,
             "clock": settings.clock,
             "seed": settings.seed,
-            "ticks": int(np.isin(self.recording["mode"], (ACTIVE, STOPPING)).sum()),
-            "pairs": len(active),
+            "ticks": found.ticks,
+            "pairs": found.pairs,
             "rejected": self.rejected,
             "interrupted": self.interrupted,
             "tracking": self.tracking(),
             "feedback": self.feedback(),
-            "estimates": {
-                name: summarise(
-                    t, regression, estimates, self.bank[name], averaged.misfit(name)
-                )._asdict()
-                for name, estimates in averaged.estimates().items()
-                if len(t) and (contact >= LEAST_CONTACT or not self.interrupted)
+            "estimates": found.estimates(self.shown.recording)
+            if found.contact_time >= LEAST_CONTACT or not self.interrupted
+            else {},
+            "truth": None if settings.rig else truth(settings, found.depth),
+            "left_out": found.left_out,
+            "excitation": found.excitation,
+            "contact": found.contact,
+            "loop": found.loop,
+            "safety": {
+                "fault": self.fault,
+                "further_faults": [e["text"] for e in self.ticks.events if e["fault"]][1:],
+                "limited_ticks": found.limited,
             },
-            "truth": None if settings.rig else truth(settings, depth),
-            "left_out": part.left_out,
-            "excitation": {"mean": average(excitation), "last": average(excitation[-1:])},
-            "contact": average(averaged.columns.get("contact", np.array([]))),
-            "loop": loop_timing(settings.rate, whole["dt"], whole["lateness"], whole["overrun"])
-            | tick_times(whole),
-            "safety": safety_summary(active, self.fault),
             "realtime": self.realtime,
             "recording": {
                 "path": str(self.outcome.path) if self.outcome.path else None,
@@ -261,34 +267,8 @@ class Trial(Presented):
                 "problem": self.outcome.problem or None,
                 "recoverable": bool(self.outcome.problem) and self.outcome.at_path,
                 "dropped": self.outcome.dropped,
-                "missing_ticks": gap_rows(whole.gaps),
+                "missing_ticks": gap_rows(self.ticks.gaps),
                 "black_box": str(self.black_box) if self.black_box else None,
                 "black_box_problem": self.black_box_problem or None,
             },
         }
-
-
-def average(values: Floats) -> float:
-    """Return the mean of values, shape (n,); NaN if there are none."""
-    return float(np.mean(values)) if len(values) else math.nan
-
-
-def safety_summary(active: Recording, fault: dict[str, Any] | None) -> dict[str, Any]:
-    """Return the first fault, the texts of further faults, and counts for the soft limits.
-
-    The count of a soft limit is the number of ticks at which it reduced the command.
-
-    Parameters
-    ----------
-    active
-        Ticks at which the estimators were updated.
-    fault
-        Event of the first fault; None if there was no fault.
-    """
-    flags = active["limited"].astype(int)
-    names = {"velocity": VELOCITY, "acceleration": ACCELERATION, "position": POSITION}
-    held = {
-        name: int(((flags & flag) > 0).sum()) for name, flag in (names | {"force": FORCE}).items()
-    }
-    further = [event["text"] for event in active.events if event["fault"]][1:]
-    return {"fault": fault, "further_faults": further, "limited_ticks": held}

@@ -13,7 +13,8 @@ from teleop.files import unwritable
 from teleop.names import RealtimeName
 from teleop.recording.black_box import BlackBox
 from teleop.recording.recorder import RecorderProcess
-from teleop.recording.recording import from_messages, load_intact
+from teleop.recording.recording import Recording, from_messages
+from teleop.recording.recording_file import RecordingFile, recorded_ticks
 from teleop.recording.sinks import Memory, Outcome, Sink
 from teleop.trial.arming import check_stated
 from teleop.trial.assembly import RigMaker, make_clock, make_controller, make_layout, make_rig
@@ -21,6 +22,7 @@ from teleop.trial.later_estimates import LaterEstimates
 from teleop.trial.live_link import LiveLink
 from teleop.trial.loop import Loop
 from teleop.trial.metadata import session_metadata
+from teleop.trial.ranges import IN_MEMORY
 from teleop.trial.realtime import realtime
 from teleop.trial.rehearsal import check_rate, check_wire
 from teleop.trial.result import Trial
@@ -66,8 +68,9 @@ def run_trial(
     Raises
     ------
     InputError
-        The machine cannot run at the rate, the recording cannot be written, a required real-time
-        step failed, or the settings of a trial on a hardware rig have no specimen or no depth.
+        The trial is too long to be kept in memory, the machine cannot run at the rate, the
+        recording cannot be written, a required real-time step failed, or the settings of a trial on
+        a hardware rig have no specimen or no depth.
     RigError
         The rig cannot be opened, a device cannot be read, or the drives did not become ready.
     Exception
@@ -81,6 +84,11 @@ def run_trial(
             )
     if condition is None:
         check_stated(settings)
+    if not record and settings.duration * settings.rate > IN_MEMORY:
+        raise InputError(
+            f"duration {settings.duration:g} s without a recording: expected at most "
+            f"{IN_MEMORY / settings.rate:g} s, because the ticks are kept in memory, or a recording"
+        )
     bank = settings.estimation_preset.bank()
     pointer = live.make_operator() if live else None
     layout = make_layout(settings, bank, pointer)
@@ -136,12 +144,13 @@ def run_trial(
             later.close()
         outcomes = [sink.close() for sink in sinks]
     assert loop
+    ticks: Recording | RecordingFile
     outcome = outcomes[0] if record else Outcome(None, loop.ticks, 0, "")
     if memory:
-        recording = from_messages(layout.definition, memory.messages, memory.events, metadata)
+        ticks = from_messages(layout.definition, memory.messages, memory.events, metadata)
     else:
         assert record
-        recording = (load_intact(record) if outcome.at_path else None) or box.recording(metadata)
+        ticks = (recorded_ticks(record) if outcome.at_path else None) or box.recording(metadata)
     folder, box_problem, error, fault = None, "", loop.error, box.fault
     error = error or (later.error if later else None)
     if record and fault:
@@ -157,7 +166,7 @@ def run_trial(
         raise error
     return Trial(
         settings,
-        recording,
+        ticks,
         bank,
         switch.interrupted,
         outcome,

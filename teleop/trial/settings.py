@@ -147,9 +147,9 @@ class TrialSettings:
             self.make_conditioner()
         except ValueError as error:
             yield str(error)
-        if not 0.0 < self.duration <= ranges.DURATION:
-            longest = ranges.DURATION
-            yield f"duration {self.duration:g} s: expected more than 0 and at most {longest:g} s"
+        longest = ranges.longest_duration(self.rate)
+        if not 0.0 < self.duration <= longest:
+            yield f"duration {self.duration:g} s: expected more than 0 and at most {longest:.0f} s"
 
     def _inconsistent_values(self) -> Iterator[str]:
         if self.condition == "mimic" and not isinstance(self.excitation, Sine):

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from teleop.errors import InputError
+from teleop.evaluation.kept_parts import Last
 from teleop.evaluation.tracking import Tracking, tracking
 from teleop.recording.recording import Recording
+from teleop.recording.recording_file import RecordingFile
 from teleop.trial.settings import TrialSettings
 from teleop.trial.settings_json import from_document
 
@@ -18,6 +20,17 @@ def tracking_of(recording: Recording, settings: TrialSettings) -> Tracking | Non
         return None
     t, target, position = (recording[name] for name in ("time", "target", "slave_position"))
     return tracking(t, target, position, settings.target.frequency)
+
+
+def tracked_ticks(ticks: Recording | RecordingFile) -> Recording:
+    """Return the ticks from which the tracking is computed: of a long trial, the last ticks."""
+    if isinstance(ticks, Recording):
+        return ticks
+    names = [name for name in ("time", "target", "slave_position") if name in ticks.units]
+    last = Last()
+    for block in ticks.blocks(names.__contains__):
+        last.add(block.columns)
+    return Recording(last.columns(names), ticks.units)
 
 
 def recorded_tracking(recording: Recording) -> Tracking | None:

@@ -15,12 +15,13 @@ from hypothesis import strategies as st
 from estimation.metrics import RisingValue
 from estimation.summary import summarise
 from teleop.cli import main
-from teleop.evaluation import evaluation, samples
+from teleop.evaluation import evaluation, kept_parts, samples
 from teleop.evaluation.analysis import analyse
 from teleop.evaluation.averaged_part import AveragedPart
 from teleop.evaluation.conditioned import within
 from teleop.evaluation.contact_bank import contact_at
 from teleop.evaluation.evaluation import evaluate
+from teleop.evaluation.kept_parts import Sections
 from teleop.evaluation.replay import is_replayed, recorded_settings, recorded_signals
 from teleop.evaluation.samples import RecordedSamples, Samples
 from teleop.output.fit_figures import fit_figure
@@ -45,18 +46,18 @@ def trials(tmp_path_factory):
         contents = read_intact(recorded)
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(recovery, "CHUNK", 200)
-            write_contents(paths[duration], contents, list(messages(contents)))
+            write_contents(paths[duration], contents, messages(recorded))
     return paths
 
 
 @pytest.fixture
 def small(monkeypatch):
     """Make all blocks and sections short, so that a recording of seconds is long."""
-    monkeypatch.setattr(samples, "SECTION", 256)
-    monkeypatch.setattr(samples, "SECTIONS", 8)
+    monkeypatch.setattr(kept_parts, "SECTION", 0.256)
+    monkeypatch.setattr(kept_parts, "SECTIONS", 8)
     monkeypatch.setattr(samples, "WHOLE", 512)
     monkeypatch.setattr(samples, "BLOCK", 512)
-    monkeypatch.setattr(samples, "LAST", 1000)
+    monkeypatch.setattr(kept_parts, "LAST", 1000)
     monkeypatch.setattr(stream, "BLOCK", 300)
 
 
@@ -94,6 +95,19 @@ def test_of_a_long_recording_evenly_spaced_sections_are_kept(trials, small):
         np.testing.assert_array_equal(getattr(kept, channel), getattr(whole, channel)[places])
     np.testing.assert_allclose(kept.dt[1:], np.diff(kept.t), atol=1e-9)
     assert kept.t[-1] > 0.75 * whole.t[-1]
+
+
+@pytest.mark.parametrize("rate", [500.0, 1000.0, 4000.0])
+def test_the_sections_have_the_same_duration_at_any_rate(rate, monkeypatch):
+    monkeypatch.setattr(kept_parts, "SECTION", 1.0)
+    t = np.arange(0.0, 30.0, 1.0 / rate)
+    sections = Sections()
+    for part in np.array_split(np.stack([t, t, t, np.full(len(t), 1.0 / rate)]), 13, axis=1):
+        sections.add(part)
+    kept, _, _, _ = sections.samples()
+    assert len(kept) == 4 * rate
+    np.testing.assert_allclose(kept[:: round(rate)], [0.0, 8.0, 16.0, 24.0])
+    assert sections.starts == [round(rate), 2 * round(rate), 3 * round(rate)]
 
 
 def test_a_recording_that_fits_into_the_sections_is_kept_whole(trials):

@@ -13,6 +13,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 from teleop.cli import main
 from teleop.errors import InputError
+from teleop.recording import bounded_file
 from teleop.recording.mcap_reader import read_intact
 from teleop.recording.mcap_writer import TICKS, Disk, McapFile
 from teleop.recording.recording import FIELD, from_messages, load
@@ -338,3 +339,15 @@ def test_a_recording_without_its_first_event_is_read_as_far_as_it_is_intact(
     out = tmp_path / "out.mcap"
     assert main(["recover", str(path), "--out", str(out)]) == 0
     assert_prefix(load(out), recording)
+
+
+def test_a_recording_that_is_larger_than_the_memory_is_recovered(
+    whole, recording, cut, tmp_path, monkeypatch
+):
+    path, out = cut(whole.stat().st_size * 2 // 3), tmp_path / "out.mcap"
+    with monkeypatch.context() as patch:
+        patch.setattr(bounded_file, "LARGEST_TICKS", 100)
+        assert main(["recover", str(path), "--out", str(out)]) == 0
+    recovered = load(out)
+    assert_prefix(recovered, recording)
+    assert len(recovered) > 100

@@ -9,6 +9,7 @@ from teleop.cli import main
 from teleop.errors import InputError
 from teleop.files import new_file
 from teleop.recording.export_formats import TableFile
+from teleop.rig import force_lag
 from teleop.rig.force_lag import measure_lag
 from teleop.rig.reference_spring import measure_simulated_lag
 
@@ -121,3 +122,10 @@ def test_the_command_says_when_a_recording_cannot_separate_them(tmp_path, capsys
     path = written(tmp_path / "spring.csv", *samples)
     assert main(["lag", str(path)]) == 0
     assert "cannot be separated" in capsys.readouterr().out
+
+
+def test_a_file_with_too_many_samples_is_refused(tmp_path, refused, monkeypatch):
+    monkeypatch.setattr(force_lag, "MOST_SAMPLES", 2)
+    path = tmp_path / "long.csv"
+    path.write_text("Time [s],Position [mm],Force [N]\n0,0,0\n0.1,1,2\n0.2,2,4\n")
+    assert "long.csv: 3 samples: expected at most 2" in refused("lag", path)

@@ -23,8 +23,8 @@ from sim_backend import (
 from teleop.control.clock import VirtualClock
 from teleop.control.tare import NO_TARE, Tare
 from teleop.errors import InputError
-from teleop.recording.recording import load
-from teleop.recording.timing import loop_timing
+from teleop.recording.recording import Recording, load
+from teleop.recording.timing import PARTS, RunningTiming
 from teleop.safety import Mode, Request
 from teleop.trial import later_estimates
 from teleop.trial.loop import Loop
@@ -198,7 +198,14 @@ def test_summary_agrees_with_the_columns():
     assert rls["one_step_rms"] == pytest.approx(np.sqrt(np.mean(one_step**2)))
     assert rls["rise_time_s"] == rise_time(c["time"], c["rls_k"])
     late = np.linspace(0.0, 1e-3, 1001)
-    timing = loop_timing(1000.0, np.full(1001, 1e-3), late, late > 0.9e-3)
+    period = np.full(1001, 1e-3)
+    ticks = dict.fromkeys(("time", "dt", *PARTS), period) | {
+        "lateness": late, "overrun": late > 0.9e-3, "skipped": late > 0.5e-3
+    }  # fmt: skip
+    running = RunningTiming()
+    running.add(Recording(ticks, {}))
+    timing = running.summary(1000.0)
+    assert (timing["overruns"], timing["skipped"]) == (100, 500)
     assert timing["lateness_us"] == pytest.approx(
         {"p50": 500.0, "p99": 990.0, "p99_9": 999.0, "max": 1000.0}
     )

@@ -20,7 +20,7 @@ import pytest
 
 from drivers.rig_file import read_rig_file
 from sim_backend.wire.emulator import host_file
-from teleop.recording.recording import load_intact
+from teleop.recording.recording_file import recorded_ticks
 from teleop.rig.emulation import make_emulator
 from teleop.studies.series.journal import Journal
 from teleop.trial.settings import TrialSettings
@@ -146,7 +146,7 @@ def test_a_series_on_devices_is_run_with_keys_and_ends_in_table_and_figures(emul
     assert [row["cube"] for row in rows] == ["soft", "soft", "medium"]
     assert all(row["note"] == "a note" for row in rows)
     for row in rows:
-        kept = load_intact(tmp_path / "study" / "recordings" / row["file"])
+        kept = recorded_ticks(tmp_path / "study" / "recordings" / row["file"])
         assert kept.settings["specimen"] == row["cube"]
     compared = subprocess.run(
         [sys.executable, "-m", "teleop", "compare", "study", "--out", "study/table.tex",
@@ -208,4 +208,4 @@ def test_a_killed_series_stops_the_devices_and_is_resumed_with_nothing_lost(serv
     started = [entry["file"] for entry in journal.entries if entry["entry"] == "started"]
     for path in kept:
         assert path.name in started
-        assert load_intact(path) is not None
+        assert recorded_ticks(path) is not None

@@ -1,0 +1,113 @@
+"""A recording that is not in memory: its ticks are read from the file in blocks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from teleop.errors import InputError
+from teleop.recording.recording import Recording, stored
+from teleop.recording.stream import RecordingStream
+
+IN_MEMORY = 1 << 22
+"""Largest number of values (ticks times columns) of a recorded trial that are kept in memory."""
+
+
+class RecordingFile:
+    """The intact part of a recording. At each use, its ticks are read from the file.
+
+    Parameters
+    ----------
+    path
+        An MCAP file of `teleop run`.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is not a recording of `teleop run`.
+    """
+
+    def __init__(self, path: Path) -> None:
+        stream = RecordingStream(path)
+        for _ in stream.intact_blocks(lambda name: False):
+            pass
+        self.path = path
+        self.units = stream.units
+        """Unit of each column, by its name."""
+        self.events = stream.events
+        self.gaps = stream.gaps
+        self._ticks = stream.ticks
+        self._empty = Recording(
+            {}, self.units, self.events, stream.session, stream.settings, self.gaps
+        )
+
+    def __len__(self) -> int:
+        """Return the number of ticks."""
+        return self._ticks
+
+    @property
+    def fault(self) -> dict[str, Any] | None:
+        """Event of the first fault; None if there was no fault."""
+        return self._empty.fault
+
+    @property
+    def values(self) -> int:
+        """Number of values: ticks times columns."""
+        return self._ticks * len(self.units)
+
+    def blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[Recording]:
+        """Yield recordings of successive ticks, which have the columns `is_wanted`."""
+        for columns in RecordingStream(self.path).intact_blocks(is_wanted):
+            yield replace(self._empty, columns=columns)
+
+    def load(self) -> Recording:
+        """Return all ticks.
+
+        Raises
+        ------
+        InputError
+            The recording is too large for the memory of this machine.
+        """
+        stream = RecordingStream(self.path)
+        return stored(stream, stream.intact_blocks())
+
+    def evenly_spaced(self) -> Recording:
+        """Return evenly spaced ticks with updated estimators, and the last such tick.
+
+        The result has about `IN_MEMORY` values or fewer.
+        """
+        every = max(1, math.ceil(self.values / IN_MEMORY))
+        parts: list[Recording] = []
+        last, count = replace(self._empty, columns={name: np.empty(0) for name in self.units}), 0
+        for block in self.blocks():
+            estimated = block.estimated()
+            if not len(estimated):
+                continue
+            indices = np.arange(len(estimated))
+            parts.append(estimated.where((count + indices) % every == 0))
+            count += len(estimated)
+            last = estimated.where(indices == indices[-1])
+        if (count - 1) % every:
+            parts.append(last)
+        columns = {
+            name: np.concatenate([np.empty(0), *(part[name] for part in parts)])
+            for name in self.units
+        }
+        return replace(self._empty, columns=columns)
+
+
+def recorded_ticks(path: Path) -> Recording | RecordingFile | None:
+    """Return the intact ticks of a recording; None if no part of the file can be read.
+
+    The ticks are in memory if they have at most `IN_MEMORY` values.
+    """
+    try:
+        file = RecordingFile(path)
+        return file if file.values > IN_MEMORY else file.load()
+    except InputError:
+        return None
