@@ -14,8 +14,10 @@ of the arm. The arm dissipates energy, so that the power is -Re{Z_a} |V|^2 < 0: 
 environment must replace the energy that the arm dissipates. So an oscillation of the loop is motion
 at frequencies at which the hand receives energy.
 
-The converse does not hold. If the displayed environment is active at the frequency of the tremor,
-and only the damping of the arm keeps the loop stable, the trial is counted as not stable.
+The arm dissipates at least `LEAST_DAMPING` |V|^2. An environment that gives out less, Re{Z} above
+-`LEAST_DAMPING`, amplifies the tremor, but the arm keeps the loop stable. Such motion is not
+counted. If the displayed environment gives out more at the frequency of the tremor, and only a
+greater damping of the arm keeps the loop stable, the trial is counted as not stable.
 
 [1] J. E. Colgate, N. Hogan, Int. J. Control 48(1), 1988, 65-88.
 """
@@ -38,9 +40,11 @@ LEAST_FORCE = 0.5
 """Contact force above which a tick is evaluated [N]."""
 FASTEST = 4.0
 """Frequency above which motion is not voluntary, but tremor or an oscillation of the loop [Hz]."""
+LEAST_DAMPING = 2.0
+"""Damping that any arm has at least [N s/m]."""
 MOST_SUSTAINED = 0.8
 """Greatest share of the power of the velocity in a stable trial that is above `FASTEST`, at
-frequencies at which the hand receives energy."""
+frequencies at which the hand receives more than `LEAST_DAMPING` |V|^2."""
 SEGMENT = 1.0
 """Duration of the segments of the motion of which the spectra are averaged [s]."""
 
@@ -164,8 +168,9 @@ def sustained_share(velocity: Floats, force: Floats, dt: Floats) -> float:
     """Return the share of a motion's power that is in an oscillation of the loop.
 
     It is the fraction of the power of the velocity above `FASTEST`, at frequencies at which the
-    hand receives energy. The spectra are averages over overlapping segments (P. D. Welch, IEEE
-    Trans. Audio Electroacoust. 15(2), 1967).
+    hand receives more energy than an arm with the damping `LEAST_DAMPING` dissipates. The spectra
+    are averages over overlapping segments (P. D. Welch, IEEE Trans. Audio Electroacoust. 15(2),
+    1967).
 
     Parameters
     ----------
@@ -190,4 +195,5 @@ def sustained_share(velocity: Floats, force: Floats, dt: Floats) -> float:
     from_hand = np.sum((f * v.conj()).real, axis=0)
     fast = np.fft.rfftfreq(length, step) > FASTEST
     total = float(motion.sum())
-    return float(motion[fast & (from_hand < 0.0)].sum()) / total if total > 0.0 else 0.0
+    sustained = fast & (from_hand < -LEAST_DAMPING * motion)
+    return float(motion[sustained].sum()) / total if total > 0.0 else 0.0

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from sim_backend import CUBES, OperatorModel, Setup, operators
 from sim_backend.channel import ChannelSettings
+from teleop.control import bilateral
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.evaluation.rendering import MOST_SUSTAINED, hand, sustained_share
@@ -68,13 +69,18 @@ def test_tremor_that_moves_a_passive_impedance_is_not_an_oscillation_of_the_loop
 
 @given(
     frequency=st.floats(6.0, 40.0),
-    damping=st.floats(1.0, 50.0),
+    damping=st.floats(3.0, 50.0),
     stiffness=st.floats(0.0, 1500.0),
 )
 def test_motion_against_an_arm_at_rest_is_an_oscillation_of_the_loop(frequency, damping, stiffness):
     omega = 2.0 * np.pi * frequency
     velocity, force = response(damping - 1j * stiffness / omega, omega)
     assert share(velocity, -force) > 0.95
+
+
+def test_tremor_that_is_amplified_by_less_than_an_arm_dissipates_is_not_an_oscillation():
+    velocity, force = response(-1.0, 2.0 * np.pi * 10.0)
+    assert share(velocity, force) == 0.0
 
 
 def test_slow_motion_is_not_an_oscillation():
@@ -97,6 +103,7 @@ def test_an_oscillation_without_a_stop_is_counted_as_unstable_with_and_without_t
     monkeypatch, tremor
 ):
     monkeypatch.setattr(operators, "TREMOR_AMPLITUDE", tremor)
+    monkeypatch.setattr(bilateral, "MOST_SHARE", np.inf)
     result = trial("position-force", "hard", arm=150.0)
     assert result.fault is None
     assert not result.feedback()["stable"]
