@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from drivers import Command, Measurement
+from drivers import Command, Measurement, new_tuple
 from sim_backend.channel import ChannelSettings, Direction
 from teleop.control.admittance import Admittance
 from teleop.control.alignment import Pair
@@ -99,38 +99,28 @@ class BilateralLink(Link):
     def step(self, force: float, measurement: Measurement, dt: float) -> Command:
         """Return the desired velocities [m/s] of both drives after `force` [N] acted for dt [s]."""
         now = measurement.time
-        reports, motions = self.reports, self.motions
-        reports.send(now, self._slave.report(measurement, dt))
-        report = reports.receive(now)
+        reports, motions, admittance = self.reports, self.motions, self._admittance
+        report = reports.exchange(now, self._slave.report(measurement, dt))
         master = self._master
         energy = self._energy.update(
             self._started, master.state.displayed, self._dt, master.reserve
         )
-        start, share = self._admittance.position, 0.0
+        start, share = admittance.position, 0.0
         if self._oscillation:
             share = self._oscillation.update(self._force, start - self._start, self._dt)
         self._start = start
-        motions.send(now, master.step(force, report, dt))
-        motion = motions.receive(now)
+        motion = motions.exchange(now, master.step(force, report, dt))
         slave = self._slave.velocity(motion, measurement, dt)
         displayed, model, tank = master.state
         self._started, self._force, self._dt = master.started, force, dt
-        silence = max(reports.silence(now), motions.silence(now))
+        silence = now - min(reports.due, motions.due)
         if silence > self._max_silence or energy < -master.allowance or share > MOST_SHARE:
             self.faults = self._detected(now, silence, energy, share)
-        self.values = LinkValues(
-            displayed,
-            model.k,
-            model.k3,
-            model.b,
-            tank,
-            energy,
-            motion.energy,
-            report.energy,
-            reports.age(now),
-            motions.age(now),
-        )
-        return Command(self._admittance.velocity, slave)
+        k, k3, b, _ = model
+        ages = now - reports.sent, now - motions.sent
+        values = (displayed, k, k3, b, tank, energy, motion.energy, report.energy, *ages)
+        self.values = new_tuple(LinkValues, values)
+        return new_tuple(Command, (admittance.velocity, slave))
 
     def follow(self, verdict: Verdict, desired: Command, applied: Command, dt: float) -> None:
         """Move the virtual mass like the handle if a limit of the master reduced the command.

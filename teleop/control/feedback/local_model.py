@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from drivers import Measurement
+from drivers import Measurement, new_tuple
 from estimation.conditioning import MatchedFilter
 from estimation.estimator import LEVEL_95, Estimate
 from estimation.methods.recursive_least_squares import RecursiveLeastSquares
@@ -156,12 +156,14 @@ class ModelMediatedSlave(Slave):
     def observe(self, pair: Pair) -> None:
         """Update the estimate, and compare the measured contact force with the predicted force."""
         self._local.update(pair)
-        predicted = self._local.model.force(pair.position, 0.0)
-        self._confirmed = CONFIRMED < abs(pair.force) <= abs(predicted) * (1.0 + DOUBT)
+        force = abs(pair.force)
+        self._confirmed = force > CONFIRMED and force <= abs(
+            self._local.model.force(pair.position, 0.0)
+        ) * (1.0 + DOUBT)
 
     def report(self, measurement: Measurement, dt: float) -> Report:
         """Return the packet for the master: contact force and model."""
-        return Report(measurement.contact_force, self._local.model)
+        return new_tuple(Report, (measurement.contact_force, self._local.model, 0.0))
 
     def stiffness(self, position: float) -> float:
         """Return the expected slope of the contact force [N/m] at a position of the slave [m].
@@ -170,5 +172,6 @@ class ModelMediatedSlave(Slave):
         and while the measured force is larger than the predicted force. In both cases, the specimen
         may be stiffer than the model.
         """
-        tangent = self._local.model.tangent(position)
-        return tangent if self._confirmed else max(tangent, STIFF_PRIOR)
+        k, k3, _, _ = self._local.model
+        tangent = k + 3.0 * k3 * position * position
+        return STIFF_PRIOR if tangent < STIFF_PRIOR and not self._confirmed else tangent
