@@ -136,7 +136,7 @@ class Direction(Generic[T]):
             self.value = value
             return value
         self.send(now, value)
-        return self.receive(now)
+        return self.receive(now) if self._queue else self.value
 
     def send(self, now: float, value: T) -> None:
         """Send a value at the time `now` [s]."""
@@ -150,8 +150,8 @@ class Direction(Generic[T]):
 
     def receive(self, now: float) -> T:
         """Return the value of the newest packet that has arrived until `now` [s]."""
-        queue = self._queue
-        while queue and queue[0][0] <= now + ROUNDING:
+        queue, latest = self._queue, now + ROUNDING
+        while queue and queue[0][0] <= latest:
             _, sequence, sent, value = heappop(queue)
             self.due = now
             if sequence > self._newest:

@@ -60,21 +60,21 @@ class ModelMediatedMaster(Master):
     def step(self, force: float, report: Report, dt: float) -> Motion:
         """Move the model towards the estimate, and advance the virtual mass against the model."""
         admittance = self.admittance
-        before = admittance.velocity
+        start, before = admittance.position, admittance.velocity
         # If a velocity changes linearly, its mean square is at least the square of its mean. The
         # motion of the last tick is known only now, because a limit may have reduced the velocity.
         mean = 0.5 * (self._before + before)
         self._tank.fill(admittance.parameters.damping * mean * mean * self._dt)
         self._before, self._dt = before, dt
         if report.model is not self._reached:
-            self._approach(report.model, admittance.position, dt)
+            self._approach(report.model, start, dt)
         model = self._model
-        self.started = model.force(admittance.position, before)
+        self.started = model.force(start, before)
         velocity = admittance.step_against(force, model, dt)
         position = admittance.position
+        self.reserve = tank = self._tank.energy
         displayed = model.force(position, velocity)
-        self.reserve = self._tank.energy
-        self.state = new_tuple(MasterState, (displayed, model, self.reserve))
+        self.state = new_tuple(MasterState, (displayed, model, tank))
         return new_tuple(Motion, (position, velocity, 0.0))
 
     def _approach(self, estimate: Environment, x: float, dt: float) -> None:

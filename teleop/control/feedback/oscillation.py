@@ -53,22 +53,36 @@ PERIOD = 5e-3
 """Time over which force and velocity are averaged to one sample [s]."""
 ROUNDING = 1e-6
 """Tolerance for rounding errors of times [s]."""
+HIGHEST = 0.45
+"""Largest corner frequency of a filter, as a fraction of the sampling rate."""
 ROOT_2 = math.sqrt(2.0)
 
 
 class Split:
-    """Butterworth filter of second order, with a high-pass and a low-pass output."""
+    """Butterworth filter of second order, with a high-pass and a low-pass output.
 
-    def __init__(self) -> None:
-        self._first = self._second = 0.0
+    A sample is a complex number. Its real and its imaginary part pass the filter separately.
 
-    def update(self, value: float, g: float) -> tuple[float, float]:
-        """Return the high-pass and the low-pass output for the next sample.
+    Parameters
+    ----------
+    frequency
+        Corner frequency [Hz].
+    """
 
-        g is tan(pi f dt), with the corner frequency f [Hz] and the time dt since the last sample.
-        """
-        first, second = self._first, self._second
-        high = (value - (ROOT_2 + g) * first - second) / (1.0 + g * (g + ROOT_2))
+    def __init__(self, frequency: float) -> None:
+        self._frequency = frequency
+        self._first = self._second = 0.0j
+        self.tune(PERIOD)
+
+    def tune(self, dt: float) -> None:
+        """Set the time between two samples [s]."""
+        self._g = g = math.tan(math.pi * min(self._frequency * dt, HIGHEST))
+        self._scale = 1.0 / (1.0 + g * (g + ROOT_2))
+
+    def update(self, value: complex) -> tuple[complex, complex]:
+        """Return the high-pass and the low-pass output for the next sample."""
+        g, first, second = self._g, self._first, self._second
+        high = (value - (ROOT_2 + g) * first - second) * self._scale
         step = g * high
         band = first + step
         self._first = band + step
@@ -84,19 +98,22 @@ class Band:
     def __init__(self) -> None:
         self._first = self._power = 0.0
 
-    def update(self, force: float, velocity: float, weight: float) -> float:
+    def update(self, motion: complex, weight: float) -> float:
         """Return the square of the velocity [m^2/s^2] if the band oscillates; otherwise 0.
 
         Parameters
         ----------
-        force, velocity
-            Force [N] and velocity [m/s] in the band.
+        motion
+            Velocity [m/s] as real part, and force [N] as imaginary part, in the band.
         weight
             Weight of this sample in the mean power, which is an average of an average.
         """
-        self._first += ((force + LEAST_DAMPING * velocity) * velocity - self._first) * weight
-        self._power += (self._first - self._power) * weight
-        return velocity * velocity if self._power < 0.0 else 0.0
+        velocity = motion.real
+        first, power = self._first, self._power
+        first += ((motion.imag + LEAST_DAMPING * velocity) * velocity - first) * weight
+        power += (first - power) * weight
+        self._first, self._power = first, power
+        return velocity * velocity if power < 0.0 else 0.0
 
 
 class Oscillation:
@@ -110,7 +127,8 @@ class Oscillation:
         self.share = 0.0
         """Share of the mean square velocity that the loop sustains, 0 to about 1."""
         self._impulse = self._travel = self._span = self._age = 0.0
-        self._forces, self._velocities = (Split(), Split()), (Split(), Split())
+        self._high_pass, self._split = Split(SLOWEST), Split(SPLIT)
+        self._tune(PERIOD)
         self._fast, self._slow = Band(), Band()
         self._sustained = self._motion = 0.0
 
@@ -134,19 +152,23 @@ class Oscillation:
             self._impulse = self._travel = self._span = 0.0
         return self.share
 
-    def _sample(self, f: float, v: float, dt: float) -> None:
+    def _tune(self, dt: float) -> None:
+        """Set the time between two samples [s]."""
+        self._dt = dt
+        self._high_pass.tune(dt)
+        self._split.tune(dt)
+        self._weight, self._slow_weight = dt / (AVERAGING + dt), dt / (MEMORY + dt)
+
+    def _sample(self, force: float, velocity: float, dt: float) -> None:
         """Process the mean force [N] and the mean velocity [m/s] of the last dt [s]."""
-        g = math.tan(math.pi * min(SLOWEST * dt, 0.45))
-        force, velocity = self._forces[0].update(f, g)[0], self._velocities[0].update(v, g)[0]
-        g = math.tan(math.pi * min(SPLIT * dt, 0.45))
-        fast_force, slow_force = self._forces[1].update(force, g)
-        fast, slow = self._velocities[1].update(velocity, g)
-        weight = dt / (AVERAGING + dt)
-        sustained = self._fast.update(fast_force, fast, weight)
-        sustained += self._slow.update(slow_force, slow, weight)
-        weight = dt / (MEMORY + dt)
+        if abs(dt - self._dt) > ROUNDING:
+            self._tune(dt)
+        motion, _ = self._high_pass.update(complex(velocity, force))
+        fast, slow = self._split.update(motion)
+        sustained = self._fast.update(fast, self._weight) + self._slow.update(slow, self._weight)
+        weight = self._slow_weight
         self._sustained += (sustained - self._sustained) * weight
-        self._motion += (v * v - self._motion) * weight
+        self._motion += (velocity * velocity - self._motion) * weight
         self._age += dt
         known = self._age >= MEMORY and self._sustained > LEAST_SPEED * LEAST_SPEED
         self.share = self._sustained / self._motion if known else 0.0
