@@ -33,8 +33,12 @@ MEMORY = 1.0
 """Time constant of the forgetting factor of the estimator [s]."""
 REACH = 2.0
 """Time constant with which the deepest recent position decreases to zero [s]."""
-VARIANCE = (1e4, 1e9, 1e21)
-"""Initial variances of b [N^2 s^2/m^2], k [N^2/m^2] and k3 [N^2/m^6]."""
+VARIANCE = (1e4, 1e9, 1e24)
+"""Initial variances of b [N^2 s^2/m^2], k [N^2/m^2] and k3 [N^2/m^6], relative to `DIFFUSE` times
+the variance of the force noise. With a noise of 2 mN, the standard deviation of k3 is 2e11 N/m^3,
+which is twice the k3 of the hard cube. A smaller variance would state that k3 is near 0 after a
+motion that is too small to show it. The interval would then be too narrow, and a model without
+stiffening would be accepted."""
 ROUNDING = 1e-6
 """Tolerance for rounding errors of times [s]."""
 PERIOD = 5e-3
