@@ -230,6 +230,9 @@ def main() -> None:
             rows += found
     print(f"{options.part}, {len(rows)} trials, rigid transmission: {options.rigid}")
     summarise(rows, KEYS[options.part])
+    unstable = [row for row in rows if not row["stable"]]
+    silent = sum(not row["fault"] for row in unstable)
+    print(f"{len(unstable)} trials not stable, of which {silent} ended without a stop")
     if options.part == "map":
         summarise_map(rows)
     if options.part == "bodies":

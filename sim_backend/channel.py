@@ -113,6 +113,7 @@ class Direction(Generic[T]):
         self._delay, self._jitter, self._loss = settings.delay, settings.jitter, settings.loss
         self._random = random.Random(seed).random
         self._expected = settings.delay + settings.jitter
+        self._perfect = not (settings.delay or settings.jitter or settings.loss)
         self.reset(0.0, initial)
 
     def reset(self, now: float, initial: T) -> None:
@@ -123,9 +124,19 @@ class Direction(Generic[T]):
         """Time at which the newest packet that has arrived was sent [s]."""
         self.cut = False
         """Whether the connection is interrupted. All packets sent during this time are lost."""
-        self._due = now + self._expected
+        self.due = now + self._expected
+        """Time at which the last packet arrived, or the first one is expected [s]."""
         self._sequence = self._newest = 0
         self._queue: list[tuple[float, int, float, T]] = []
+
+    def exchange(self, now: float, value: T) -> T:
+        """Send a value at the time `now` [s]; return the value that `receive` returns then."""
+        if self._perfect and not self.cut:
+            self.due = self.sent = now
+            self.value = value
+            return value
+        self.send(now, value)
+        return self.receive(now) if self._queue else self.value
 
     def send(self, now: float, value: T) -> None:
         """Send a value at the time `now` [s]."""
@@ -139,22 +150,10 @@ class Direction(Generic[T]):
 
     def receive(self, now: float) -> T:
         """Return the value of the newest packet that has arrived until `now` [s]."""
-        queue = self._queue
-        while queue and queue[0][0] <= now + ROUNDING:
+        queue, latest = self._queue, now + ROUNDING
+        while queue and queue[0][0] <= latest:
             _, sequence, sent, value = heappop(queue)
-            self._due = now
+            self.due = now
             if sequence > self._newest:
                 self._newest, self.sent, self.value = sequence, sent, value
         return self.value
-
-    def age(self, now: float) -> float:
-        """Return the time since the newest packet that has arrived was sent [s]."""
-        return now - self.sent
-
-    def silence(self, now: float) -> float:
-        """Return the time since the last packet arrived [s].
-
-        If no packet has arrived, return the time since the first packet was expected. The result is
-        negative if the first packet is expected later than `now` [s].
-        """
-        return now - self._due

@@ -26,14 +26,11 @@ class Environment(NamedTuple):
 
     def force(self, x: float, v: float) -> float:
         """Return the force [N] at position x [m] and velocity v [m/s]."""
-        if x < 0.0 and not self.glued:
+        k, k3, b, glued = self
+        if x < 0.0 and not glued:
             return 0.0
-        force = self.b * v + (self.k + self.k3 * x * x) * x
-        return force if self.glued else max(force, 0.0)
-
-    def tangent(self, x: float) -> float:
-        """Return the slope of the elastic force [N/m] at position x [m]."""
-        return self.k + 3.0 * self.k3 * x * x
+        force = b * v + (k + k3 * x * x) * x
+        return force if glued else max(force, 0.0)
 
     def energy(self, x: float) -> float:
         """Return the elastic energy [J] at position x [m]."""
@@ -136,12 +133,13 @@ class Admittance:
         if v < d / (k3 X dt^2).
         """
         d, c, x = self.parameters.damping, self.parameters.stiffness, self.position
-        if x < 0.0 and not environment.glued:
+        k, k3, b, glued = environment
+        if x < 0.0 and not glued:
             return self.step(force, dt)
-        damping, stiffness = d + environment.b, c + environment.tangent(x)
+        damping, stiffness = d + b, c + (k + 3.0 * k3 * x * x)
         if stiffness * dt * dt < NEGLIGIBLE * self.parameters.mass:
             return self._slide(force, damping, dt)
-        constant = force + c * self.centre + 2.0 * environment.k3 * x * x * x
+        constant = force + c * self.centre + 2.0 * k3 * x * x * x
         return self._swing(constant / stiffness, damping, stiffness, dt)
 
     def _slide(self, force: float, d: float, dt: float) -> float:

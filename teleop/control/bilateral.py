@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from drivers import Command, Measurement
+from drivers import Command, Measurement, new_tuple
 from sim_backend.channel import ChannelSettings, Direction
 from teleop.control.admittance import Admittance
 from teleop.control.alignment import Pair
 from teleop.control.coupling import Coupling
 from teleop.control.feedback.law import Master, Motion, Report, Slave
+from teleop.control.feedback.oscillation import MOST_SHARE, SLOWEST, Oscillation
 from teleop.control.feedback.port_energy import PortEnergy
 from teleop.control.link import Link
 from teleop.safety import Fault, Verdict
@@ -56,6 +57,8 @@ class BilateralLink(Link):
         Settings of the channel.
     seed
         Seed of the random jitter and packet loss of the channel.
+    closed
+        Whether the hand feels the slave. A sustained oscillation at the hand is then a fault.
     """
 
     def __init__(
@@ -66,6 +69,7 @@ class BilateralLink(Link):
         slave: Slave,
         channel: ChannelSettings,
         seed: int = 0,
+        closed: bool = True,
     ) -> None:
         self._admittance = admittance
         self._coupling = coupling
@@ -74,6 +78,7 @@ class BilateralLink(Link):
         self.reports = Direction(channel, f"reports {seed}", Report())
         self.motions = Direction(channel, f"motions {seed}", Motion(0.0))
         self._energy = PortEnergy(admittance)
+        self._oscillation = Oscillation() if closed else None
         self.values = NO_VALUES
 
     def align(self, measurement: Measurement) -> None:
@@ -82,45 +87,40 @@ class BilateralLink(Link):
         self._master.align()
         self._slave.align()
         self._energy.reset()
+        if self._oscillation:
+            self._oscillation.reset()
         now = measurement.time
         self.reports.reset(now, Report())
         self.motions.reset(now, Motion(self._admittance.position))
         self._start = self._admittance.position
-        self._started = self._dt = 0.0
+        self._started = self._force = self._dt = 0.0
         self.faults, self.values = (), NO_VALUES
 
     def step(self, force: float, measurement: Measurement, dt: float) -> Command:
         """Return the desired velocities [m/s] of both drives after `force` [N] acted for dt [s]."""
         now = measurement.time
-        reports, motions = self.reports, self.motions
-        reports.send(now, self._slave.report(measurement, dt))
-        report = reports.receive(now)
+        reports, motions, admittance = self.reports, self.motions, self._admittance
+        report = reports.exchange(now, self._slave.report(measurement, dt))
         master = self._master
         energy = self._energy.update(
             self._started, master.state.displayed, self._dt, master.reserve
         )
-        self._start = self._admittance.position
-        motions.send(now, master.step(force, report, dt))
-        motion = motions.receive(now)
+        start, share = admittance.position, 0.0
+        if self._oscillation:
+            share = self._oscillation.update(self._force, start - self._start, self._dt)
+        self._start = start
+        motion = motions.exchange(now, master.step(force, report, dt))
         slave = self._slave.velocity(motion, measurement, dt)
         displayed, model, tank = master.state
-        self._started, self._dt = master.started, dt
-        silence = max(reports.silence(now), motions.silence(now))
-        if silence > self._max_silence or energy < -master.allowance:
-            self.faults = self._detected(now, silence, energy)
-        self.values = LinkValues(
-            displayed,
-            model.k,
-            model.k3,
-            model.b,
-            tank,
-            energy,
-            motion.energy,
-            report.energy,
-            reports.age(now),
-            motions.age(now),
-        )
-        return Command(self._admittance.velocity, slave)
+        self._started, self._force, self._dt = master.started, force, dt
+        silence = now - min(reports.due, motions.due)
+        if silence > self._max_silence or energy < -master.allowance or share > MOST_SHARE:
+            self.faults = self._detected(now, silence, energy, share)
+        k, k3, b, _ = model
+        ages = now - reports.sent, now - motions.sent
+        values = (displayed, k, k3, b, tank, energy, motion.energy, report.energy, *ages)
+        self.values = new_tuple(LinkValues, values)
+        return new_tuple(Command, (admittance.velocity, slave))
 
     def follow(self, verdict: Verdict, desired: Command, applied: Command, dt: float) -> None:
         """Move the virtual mass like the handle if a limit of the master reduced the command.
@@ -140,8 +140,10 @@ class BilateralLink(Link):
         """Return the expected slope of the contact force [N/m] at a position of the slave [m]."""
         return self._slave.stiffness(position)
 
-    def _detected(self, now: float, silence: float, energy: float) -> tuple[DetectedFault, ...]:
-        """Return the faults: a silent channel, or a displayed environment that generates energy."""
+    def _detected(
+        self, now: float, silence: float, energy: float, share: float
+    ) -> tuple[DetectedFault, ...]:
+        """Return the faults: a silent channel, generated energy, a sustained oscillation."""
         faults = []
         if silence > (most := self._max_silence):
             source = f"silent for {silence * 1e3:.0f} ms, at most {most * 1e3:g} ms"
@@ -152,4 +154,10 @@ class BilateralLink(Link):
                 f"{allowed * 1e3:g} mJ"
             )
             faults.append(DetectedFault(Fault.PORT_ENERGY, source, energy, -allowed, now))
+        if share > MOST_SHARE:
+            source = (
+                f"the loop sustains {share:.0%} of the motion of the hand, at more than "
+                f"{SLOWEST:g} Hz, at most {MOST_SHARE:.0%}"
+            )
+            faults.append(DetectedFault(Fault.OSCILLATION, source, share, MOST_SHARE, now))
         return tuple(faults)

@@ -14,8 +14,10 @@ of the arm. The arm dissipates energy, so that the power is -Re{Z_a} |V|^2 < 0: 
 environment must replace the energy that the arm dissipates. So an oscillation of the loop is motion
 at frequencies at which the hand receives energy.
 
-The converse does not hold. If the displayed environment is active at the frequency of the tremor,
-and only the damping of the arm keeps the loop stable, the trial is counted as not stable.
+The arm dissipates at least `LEAST_DAMPING` |V|^2. An environment that gives out less, Re{Z} above
+-`LEAST_DAMPING`, amplifies the tremor, but the arm keeps the loop stable. Such motion is not
+counted. If the displayed environment gives out more at the frequency of the tremor, and only a
+greater damping of the arm keeps the loop stable, the trial is counted as not stable.
 
 [1] J. E. Colgate, N. Hogan, Int. J. Control 48(1), 1988, 65-88.
 """
@@ -38,9 +40,11 @@ LEAST_FORCE = 0.5
 """Contact force above which a tick is evaluated [N]."""
 FASTEST = 4.0
 """Frequency above which motion is not voluntary, but tremor or an oscillation of the loop [Hz]."""
+LEAST_DAMPING = 2.0
+"""Damping that any arm has at least [N s/m]."""
 MOST_SUSTAINED = 0.8
 """Greatest share of the power of the velocity in a stable trial that is above `FASTEST`, at
-frequencies at which the hand receives energy."""
+frequencies at which the hand receives more than `LEAST_DAMPING` |V|^2."""
 SEGMENT = 1.0
 """Duration of the segments of the motion of which the spectra are averaged [s]."""
 FIRST = 1 << 14
@@ -242,7 +246,7 @@ class RunningSpectra:
         """Return the share of the power of the motion that is in an oscillation of the loop.
 
         It is the fraction of the power of the velocity above `FASTEST`, at frequencies at which the
-        hand receives energy.
+        hand receives more energy than an arm with the damping `LEAST_DAMPING` dissipates.
         """
         if not self._length:
             if not self._pending.shape[1]:
@@ -250,7 +254,7 @@ class RunningSpectra:
             self._add_segments()
         fast = np.fft.rfftfreq(self._length, self._step) > FASTEST
         total = float(self._motion.sum())
-        oscillating = fast & (self._from_hand < 0.0)
+        oscillating = fast & (self._from_hand < -LEAST_DAMPING * self._motion)
         return float(self._motion[oscillating].sum()) / total if total > 0.0 else 0.0
 
     def _add_segments(self) -> None:

@@ -54,6 +54,7 @@ class Fault(StrEnum):
     FROZEN = "frozen"
     CHANNEL_SILENT = "communication channel"
     PORT_ENERGY = "energy at the handle"
+    OSCILLATION = "oscillation"
     CONTROL_FAILURE = "control failure"
     ESTIMATION_FAILURE = "estimation failure"
     PAGE_LOST = "live page lost"

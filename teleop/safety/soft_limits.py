@@ -166,7 +166,9 @@ def limit_separately(
             speed, flags = left / (stiffness * APPROACH_TIME), flags | FORCE
         elif not left:
             speed, flags = 0.0, flags | FORCE
-    return Command(master, math.copysign(speed, slave)), flags
+    if not flags:
+        return desired, 0
+    return new_tuple(Command, (master, math.copysign(speed, slave))), flags
 
 
 def braking_speed(slave: float, measurement: Measurement, limits: Limits) -> float:

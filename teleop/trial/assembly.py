@@ -156,7 +156,8 @@ def make_link(settings: TrialSettings) -> Link:
     stiffness = expected_stiffness(settings)
     halves = feedback.halves(admittance, coupling, settings.force_lag, glued, stiffness)
     channel = settings.channel or ChannelSettings()
-    return BilateralLink(admittance, coupling, *halves, channel, settings.seed)
+    closed = feedback.law != "none"
+    return BilateralLink(admittance, coupling, *halves, channel, settings.seed, closed)
 
 
 def make_layout(

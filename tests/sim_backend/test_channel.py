@@ -23,7 +23,7 @@ def received(settings, seed, ticks=300):
     values = []
     for n in range(ticks):
         direction.send(n * 1e-3, n)
-        values.append((direction.receive(n * 1e-3), direction.age(n * 1e-3)))
+        values.append((direction.receive(n * 1e-3), n * 1e-3 - direction.sent))
     return values
 
 
@@ -37,6 +37,21 @@ def test_the_receiver_keeps_the_newest_packet_and_knows_its_age(settings, seed):
             assert age == pytest.approx((n - number) * 1e-3)
             assert age >= settings.delay - 1e-9
     assert received(settings, seed) == values
+
+
+@given(SETTINGS, st.integers(0, 100))
+def test_exchange_is_send_and_receive_at_one_time(settings, seed):
+    direction = Direction(settings, f"{seed}", -1)
+    values = []
+    for n in range(300):
+        direction.cut = 100 < n < 150
+        values.append((direction.exchange(n * 1e-3, n), n * 1e-3 - direction.sent))
+    expected = Direction(settings, f"{seed}", -1)
+    for n, value in enumerate(values):
+        expected.cut = 100 < n < 150
+        expected.send(n * 1e-3, n)
+        assert (expected.receive(n * 1e-3), n * 1e-3 - expected.sent) == value
+    assert direction.due == expected.due
 
 
 @given(SETTINGS.filter(lambda s: not s.loss), st.integers(0, 100))
@@ -68,12 +83,12 @@ def test_silence_is_the_time_since_a_packet_arrived_or_was_expected():
     direction.reset(1.0, 0)
     direction.send(1.0, 1)
     direction.receive(1.05)
-    assert direction.silence(1.05) < 0.0
+    assert direction.due > 1.05
     direction.cut = True
     direction.receive(1.1)
     direction.send(1.2, 2)
     direction.receive(1.4)
-    assert direction.silence(1.4) == pytest.approx(0.3, abs=1e-9)
+    assert direction.due == 1.1
 
 
 @given(SETTINGS)

@@ -37,7 +37,8 @@ class EnergyTank:
 
     def fill(self, energy: float) -> None:
         """Add dissipated energy [J], >= 0. Energy above the capacity is not stored."""
-        self.energy = min(self.energy + energy, self._capacity)
+        energy += self.energy
+        self.energy = energy if energy < self._capacity else self._capacity
 
     def affordable(self, cost: float) -> float:
         """Return the largest fraction of a change, 0 to 1, that the energy in the tank permits.

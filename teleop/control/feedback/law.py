@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from drivers import Measurement
+from drivers import Measurement, new_tuple
 from teleop.control.admittance import Admittance, Environment
 from teleop.control.alignment import Pair
 from teleop.control.coupling import Coupling
@@ -23,12 +23,18 @@ PASSIVE = 6e-3
 """Tolerated energy of a passive law [J]: the energy in the tank at the start, plus 1 mJ."""
 
 
+PRIOR = Environment(STIFF_PRIOR)
+"""Model of an unknown environment."""
+NO_BODY = Environment(math.nan, math.nan, math.nan)
+"""Model that is recorded if the hand feels no model."""
+
+
 class Report(NamedTuple):
     """Packet from the slave to the master."""
 
     force: float = 0.0
     """Contact force [N]."""
-    model: Environment = Environment(STIFF_PRIOR)
+    model: Environment = PRIOR
     """Estimated environment. Its force is a function of the displacement of the slave."""
     energy: float = 0.0
     """Energy that the environment has given to the channel since arming [J]."""
@@ -50,7 +56,7 @@ class MasterState(NamedTuple):
 
     displayed: float = 0.0
     """Force that the hand feels from the environment [N]; positive if it opposes compression."""
-    model: Environment = Environment(math.nan, math.nan, math.nan)
+    model: Environment = NO_BODY
     """Environment that the hand feels, as a function of the master's displacement; NaN for no
     body."""
     tank: float = math.nan
@@ -91,8 +97,8 @@ class Master:
         """Advance the virtual mass by dt [s] under `force` [N] of the hand; return its motion."""
         displayed = self.started = self.display(report, dt)
         self.admittance.step(force - displayed, dt)
-        self.state = MasterState(displayed)
-        return Motion(self.admittance.position, self.admittance.velocity)
+        self.state = new_tuple(MasterState, (displayed, NO_BODY, math.nan))
+        return new_tuple(Motion, (self.admittance.position, self.admittance.velocity, 0.0))
 
     def display(self, report: Report, dt: float) -> float:
         """Return the force [N] that is subtracted from the force of the hand."""
@@ -123,7 +129,7 @@ class Slave:
 
     def report(self, measurement: Measurement, dt: float) -> Report:
         """Return the packet for the master, computed from the measurement of the slave."""
-        return Report(measurement.contact_force)
+        return new_tuple(Report, (measurement.contact_force, PRIOR, 0.0))
 
     def velocity(self, motion: Motion, measurement: Measurement, dt: float) -> float:
         """Return the desired velocity of the slave [m/s]."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from drivers import Measurement
+from drivers import Measurement, new_tuple
 from estimation.conditioning import MatchedFilter
 from estimation.estimator import LEVEL_95, Estimate
 from estimation.methods.recursive_least_squares import RecursiveLeastSquares
@@ -33,8 +33,12 @@ MEMORY = 1.0
 """Time constant of the forgetting factor of the estimator [s]."""
 REACH = 2.0
 """Time constant with which the deepest recent position decreases to zero [s]."""
-VARIANCE = (1e4, 1e9, 1e21)
-"""Initial variances of b [N^2 s^2/m^2], k [N^2/m^2] and k3 [N^2/m^6]."""
+VARIANCE = (1e4, 1e9, 1e24)
+"""Initial variances of b [N^2 s^2/m^2], k [N^2/m^2] and k3 [N^2/m^6], relative to `DIFFUSE` times
+the variance of the force noise. With a noise of 2 mN, the standard deviation of k3 is 2e11 N/m^3,
+which is twice the k3 of the hard cube. A smaller variance would state that k3 is near 0 after a
+motion that is too small to show it. The interval would then be too narrow, and a model without
+stiffening would be accepted."""
 ROUNDING = 1e-6
 """Tolerance for rounding errors of times [s]."""
 PERIOD = 5e-3
@@ -156,12 +160,14 @@ class ModelMediatedSlave(Slave):
     def observe(self, pair: Pair) -> None:
         """Update the estimate, and compare the measured contact force with the predicted force."""
         self._local.update(pair)
-        predicted = self._local.model.force(pair.position, 0.0)
-        self._confirmed = CONFIRMED < abs(pair.force) <= abs(predicted) * (1.0 + DOUBT)
+        force = abs(pair.force)
+        self._confirmed = force > CONFIRMED and force <= abs(
+            self._local.model.force(pair.position, 0.0)
+        ) * (1.0 + DOUBT)
 
     def report(self, measurement: Measurement, dt: float) -> Report:
         """Return the packet for the master: contact force and model."""
-        return Report(measurement.contact_force, self._local.model)
+        return new_tuple(Report, (measurement.contact_force, self._local.model, 0.0))
 
     def stiffness(self, position: float) -> float:
         """Return the expected slope of the contact force [N/m] at a position of the slave [m].
@@ -170,5 +176,6 @@ class ModelMediatedSlave(Slave):
         and while the measured force is larger than the predicted force. In both cases, the specimen
         may be stiffer than the model.
         """
-        tangent = self._local.model.tangent(position)
-        return tangent if self._confirmed else max(tangent, STIFF_PRIOR)
+        k, k3, _, _ = self._local.model
+        tangent = k + 3.0 * k3 * position * position
+        return STIFF_PRIOR if tangent < STIFF_PRIOR and not self._confirmed else tangent

@@ -20,6 +20,7 @@ transparent teleoperation systems", IEEE Access 4, 2016.
 
 from __future__ import annotations
 
+from drivers import new_tuple
 from teleop.control.admittance import Admittance, Environment
 from teleop.control.feedback.energy_tank import EnergyTank
 from teleop.control.feedback.law import STIFF_PRIOR, Master, MasterState, Motion, Report
@@ -44,6 +45,8 @@ class ModelMediatedMaster(Master):
     ) -> None:
         super().__init__(admittance, scale, gain)
         self._glued = glued
+        ratio = gain * scale
+        self._ratios = ratio, ratio * scale * scale
         self.align()
 
     def align(self) -> None:
@@ -57,43 +60,41 @@ class ModelMediatedMaster(Master):
     def step(self, force: float, report: Report, dt: float) -> Motion:
         """Move the model towards the estimate, and advance the virtual mass against the model."""
         admittance = self.admittance
-        before = admittance.velocity
+        start, before = admittance.position, admittance.velocity
         # If a velocity changes linearly, its mean square is at least the square of its mean. The
         # motion of the last tick is known only now, because a limit may have reduced the velocity.
         mean = 0.5 * (self._before + before)
         self._tank.fill(admittance.parameters.damping * mean * mean * self._dt)
         self._before, self._dt = before, dt
         if report.model is not self._reached:
-            self._approach(report.model, admittance.position, dt)
+            self._approach(report.model, start, dt)
         model = self._model
-        self.started = model.force(admittance.position, before)
+        self.started = model.force(start, before)
         velocity = admittance.step_against(force, model, dt)
         position = admittance.position
+        self.reserve = tank = self._tank.energy
         displayed = model.force(position, velocity)
-        self.reserve = self._tank.energy
-        self.state = MasterState(displayed, model, self.reserve)
-        return Motion(position, velocity)
+        self.state = new_tuple(MasterState, (displayed, model, tank))
+        return new_tuple(Motion, (position, velocity, 0.0))
 
     def _approach(self, estimate: Environment, x: float, dt: float) -> None:
         """Move the model towards the slave's estimate, as far as force rate and tank permit."""
-        model, s = self._model, self.scale
-        dk = self.gain * s * estimate.k - model.k
-        dk3 = self.gain * s * s * s * estimate.k3 - model.k3
-        db = self.gain * s * estimate.b - model.b
+        k, k3, b, glued = self._model
+        ratio, cubic_ratio = self._ratios
+        dk, dk3, db = ratio * estimate.k - k, cubic_ratio * estimate.k3 - k3, ratio * estimate.b - b
         share = 1.0
-        if x > 0.0 or self._glued:
+        if x > 0.0 or glued:
             square = x * x
             cost = (0.5 * dk + 0.25 * dk3 * square) * square
             step = abs((dk + dk3 * square) * x) + abs(db * self.admittance.velocity)
             most = FORCE_RATE * dt
-            share = most / step if step > most else 1.0
-            share *= self._tank.affordable(cost * share)
-            self._tank.pay(cost * share)
+            if step > most:
+                share = most / step
+            if cost > 0.0:
+                share *= self._tank.affordable(cost * share)
+                self._tank.pay(cost * share)
         if share == 1.0:
             self._reached = estimate
-        self._model = Environment(
-            max(model.k + share * dk, 0.0),
-            max(model.k3 + share * dk3, 0.0),
-            max(model.b + share * db, 0.0),
-            self._glued,
-        )
+        k, k3, b = k + share * dk, k3 + share * dk3, b + share * db
+        values = (0.0 if k < 0.0 else k, 0.0 if k3 < 0.0 else k3, 0.0 if b < 0.0 else b, glued)
+        self._model = new_tuple(Environment, values)

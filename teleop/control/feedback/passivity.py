@@ -34,11 +34,13 @@ from __future__ import annotations
 
 import math
 
-from drivers import Measurement
+from drivers import Measurement, new_tuple
 from teleop.control.admittance import Admittance, Environment
 from teleop.control.coupling import Coupling
 from teleop.control.feedback.energy_tank import TANK_MAX
 from teleop.control.feedback.law import (
+    NO_BODY,
+    PRIOR,
     STIFF_PRIOR,
     Master,
     MasterState,
@@ -84,7 +86,8 @@ class PassivityMaster(Master):
         if excess > 0.0 and abs(v) > LEAST_SPEED:
             d = min(excess / (v * v * dt), MOST_DAMPING)
         before = admittance.position
-        end = admittance.step_against(force - displayed, Environment(0.0, 0.0, d), dt)
+        body = new_tuple(Environment, (0.0, 0.0, d, True))
+        end = admittance.step_against(force - displayed, body, dt)
         work = displayed * (admittance.position - before)
         work += d * (v * v + v * end + end * end) / 3.0 * dt
         if work > 0.0:
@@ -92,8 +95,8 @@ class PassivityMaster(Master):
         else:
             self._out -= work
         self.started = displayed + d * v
-        self.state = MasterState(displayed + d * end)
-        return Motion(admittance.position, admittance.velocity, self._in)
+        self.state = new_tuple(MasterState, (displayed + d * end, NO_BODY, math.nan))
+        return new_tuple(Motion, (admittance.position, admittance.velocity, self._in))
 
 
 class PassivitySlave(Slave):
@@ -127,7 +130,7 @@ class PassivitySlave(Slave):
             self._out += work
         else:
             self._in -= work
-        return Report(measurement.contact_force, energy=self._in)
+        return new_tuple(Report, (measurement.contact_force, PRIOR, self._in))
 
     def velocity(self, motion: Motion, measurement: Measurement, dt: float) -> float:
         """Return the desired velocity [m/s], reduced so that the channel generates no energy."""

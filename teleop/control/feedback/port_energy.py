@@ -45,6 +45,8 @@ class PortEnergy:
 
     def __init__(self, admittance: Admittance) -> None:
         self._admittance = admittance
+        self._half_mass = 0.5 * admittance.parameters.mass
+        self._damping = admittance.parameters.damping
         self.reset()
 
     def reset(self) -> None:
@@ -67,7 +69,7 @@ class PortEnergy:
             Energy in the energy tank of the law [J].
         """
         x, v = self._admittance.position, self._admittance.velocity
-        mass, damping = self._admittance.parameters.mass, self._admittance.parameters.damping
+        half_mass = self._half_mass
         last_x, last_v = self._position, self._velocity
         self._position, self._velocity = x, v
         square, reach, force = v * v, abs(x), abs(end)
@@ -78,8 +80,8 @@ class PortEnergy:
         if force > self._force:
             self._force = force
         energy = self.energy + 0.5 * (start + end) * (x - last_x)
-        energy += damping * (square + v * last_v + last_v * last_v) / 3.0 * dt
-        energy += 0.5 * mass * (square - last_v * last_v)
-        most = 0.5 * mass * self._square + self._force * self._reach + tank
+        energy += self._damping * (square + v * last_v + last_v * last_v) / 3.0 * dt
+        energy += half_mass * (square - last_v * last_v)
+        most = half_mass * self._square + self._force * self._reach + tank
         self.energy = energy if energy < most else most
         return self.energy

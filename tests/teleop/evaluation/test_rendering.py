@@ -11,9 +11,17 @@ from hypothesis import strategies as st
 
 from sim_backend import CUBES, OperatorModel, Setup, operators
 from sim_backend.channel import ChannelSettings
+from teleop.control import bilateral
 from teleop.control.admittance import AdmittanceParameters
+from teleop.control.feedback import oscillation
 from teleop.control.feedback.settings import FeedbackSettings
-from teleop.evaluation.rendering import MOST_SUSTAINED, hand, sustained_share
+from teleop.evaluation.rendering import (
+    FASTEST,
+    LEAST_DAMPING,
+    MOST_SUSTAINED,
+    hand,
+    sustained_share,
+)
 from teleop.safety.events import ACTIVE
 from teleop.safety.tightened_limits import TightenedLimits
 from teleop.trial.run import run_trial
@@ -68,13 +76,18 @@ def test_tremor_that_moves_a_passive_impedance_is_not_an_oscillation_of_the_loop
 
 @given(
     frequency=st.floats(6.0, 40.0),
-    damping=st.floats(1.0, 50.0),
+    damping=st.floats(3.0, 50.0),
     stiffness=st.floats(0.0, 1500.0),
 )
 def test_motion_against_an_arm_at_rest_is_an_oscillation_of_the_loop(frequency, damping, stiffness):
     omega = 2.0 * np.pi * frequency
     velocity, force = response(damping - 1j * stiffness / omega, omega)
     assert share(velocity, -force) > 0.95
+
+
+def test_tremor_that_is_amplified_by_less_than_an_arm_dissipates_is_not_an_oscillation():
+    velocity, force = response(-1.0, 2.0 * np.pi * 10.0)
+    assert share(velocity, force) == 0.0
 
 
 def test_slow_motion_is_not_an_oscillation():
@@ -97,6 +110,7 @@ def test_an_oscillation_without_a_stop_is_counted_as_unstable_with_and_without_t
     monkeypatch, tremor
 ):
     monkeypatch.setattr(operators, "TREMOR_AMPLITUDE", tremor)
+    monkeypatch.setattr(bilateral, "MOST_SHARE", np.inf)
     result = trial("position-force", "hard", arm=150.0)
     assert result.fault is None
     assert not result.feedback()["stable"]
@@ -123,3 +137,8 @@ def test_the_position_of_the_hand_does_not_drift_where_a_limit_reduced_the_veloc
     force = (k * felt.position + k3 * felt.position**3)[deep]
     assert np.max(np.abs(force - active["displayed_force"][deep])) < 0.5
     assert abs(result.feedback()["rendered_k_error"]) < 0.01
+
+
+def test_the_supervisor_and_the_evaluation_mean_the_same_by_an_oscillation():
+    assert FASTEST == oscillation.SLOWEST
+    assert LEAST_DAMPING == oscillation.LEAST_DAMPING

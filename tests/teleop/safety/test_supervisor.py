@@ -578,6 +578,7 @@ def test_the_faults_that_ramp_are_those_of_sensors_and_software():
         Fault.FROZEN,
         Fault.CHANNEL_SILENT,
         Fault.PORT_ENERGY,
+        Fault.OSCILLATION,
         Fault.CONTROL_FAILURE,
         Fault.ESTIMATION_FAILURE,
         Fault.PAGE_LOST,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 
 import pytest
 from hypothesis import given
@@ -114,6 +115,20 @@ def test_the_local_model_has_the_stiffness_of_the_cube(name):
     depth = {"soft": 4e-3, "medium": 2e-3, "hard": 0.4e-3}[name]
     palpate(model, cube, depth=depth)
     assert model.model.force(depth, 0.0) == pytest.approx(cube.force(depth, 0.0), rel=0.02)
+
+
+def test_after_a_small_motion_the_interval_contains_the_force_of_the_hard_cube_at_more_depth():
+    """The motion of 70 um shows 0.03 N of the force k3 x^3, which is 2.5 N at 0.3 mm."""
+    cube, depth, deep, omega = CUBES["hard"], 70e-6, 0.3e-3, 6.0 * math.pi
+    for seed in range(10):
+        model, noise = LocalModel(), random.Random(seed)
+        for n in range(1500):
+            x = 0.5 * depth * (1.0 - math.cos(omega * n * DT))
+            v = 0.5 * depth * omega * math.sin(omega * n * DT)
+            model.update(Pair(x, cube.force(x, v) + noise.gauss(0.0, 0.02), DT))
+        _, k, k3 = model._estimator.state.theta
+        error = k * deep + k3 * deep**3 - cube.force(deep, 0.0)
+        assert abs(error) < model._half_interval(deep)
 
 
 def test_a_disturbance_at_the_rate_of_the_estimator_does_not_change_the_model():

@@ -1,0 +1,174 @@
+"""Observe during a trial whether the loop sustains an oscillation at the hand.
+
+Tremor and an oscillation of the loop have similar frequencies. They differ in the direction of the
+energy, see `teleop.evaluation.rendering`. With the force f of the hand, the velocity v of the
+virtual mass and the displayed impedance Z, the mean power from the hand at one frequency is
+Re{Z} |V|^2 / 2. In tremor the hand moves Z, and the power is positive if Z is passive. In an
+oscillation of the loop, the arm is moved and dissipates energy, and the power is negative.
+
+Here f and v pass the same filters, which do not change the sign of the power at a frequency. A high
+pass removes the voluntary motion. A second filter then divides the motion into the bands below and
+above `SPLIT`, because in contact with a stiff body the power of the tremor would otherwise cover
+the power of a faster oscillation. A band oscillates while the mean of
+
+    (f + c v) v
+
+is negative. The term c v is the damping that any arm has at least. A displayed environment that
+gives out less than c |V|^2 / 2 amplifies the tremor, but cannot sustain an oscillation. The result
+is the mean square velocity of the bands that oscillate, divided by the mean square velocity of the
+whole motion. Both means are exponential averages over `MEMORY`.
+
+The energy of the port (`port_energy`) detects an oscillation that gives out much energy, within a
+fraction of a second. This observer detects an oscillation of small amplitude, which is limited, for
+example by the stiffening of the body, and then gives out little energy at any time.
+
+Source of the filter: V. Zavalishin, "The Art of VA Filter Design", 2012, chapter 4 (state-variable
+filter with the trapezoidal rule).
+"""
+
+from __future__ import annotations
+
+import math
+
+SLOWEST = 4.0
+"""Frequency above which motion is not voluntary, but tremor or an oscillation of the loop [Hz]."""
+SPLIT = 14.0
+"""Frequency between the two bands [Hz]. The tremor of the hand is below it, 8 to 12 Hz."""
+LEAST_DAMPING = 2.0
+"""Damping c that any arm has at least [N s/m]. The simulated arms, of 150 to 1500 N/m, have 7 to 23
+N s/m, of which the lag of the handle leaves 4 N s/m at the frequencies of the oscillations."""
+AVERAGING = 0.08
+"""Time constant of each of the two averages that give the mean power of a band [s]. One average
+would leave a ripple, with which the power of a stiff spring were negative half of the time."""
+MEMORY = 4.0
+"""Time constant of the mean square velocities, and time after arming without a result [s]. It
+contains some pokes, so that the oscillation may pause between them."""
+LEAST_SPEED = 1e-3
+"""Root mean square velocity of an oscillation below which the result is 0 [m/s]. At 40 Hz, it is an
+amplitude of 6 um."""
+MOST_SHARE = 0.75
+"""Largest share of the mean square velocity that the loop may sustain. The threshold of the
+evaluation, which resolves the frequencies, is 0.8."""
+PERIOD = 5e-3
+"""Time over which force and velocity are averaged to one sample [s]."""
+ROUNDING = 1e-6
+"""Tolerance for rounding errors of times [s]."""
+HIGHEST = 0.45
+"""Largest corner frequency of a filter, as a fraction of the sampling rate."""
+ROOT_2 = math.sqrt(2.0)
+
+
+class Split:
+    """Butterworth filter of second order, with a high-pass and a low-pass output.
+
+    A sample is a complex number. Its real and its imaginary part pass the filter separately.
+
+    Parameters
+    ----------
+    frequency
+        Corner frequency [Hz].
+    """
+
+    def __init__(self, frequency: float) -> None:
+        self._frequency = frequency
+        self._first = self._second = 0.0j
+        self.tune(PERIOD)
+
+    def tune(self, dt: float) -> None:
+        """Set the time between two samples [s]."""
+        self._g = g = math.tan(math.pi * min(self._frequency * dt, HIGHEST))
+        self._scale = 1.0 / (1.0 + g * (g + ROOT_2))
+
+    def update(self, value: complex) -> tuple[complex, complex]:
+        """Return the high-pass and the low-pass output for the next sample."""
+        g, first, second = self._g, self._first, self._second
+        high = (value - (ROOT_2 + g) * first - second) * self._scale
+        step = g * high
+        band = first + step
+        self._first = band + step
+        step = g * band
+        low = second + step
+        self._second = low + step
+        return high, low
+
+
+class Band:
+    """Frequency band in which the loop may sustain the motion of the hand."""
+
+    def __init__(self) -> None:
+        self._first = self._power = 0.0
+
+    def update(self, motion: complex, weight: float) -> float:
+        """Return the square of the velocity [m^2/s^2] if the band oscillates; otherwise 0.
+
+        Parameters
+        ----------
+        motion
+            Velocity [m/s] as real part, and force [N] as imaginary part, in the band.
+        weight
+            Weight of this sample in the mean power, which is an average of an average.
+        """
+        velocity = motion.real
+        first, power = self._first, self._power
+        first += ((motion.imag + LEAST_DAMPING * velocity) * velocity - first) * weight
+        power += (first - power) * weight
+        self._first, self._power = first, power
+        return velocity * velocity if power < 0.0 else 0.0
+
+
+class Oscillation:
+    """Observer of an oscillation that the loop sustains at the port of the hand."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Discard all samples."""
+        self.share = 0.0
+        """Share of the mean square velocity that the loop sustains, 0 to about 1."""
+        self._impulse = self._travel = self._span = self._age = 0.0
+        self._high_pass, self._split = Split(SLOWEST), Split(SPLIT)
+        self._tune(PERIOD)
+        self._fast, self._slow = Band(), Band()
+        self._sustained = self._motion = 0.0
+
+    def update(self, force: float, travel: float, dt: float) -> float:
+        """Process the motion of one tick, and return the share that the loop sustains.
+
+        Parameters
+        ----------
+        force
+            Force of the hand during the motion [N].
+        travel
+            Change of the position of the virtual mass [m].
+        dt
+            Duration of the motion [s].
+        """
+        self._impulse += force * dt
+        self._travel += travel
+        self._span += dt
+        if self._span >= PERIOD - ROUNDING:
+            self._sample(self._impulse / self._span, self._travel / self._span, self._span)
+            self._impulse = self._travel = self._span = 0.0
+        return self.share
+
+    def _tune(self, dt: float) -> None:
+        """Set the time between two samples [s]."""
+        self._dt = dt
+        self._high_pass.tune(dt)
+        self._split.tune(dt)
+        self._weight, self._slow_weight = dt / (AVERAGING + dt), dt / (MEMORY + dt)
+
+    def _sample(self, force: float, velocity: float, dt: float) -> None:
+        """Process the mean force [N] and the mean velocity [m/s] of the last dt [s]."""
+        if abs(dt - self._dt) > ROUNDING:
+            self._tune(dt)
+        motion, _ = self._high_pass.update(complex(velocity, force))
+        fast, slow = self._split.update(motion)
+        sustained = self._fast.update(fast, self._weight) + self._slow.update(slow, self._weight)
+        weight = self._slow_weight
+        self._sustained += (sustained - self._sustained) * weight
+        self._motion += (velocity * velocity - self._motion) * weight
+        self._age += dt
+        known = self._age >= MEMORY and self._sustained > LEAST_SPEED * LEAST_SPEED
+        self.share = self._sustained / self._motion if known else 0.0
