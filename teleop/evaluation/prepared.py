@@ -86,6 +86,12 @@ class Prepared:
         return np.asarray(self.period * np.arange(len(self.t)), dtype=np.float64)
 
     @cached_property
+    def force_range(self) -> tuple[float, float]:
+        """Percentiles 0.5 and 99.5 of the smoothed force [N]: its range without outliers."""
+        low, high = (float(v) for v in np.percentile(self.f, [0.5, 99.5]))
+        return low, high
+
+    @cached_property
     def order(self) -> int:
         """Number of cosines in the baseline. The cosines are slower than the palpation.
 
