@@ -89,11 +89,38 @@ class RecentBlocks:
         stiffness, damping, n = parameters[:3]
         covariance = last = 0.0
         for f, v, x, share in self._blocks:
-            error = f - (stiffness + damping * v) * x**n if x > 0.0 else f
-            if share > 0.0:
-                covariance += share * (error * last - covariance)
-            last = error
+            covariance, last = include(covariance, last, f, v, x, share, stiffness, damping, n)
         return covariance
+
+
+def include(
+    covariance: float,
+    last: float,
+    f: float,
+    v: float,
+    x: float,
+    share: float,
+    stiffness: float,
+    damping: float,
+    n: float,
+) -> tuple[float, float]:
+    """Return the autocovariance after one more block, and the force error of this block.
+
+    Parameters
+    ----------
+    covariance, last
+        Autocovariance before this block [N^2], and force error of the previous block [N].
+    f, v, x, share
+        The block, as in `RecentBlocks.blocks`.
+    stiffness, damping, n
+        K, B and n of the model. The force of the model is 0 for x <= 0.
+    """
+    error = f
+    if x > 0.0:
+        error = f - (stiffness + damping * v) * x**n
+    if share > 0.0:
+        covariance += share * (error * last - covariance)
+    return covariance, error
 
 
 def window_autocovariances(
@@ -113,10 +140,7 @@ def window_autocovariances(
         covariance = 0.0
         last = 0.0
         for i in range(first[j], end[j]):
-            error = f[i]
-            if x[i] > 0.0:
-                error = f[i] - (stiffness[j] + damping[j] * v[i]) * x[i] ** n[j]
-            if share[i] > 0.0:
-                covariance += share[i] * (error * last - covariance)
-            last = error
+            covariance, last = include(
+                covariance, last, f[i], v[i], x[i], share[i], stiffness[j], damping[j], n[j]
+            )
         found[j] = covariance

@@ -104,12 +104,20 @@ def coverage(values: ArrayLike, std: ArrayLike, truth: ArrayLike) -> float:
     truth
         True value of the parameter, of shape (n,), or one number for all.
     """
+    inside, intervals = count_intervals(values, std, truth)
+    return inside / intervals if intervals else math.nan
+
+
+def count_intervals(values: ArrayLike, std: ArrayLike, truth: ArrayLike) -> tuple[int, int]:
+    """Return how many 95 % intervals contain the true value, and the number of intervals.
+
+    The arguments are those of `coverage`.
+    """
     values, std = np.asarray(values), np.asarray(std)
     determined = std < UNKNOWN
-    if not determined.any():
-        return float("nan")
     errors = np.abs(values - np.broadcast_to(np.asarray(truth), values.shape))
-    return float(np.mean(errors[determined] <= LEVEL_95 * std[determined]))
+    inside = errors[determined] <= LEVEL_95 * std[determined]
+    return int(np.sum(inside)), int(np.sum(determined))
 
 
 def rise_time(t: ArrayLike, estimate: ArrayLike) -> float:

@@ -29,7 +29,8 @@ Prentice Hall, 1999, section 16.6 (residual analysis).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -212,12 +213,7 @@ class Misfit:
             covariance = self._recent.autocovariances(history, positions, further)
         else:
             weights = (np.ones(len(at)), -b, -k, *[-values for values in further[:count]])
-            covariance = np.zeros(len(at))
-            for row, weight in enumerate(weights):
-                part = np.zeros(len(at))
-                for column, other in enumerate(weights):
-                    part += products[:, row, column] * other
-                covariance += weight * part
+            covariance = autocovariance(products.transpose(1, 2, 0), weights)
         positive = square > 0.0
         ratio = np.maximum(covariance, 0.0) / np.where(positive, square, 1.0)
         values = [self.values[i], *np.where(positive, np.sqrt(ratio), math.nan).tolist()]
@@ -277,12 +273,28 @@ class Misfit:
             return math.nan
         if count < 0 and self._recent is not None:
             covariance = self._recent.autocovariance(further)
-            return math.sqrt(max(covariance, 0.0) / self._square)
-        weights = (1.0, -b, -k, *[-value for value in further[:count]])
-        covariance = 0.0
-        for row, weight in zip(self._products, weights, strict=False):
-            part = 0.0
-            for product, other in zip(row, weights, strict=False):
-                part += product * other
-            covariance += weight * part
+        else:
+            weights = (1.0, -b, -k, *[-value for value in further[:count]])
+            covariance = autocovariance(self._products, weights)
         return math.sqrt(max(covariance, 0.0) / self._square)
+
+
+def autocovariance(products: Iterable[Iterable[Any]], weights: Sequence[Any]) -> Any:
+    """Return the quadratic form of the weights: the autocovariance of the force error [N^2].
+
+    Parameters
+    ----------
+    products
+        Mean products of successive block means of force, velocity, displacement and further
+        regressors. Each product is a number, or an array of shape (n,).
+    weights
+        1, and the negative parameters of the model; numbers, or arrays of shape (n,). There may be
+        fewer weights than rows. The other rows and columns are not used.
+    """
+    covariance = 0.0
+    for row, weight in zip(products, weights, strict=False):
+        part = 0.0
+        for product, other in zip(row, weights, strict=False):
+            part += product * other
+        covariance += weight * part
+    return covariance

@@ -83,11 +83,10 @@ class Transmission:
         x, v
             Position [m] and velocity [m/s] of the motor.
         """
-        compliance, lost = self.compliance, self.lost_motion
+        compliance = self.compliance
         if compliance == 0.0:
             return law.force(x, v)
-        low, high = x - lost, x + lost
-        played = low if played < low else high if played > high else played
+        played = self.play(played, x)
         return self.tip_force(law, played, x, v) + (x - played) / compliance
 
     def tip_force(self, law: Law, played: float, x: float, v: float) -> float:

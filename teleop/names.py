@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 ConditionName = Literal["free", "mimic", "autonomous"]
-PalpationName = Literal["any", "free", "mimic", "autonomous"]
+PalpationName = Literal["any", ConditionName]
 CubeName = Literal["soft", "medium", "hard"]
 ClockName = Literal["real", "virtual"]
 SignalName = Literal["sine", "multisine", "chirp"]

@@ -19,7 +19,8 @@ from teleop.evaluation.contact_rows import Rows
 from teleop.evaluation.local_stiffness import LocalStiffness, local_stiffness
 from teleop.evaluation.motion import motion_of
 from teleop.evaluation.phases import Phase, Phases, find_phases
-from teleop.evaluation.prepared import Prepared, prepare
+from teleop.evaluation.prepared import Prepared, smoothed_record
+from teleop.evaluation.resampled import resample
 from teleop.evaluation.result import Result, publishable
 from teleop.evaluation.signals import Signals
 
@@ -203,7 +204,8 @@ def analyse(signals: Signals, force_lag: float = 0.0) -> Analysis:
     force_lag
         Time constant of the force channel [s], which the evaluation compensates.
     """
-    record = prepare(signals, None, force_lag)
+    resampled = resample(signals, force_lag)
+    record = smoothed_record(resampled)
     phases = find_phases(record)
     durations = [
         (phase.end - phase.start) * record.period
@@ -213,13 +215,13 @@ def analyse(signals: Signals, force_lag: float = 0.0) -> Analysis:
     widest = RAMP * float(np.median(durations)) if durations else record.width
     bandwidth = CORNER / record.width
     if widest < 0.8 * record.width:
-        bandwidth = CORNER / max(widest, float(np.median(signals.dt)))
-        record = prepare(signals, bandwidth, force_lag)
+        bandwidth = CORNER / max(widest, resampled.period)
+        record = smoothed_record(resampled, bandwidth)
         phases = find_phases(record)
     local = other = None
     if record.band.coherence > 0.0:
         local = local_stiffness(record, phases)
     if local is not None:
-        finer = prepare(signals, WIDER_BAND * bandwidth, force_lag)
+        finer = smoothed_record(resampled, WIDER_BAND * bandwidth)
         other = local_stiffness(finer, find_phases(finer))
     return Analysis(record, phases, local, publishable(record, phases, local, other))

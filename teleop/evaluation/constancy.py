@@ -6,6 +6,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimation.compiled import Floats
 from teleop.evaluation.masks import runs
@@ -124,7 +125,7 @@ def change_over_cycles(record: Prepared, phases: Phases) -> Change | None:
     )
 
 
-def slope_in_cycle(record: Prepared, part: np.ndarray[tuple[int], np.dtype[np.intp]]) -> float:
+def slope_in_cycle(record: Prepared, part: NDArray[np.intp]) -> float:
     """Return the slope of force over position in one cycle [N/m], without damping and drift."""
     columns: Floats = np.column_stack(
         [np.ones(len(part)), record.clock[part], record.v[part], record.x[part]]

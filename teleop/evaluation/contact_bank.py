@@ -13,7 +13,8 @@ from teleop.evaluation.masks import hysteresis
 from teleop.evaluation.phases import level_width
 
 FARTHEST = 1.0
-"""Time [s] to the next sample of the analysis above which a sample is between two sections."""
+"""Time [s] to the next sample of the analysis above which a sample is between two sections, if the
+samples of the analysis are not further apart."""
 
 
 class ContactBank(Bank):
@@ -66,7 +67,8 @@ def contact_at(analysis: Analysis, t: Floats, f: Floats) -> NDArray[np.bool_]:
     nearest = np.clip(np.searchsorted(record.t, t), 0, len(record.t) - 1)
     contact = np.asarray(phases.contact[nearest])
     width = level_width(record)
-    away = (t > record.t[0]) & (np.abs(record.t[nearest] - t) > FARTHEST)
+    farthest = max(FARTHEST, 2.0 * record.period)
+    away = (t > record.t[0]) & (np.abs(record.t[nearest] - t) > farthest)
     if away.any():
         level = phases.free_force
         above = np.ones(len(t), dtype=np.bool_)

@@ -12,6 +12,7 @@ from estimation.baseline import baseline_regressors
 from estimation.baseline_fit import BaselineFits
 from estimation.compiled import Floats
 from estimation.robust_error import RobustFit
+from teleop.evaluation.masks import runs
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
 
@@ -50,10 +51,9 @@ class Rows:
     def __init__(self, record: Prepared, phases: Phases, baseline: bool = True) -> None:
         self.record, self.phases = record, phases
         rows = []
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], phases.usable.astype(np.int8), [0]])))
         count = int(phases.usable.sum()) // record.stride
         stride = record.stride * max(1, math.ceil(count / MOST_ROWS))
-        for start, end in zip(edges[::2], edges[1::2], strict=True):
+        for start, end in runs(phases.usable):
             offset = ((end - start - 1) % stride) // 2
             rows.append(np.arange(start + offset, end, stride))
         self.rows: NDArray[np.intp] = np.concatenate(rows) if rows else np.zeros(0, dtype=np.intp)

@@ -31,17 +31,13 @@ SHORTEST, FEWEST = 3, 8
 and in total."""
 
 
-def levels(
-    record: Prepared, low: float, high: float, width: float
-) -> tuple[NDArray[np.bool_] | None, bool]:
+def levels(record: Prepared, width: float) -> tuple[NDArray[np.bool_] | None, bool]:
     """Return the samples in free motion, and whether the force sensor is saturated.
 
     Parameters
     ----------
     record
         The prepared record.
-    low, high
-        Lowest and highest force [N], outliers excluded.
     width
         Width of a force level [N].
 
@@ -51,6 +47,7 @@ def levels(
     the force stays at its highest level while the position moves.
     """
     x, f = record.palpation, record.f
+    low, high = record.force_range
     if width > 0.2 * (high - low):
         return None, False
     v = np.gradient(x, record.period)

@@ -44,7 +44,8 @@ from estimation.estimator import LEVEL_95
 from teleop.evaluation.candidate import Candidate, evaluate
 from teleop.evaluation.contact_rows import DEGREES, Rows, with_corners
 from teleop.evaluation.phases import Phases
-from teleop.evaluation.prepared import Prepared, measurement_noise
+from teleop.evaluation.prepared import Prepared
+from teleop.evaluation.resampled import measurement_noise
 
 TIMES = 10
 """Number of relaxation time constants that are tried, from 4 widths of the smoothing kernel to

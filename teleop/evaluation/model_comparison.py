@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estimation import BatchWindow, Estimates, Estimator, Regression, coverage, predicted_force
+from estimation import BatchWindow, Estimates, Estimator, Regression, predicted_force
 from estimation.checks import checked_samples
 from estimation.compiled import Floats, interpreted_sweep
-from estimation.estimator import UNKNOWN
+from estimation.metrics import count_intervals
 from estimation.model import KELVIN_VOIGT
 
 WINDOW = 1.0
@@ -153,8 +153,8 @@ class RunningComparison:
             self._squares(name, series),
             float(np.sum((k_now / true_k - 1.0) ** 2)),
             float(np.sum((b_now - true_b) ** 2)),
-            *inside(k_now, k_std, true_k),
-            *inside(b_now, b_std, true_b),
+            *count_intervals(k_now, k_std, true_k),
+            *count_intervals(b_now, b_std, true_b),
         )
         self._errors[name] = Errors(*map(sum, zip(self._errors[name], new, strict=True)))
         if not series.held.all():
@@ -185,13 +185,6 @@ class RunningComparison:
                 b_coverage=e.b_inside / e.b_intervals if e.b_intervals else math.nan,
             )
         return found
-
-
-def inside(values: Floats, std: Floats, truth: Floats) -> tuple[int, int]:
-    """Return how many 95 % intervals contain the true value, and the number of intervals."""
-    intervals = int(np.sum(std < UNKNOWN))
-    share = coverage(values, std, truth)
-    return (round(share * intervals) if intervals else 0), intervals
 
 
 def cost(estimator: Estimator, regression: Regression) -> float:

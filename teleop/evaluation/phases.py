@@ -104,9 +104,8 @@ class Phases:
 def find_phases(record: Prepared) -> Phases:
     """Divide a prepared record into phases, and find the contact point."""
     x, f = record.x, record.f
-    low, high = (float(v) for v in np.percentile(f, [0.5, 99.5]))
     width = level_width(record)
-    free, saturated = levels(record, low, high, width)
+    free, saturated = levels(record, width)
     saturated = saturated or clipped(record)
     guard = max(1, round(GUARD * record.width / record.period))
     contact = np.ones(len(x), dtype=np.bool_)
@@ -130,7 +129,7 @@ def find_phases(record: Prepared) -> Phases:
 
 def level_width(record: Prepared) -> float:
     """Return the width of a force level [N]: contact begins this far from the free force."""
-    low, high = (float(v) for v in np.percentile(record.f, [0.5, 99.5]))
+    low, high = record.force_range
     return max(NOISE * record.f_noise_smoothed, LEVEL * (high - low))
 
 

@@ -1,6 +1,7 @@
 """Prepare a record for batch evaluation: resample it evenly, and smooth it without delay.
 
-1. The record is interpolated linearly onto a grid of constant period. Gaps divide it into pieces.
+1. The record is interpolated linearly onto a grid of constant period
+   (`teleop.evaluation.resampled`).
 2. If the sampling rate is much higher than the bandwidth of the force requires, blocks of samples
    are averaged.
 3. Position and force are smoothed with the same Gaussian kernel (`estimation.smoothing`).
@@ -15,19 +16,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import median_filter
 
 from estimation.baseline import FEWEST_CYCLES, baseline_order, without_baseline
-from estimation.coherent_band import CoherentBand, block_means, coherent_band
+from estimation.coherent_band import CoherentBand, block_means
 from estimation.compiled import Floats
-from estimation.filters import Lag
 from estimation.smoothing import kernel_width, slope, smooth
+from teleop.evaluation.resampled import Resampled, resample
 from teleop.evaluation.signals import Signals
-from teleop.evaluation.single_stroke import combined, stroke_band
-from teleop.evaluation.smallest_step import repeated_rounding, smallest_step
+from teleop.evaluation.smallest_step import repeated_rounding
 from teleop.evaluation.turning_points import cycle_frequency, turning_points
 
 CORNER = 5.0
@@ -39,8 +38,6 @@ LARGEST_SHAPE = 1.2
 is 1 for a sine, and about 1.4 for a triangle wave."""
 OUTLIERS = 5
 """Number of samples of the median filter before the shape of a motion is computed."""
-FEWEST = 16
-"""Smallest number of samples in a piece between two gaps. Shorter pieces are not used."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +81,12 @@ class Prepared:
     def clock(self) -> Floats:
         """Time since the first sample, without the duration of gaps [s], shape (n,)."""
         return np.asarray(self.period * np.arange(len(self.t)), dtype=np.float64)
+
+    @cached_property
+    def force_range(self) -> tuple[float, float]:
+        """Percentiles 0.5 and 99.5 of the smoothed force [N]: its range without outliers."""
+        low, high = (float(v) for v in np.percentile(self.f, [0.5, 99.5]))
+        return low, high
 
     @cached_property
     def order(self) -> int:
@@ -153,55 +156,37 @@ class Prepared:
         return max(1, round(2.5 * self.width / self.period))
 
 
-def prepare(signals: Signals, bandwidth: float | None = None, force_lag: float = 0.0) -> Prepared:
-    """Interpolate, average and smooth a record.
-
-    Parameters
-    ----------
-    signals
-        The record.
-    bandwidth
-        Half-power frequency of the kernel [Hz]; None to choose it from the coherent band.
-    force_lag
-        Time constant of the force channel [s]. To compensate this lag, the position is delayed by
-        the same lag.
+def prepare(signals: Signals) -> Prepared:
+    """Interpolate, average and smooth a record, with the bandwidth of its coherent band.
 
     Raises
     ------
     ValueError
         No piece between gaps is long enough.
     """
-    period = float(np.median(signals.dt))
-    bounds = sorted({0, len(signals.t), *signals.gaps})
-    pieces = []
-    for start, end in pairwise(bounds):
-        t = signals.t[start:end]
-        count = int(np.floor((t[-1] - t[0]) / period + 0.5)) + 1 if len(t) > 1 else 1
-        if count < FEWEST:
-            continue
-        even = t[0] + period * np.arange(count)
-        x, f = (np.interp(even, t, channel[start:end]) for channel in (signals.x, signals.f))
-        x = Lag(force_lag).run(x, np.full(count, period))
-        pieces.append((even, x, f))
-    if not pieces:
-        raise ValueError(
-            f"no piece between gaps has {FEWEST} samples or more: expected longer pieces"
-        )
-    longest = max(pieces, key=lambda piece: len(piece[0]))
-    x_noise, f_noise = (measurement_noise(channel) for channel in longest[1:])
-    spectral = coherent_band(longest[1], longest[2], period)
-    stroke = stroke_band(longest[1], longest[2], period, x_noise)
-    band = combined(spectral, stroke) if stroke else spectral
+    return smoothed_record(resample(signals))
+
+
+def smoothed_record(resampled: Resampled, bandwidth: float | None = None) -> Prepared:
+    """Average and smooth a record on an even grid.
+
+    Parameters
+    ----------
+    resampled
+        The record.
+    bandwidth
+        Half-power frequency of the kernel [Hz]; None to choose it from the coherent band.
+    """
+    period, band = resampled.period, resampled.band
     corner = bandwidth or min(CORNER * band.high, 0.2 / period)
     width = kernel_width(corner)
     length = max(1, int(width / period / FINENESS))
-    f_count = smallest_step(signals.f)
-    step = smallest_step(longest[1]) / np.sqrt(12.0 * length)
+    step = resampled.step / np.sqrt(12.0 * length)
     grid: list[list[Floats]] = [[] for _ in range(6)]
     starts = [0]
     coarse = period * length
-    for even, x, f in pieces:
-        t, x, f = (block_means(channel, length) for channel in (even, x, f))
+    for piece in resampled.pieces:
+        t, x, f = (block_means(channel, length) for channel in piece)
         samples = width / coarse
         columns = (t, x, f, smooth(x, samples), slope(x, samples, coarse), smooth(f, samples))
         for column, values in zip(grid, columns, strict=True):
@@ -219,21 +204,10 @@ def prepare(signals: Signals, bandwidth: float | None = None, force_lag: float =
         width,
         band,
         tuple(starts[:-1]),
-        x_noise=max(x_noise / math.sqrt(length), step),
-        f_noise=f_noise / math.sqrt(length),
-        count=smallest_step(signals.x),
-        f_count=f_count,
-        f_rounding=repeated_rounding(f_count, f_noise),
-        ramp=band is stroke,
+        x_noise=max(resampled.x_noise / math.sqrt(length), step),
+        f_noise=resampled.f_noise / math.sqrt(length),
+        count=resampled.count,
+        f_count=resampled.f_count,
+        f_rounding=repeated_rounding(resampled.f_count, resampled.f_noise),
+        ramp=resampled.ramp,
     )
-
-
-def measurement_noise(values: Floats) -> float:
-    """Estimate the standard deviation of white noise from third differences.
-
-    Parameters
-    ----------
-    values
-        Evenly sampled values, shape (n,).
-    """
-    return float(1.4826 * np.median(np.abs(np.diff(values, 3))) / np.sqrt(20.0))

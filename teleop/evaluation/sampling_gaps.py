@@ -35,34 +35,6 @@ def closed_up(dt: Floats, gaps: Sequence[int]) -> Floats:
     return periods
 
 
-def condition(
-    conditioner: Conditioner,
-    t: Floats,
-    x: Floats,
-    f: Floats,
-    dt: Floats,
-    gaps: Sequence[int],
-) -> tuple[Regression, NDArray[np.bool_]]:
-    """Condition the signals separately in each piece between gaps.
-
-    Parameters
-    ----------
-    conditioner
-        The filters that condition the signals. They are reset at each gap.
-    t, x, f, dt
-        Time [s], position [m], force [N] and time since the previous sample [s], each of shape
-        (n,).
-    gaps
-        Index of the first sample after each gap.
-
-    Returns
-    -------
-    The regression of n samples, and a mask of shape (n,) that is True where the filters have
-    settled since the last gap.
-    """
-    return PiecewiseConditioner(conditioner).run(t, x, f, dt, gaps)
-
-
 class PiecewiseConditioner:
     """Conditions successive blocks of samples separately in each piece between gaps.
 
@@ -80,7 +52,21 @@ class PiecewiseConditioner:
     def run(
         self, t: Floats, x: Floats, f: Floats, dt: Floats, gaps: Sequence[int]
     ) -> tuple[Regression, NDArray[np.bool_]]:
-        """Condition the next n samples, with the arguments and the result of `condition`."""
+        """Condition the next n samples.
+
+        Parameters
+        ----------
+        t, x, f, dt
+            Time [s], position [m], force [N] and time since the previous sample [s], each of shape
+            (n,).
+        gaps
+            Index of the first sample after each gap.
+
+        Returns
+        -------
+        The regression of n samples, and a mask of shape (n,) that is True where the filters have
+        settled since the last gap.
+        """
         conditioner = self._conditioner
         bounds = sorted({0, len(t), *gaps})
         settled = np.ones(len(t), dtype=np.bool_)

@@ -80,14 +80,14 @@ def no_contact(record: Prepared) -> str:
 
 def rests_at_zero(record: Prepared) -> bool:
     """Return whether the highest force is nearly zero, relative to the force range."""
-    low, high = np.percentile(record.f, [0.5, 99.5])
-    return bool(abs(high) < ZERO * (high - low))
+    low, high = record.force_range
+    return abs(high) < ZERO * (high - low)
 
 
 def negative_force(record: Prepared) -> bool:
     """Return whether the lowest force is negative, and over three times as large as the highest."""
-    low, high = np.percentile(record.f, [0.5, 99.5])
-    return bool(low < 0.0 and high < -low / 3.0)
+    low, high = record.force_range
+    return low < 0.0 and high < -low / 3.0
 
 
 def too_few_per_cycle(record: Prepared) -> str | None:

@@ -8,6 +8,7 @@ import pytest
 from estimation import (
     Estimates,
     Regression,
+    coverage,
     estimated_force,
     force_error,
     least_squares,
@@ -29,6 +30,12 @@ def test_estimated_force_uses_the_present_estimate_and_prediction_the_previous_o
     regression = Regression(x, v, np.zeros(2), np.ones(2), np.empty((2, 0)))
     assert list(estimated_force(regression, estimates)) == [6.0, 3.0]
     assert list(predicted_force(regression, estimates)) == [0.0, 1.5]
+
+
+def test_coverage_counts_only_samples_whose_standard_deviation_is_known():
+    std = [1.0, 1.0, 1.0, math.nan, 1e12]
+    assert coverage([1.9, -1.9, 2.1, 0.0, 0.0], std, 0.0) == 2.0 / 3.0
+    assert math.isnan(coverage([0.0, 0.0], [math.nan, 1e12], 0.0))
 
 
 def test_rise_time_of_a_first_order_lag_is_its_time_constant_times_log_9():

@@ -17,7 +17,7 @@ from teleop.evaluation.estimate_settings import EstimateSettings
 from teleop.evaluation.evaluation import evaluate
 from teleop.evaluation.replay import is_replayed, recorded_settings, recorded_signals
 from teleop.evaluation.samples import RecordedSamples
-from teleop.evaluation.sampling_gaps import condition
+from teleop.evaluation.sampling_gaps import PiecewiseConditioner
 from teleop.evaluation.signals import Signals, periods, read_signals
 from teleop.recording.gaps import GapFinder, missing_text, missing_ticks
 from teleop.recording.recorder import RecorderProcess
@@ -141,7 +141,7 @@ def test_a_gap_of_any_length_does_not_change_the_settings_that_follow_the_data(c
 
 def test_signals_without_a_gap_are_conditioned_as_one():
     signals = linear((9.0, 9.0))
-    given, settled = condition(MatchedFilter(20.0), *signals[:1], *signals[1:4], ())
+    given, settled = PiecewiseConditioner(MatchedFilter(20.0)).run(*signals[:4], ())
     assert settled.all()
     for ours, theirs in zip(given, MatchedFilter(20.0).run(*signals[1:4]), strict=True):
         np.testing.assert_array_equal(ours, theirs)
