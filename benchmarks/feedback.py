@@ -32,6 +32,7 @@ from teleop.trial.feedback_checks import delayed_loop, lag
 
 CUBES = ("soft", "medium", "hard")
 ROUND_TRIPS = (0.0, 0.05, 0.1, 0.2, 0.5)
+PASSIVITY_ROUND_TRIPS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.5)
 MAP_ROUND_TRIPS = tuple(
     1e-3 * ms for ms in (0, 1, 3, 5, 10, 20, 40, 60, 80, 100, 120, 160, 200, 300, 500)
 )
@@ -109,8 +110,10 @@ def run_single(case: Row) -> list[Row]:
 
 def passivity(seeds: int, rigid: bool) -> Iterator[Row]:
     """Yield the trials with passivity control."""
-    for cube, trip, seed in itertools.product(CUBES, ROUND_TRIPS, range(seeds)):
-        yield {"law": "passivity", "cube": cube, "round_trip": trip, "seed": seed, "rigid": rigid}
+    grid = itertools.product(CUBES, PASSIVITY_ROUND_TRIPS, ("force", "depth"), ARMS, range(seeds))
+    for cube, trip, operator, arm, seed in grid:
+        case = {"law": "passivity", "cube": cube, "round_trip": trip, "operator": operator}
+        yield case | {"arm": arm, "seed": seed, "rigid": rigid}
 
 
 PARTS = {
@@ -123,7 +126,7 @@ KEYS = {
     "acceptance": ("cube", "round_trip"),
     "bodies": ("body", "cube", "round_trip"),
     "map": ("cube", "damping", "arm", "round_trip"),
-    "passivity": ("cube", "round_trip"),
+    "passivity": ("cube", "round_trip", "operator", "arm"),
 }
 """Arguments by which the summary groups the trials of a part."""
 

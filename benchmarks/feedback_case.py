@@ -74,8 +74,13 @@ def settings_of(
     loss: float = 0.0,
     rigid: bool = False,
     duration: float = DURATION,
+    operator: str = "force",
 ) -> TrialSettings:
-    """Return the settings of a trial; `rigid` selects a transmission without lost motion."""
+    """Return the settings of a trial.
+
+    `rigid` selects a transmission without lost motion. The operator `force` reverses the motion at
+    the contact force `AIM`, and the operator `depth`, the default of a trial, at a depth.
+    """
     settings = TrialSettings(cube=cube, clock="virtual", duration=duration, seed=seed)
     setup = settings.setup
     withdrawal = -0.2 if body in ("loose", "stiffer at the next contact") else 0.5
@@ -91,7 +96,9 @@ def settings_of(
         feedback=FeedbackSettings(law),
         channel=ChannelSettings(0.5 * round_trip, jitter, loss),
         admittance=AdmittanceParameters(damping=damping),
-        operator_model=OperatorModel(arm, AIM, withdrawal),
+        operator_model=OperatorModel(arm, AIM, withdrawal)
+        if operator == "force"
+        else OperatorModel(arm),
         tightened_limits=TightenedLimits(soft_force=SOFT, hard_force=HARD),
     )
 

@@ -167,14 +167,16 @@ def test_passivity_control_is_offered_only_where_all_trials_were_stable(refused)
             for row in rows
             if row["cube"] == cube and shortest <= float(row["round_trip"]) <= longest
         ]
-        assert len(offered) >= 20
+        assert len(offered) >= 20 * 3 * 2
         assert all(row["stable"] == "True" for row in offered)
         for trip in (shortest, longest):
             check_feedback(settings("passivity", ChannelSettings(0.5 * trip), cube=cube))
 
 
-def test_passivity_control_is_offered_without_a_delay_on_the_soft_cube():
-    assert check_feedback(settings("passivity")) == ""
+def test_passivity_control_is_refused_without_a_delay(refused):
+    line = refused(*RUN, "--feedback", "passivity")
+    assert "round trip of 0 ms" in line
+    assert "expected the soft cube of the simulated rig with a round trip of 50 to 500 ms" in line
 
 
 @pytest.mark.parametrize(
