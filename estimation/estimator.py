@@ -73,8 +73,8 @@ class Estimates(NamedTuple):
     further: Mapping[str, Series] = MappingProxyType({})
     """Estimates of the parameters besides b and k, by name."""
 
-    def part(self, samples: slice | NDArray[np.bool_]) -> Estimates:
-        """Return the estimates of some of the samples, given by a slice or a mask."""
+    def part(self, samples: slice | NDArray[np.intp] | NDArray[np.bool_]) -> Estimates:
+        """Return the estimates of some of the samples, given by a slice, indices or a mask."""
         further = {name: Series(*(s[samples] for s in series)) for name, series in self[5].items()}
         b, k, b_std, k_std, held = (
             self.b[samples],

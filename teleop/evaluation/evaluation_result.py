@@ -24,7 +24,7 @@ from teleop.evaluation.averaged_part import WHOLE, AveragedPart
 from teleop.evaluation.conditioned import Conditioned
 from teleop.evaluation.datum import Datum
 from teleop.evaluation.model_comparison import cost as sample_cost
-from teleop.evaluation.online import OnlineResult, table
+from teleop.evaluation.online import OnlineResult
 from teleop.evaluation.reason import Reason
 
 FEWEST_KEPT = 0.9
@@ -189,7 +189,3 @@ class Evaluation(Presented):
             **self.analysis.summary(),
             "kept_force_variance": self.kept_force_variance,
         }
-
-    def columns(self) -> tuple[dict[str, Floats], dict[str, str]]:
-        """Return signals and estimates as columns of shape (n,), and the unit of each column."""
-        return table(self.bank, *self.online[:5])

@@ -140,7 +140,7 @@ class OnlineRun:
                     np.array_equal(ours, theirs[used], equal_nan=True)
                     for ours, theirs in zip(series[:2], recorded[name], strict=True)
                 )
-            kept.put_estimates(start, name, at(series, chosen))
+            kept.put_estimates(start, name, series.part(chosen))
             kept.put(start, (name, MISFIT), values[chosen])
             if self._write:
                 estimates[name], misfit[name] = series, values
@@ -221,22 +221,6 @@ class KeptArrays:
         }
         b, k, b_std, k_std, held = (self.get(count, name, f) for f in Estimates._fields[:5])
         return Estimates(b, k, b_std, k_std, held, further)
-
-
-def at(estimates: Estimates, indices: NDArray[np.intp]) -> Estimates:
-    """Return the estimates after the samples with these indices."""
-    further = {
-        name: Series(series.value[indices], series.std[indices])
-        for name, series in estimates.further.items()
-    }
-    return Estimates(
-        estimates.b[indices],
-        estimates.k[indices],
-        estimates.b_std[indices],
-        estimates.k_std[indices],
-        estimates.held[indices],
-        further,
-    )
 
 
 def table(

@@ -140,9 +140,11 @@ def run_trial(
                 raise
     finally:
         switch.clean_up()
-        if later:
-            later.close()
-        outcomes = [sink.close() for sink in sinks]
+        try:
+            if later:
+                later.close()
+        finally:
+            outcomes = [sink.close() for sink in sinks]
     assert loop
     ticks: Recording | RecordingFile
     outcome = outcomes[0] if record else Outcome(None, loop.ticks, 0, "")

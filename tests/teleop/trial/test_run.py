@@ -381,3 +381,14 @@ def test_other_rates_find_the_stiffness_too(rate):
     trial = run_trial(replace(QUICK, rate=rate))
     k = np.median(trial.columns["rls_k"][len(trial.columns["time"]) // 2 :])
     assert k == pytest.approx(2100.0, rel=0.15)
+
+
+def test_an_interrupt_while_the_estimates_are_completed_closes_the_recording(monkeypatch, tmp_path):
+    def close(self):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(later_estimates.LaterEstimates, "close", close)
+    path = tmp_path / "run.mcap"
+    with pytest.raises(KeyboardInterrupt):
+        run_trial(QUICK, path)
+    load(path)  # raises an error if the recording is not complete
