@@ -103,10 +103,12 @@ def first_stage(
 def second_stage(
     state: DoubleStageState, beta: float, n: float, lx: float, relative: float, f: float
 ) -> float:
-    """Return n from a least-squares fit of ln(f / relative) = n l.
+    """Return the exponent n from a weighted least-squares fit of ln(f / relative) = n l.
 
-    `relative` is K x0^n + B x0^n v. The weight of a sample is f^2 (estimate / f)^(3/2). The second
-    factor of the weight removes the bias of the logarithm of a noisy force.
+    Here l = ln(x / x0) (`lx`), and `relative` is the force at x0 with the velocity v that the first
+    stage predicts. The weight of a sample is f^2 (estimate / f)^(3/2), where `estimate` is the
+    force that the previous n predicts. The factor f^2 gives less weight to small forces, whose logarithm
+    has more noise. The second factor removes the bias of the logarithm of a noisy force.
     """
     if relative <= LEAST_RELATIVE * f:
         return n

@@ -206,7 +206,7 @@ def correct_with_gain(
 
 
 def forgetting_rate(forgetting: float, sample_period: float | None) -> float:
-    """Return the rate [1/s] of a factor `forgetting` per `sample_period` [s]; 0 for no period.
+    """Return the forgetting rate -ln(forgetting) / sample_period [1/s]; 0 without a period.
 
     Raises
     ------

@@ -57,7 +57,7 @@ class BlackBox(Sink):
         Parameters
         ----------
         metadata
-            Metadata of the session: named records with texts by key.
+            Metadata of the session: dictionaries of texts, by the name of the record.
         """
         messages = b"".join(self._messages)
         return from_messages(self._layout.definition, messages, self._events, metadata)
@@ -70,7 +70,7 @@ class BlackBox(Sink):
         path
             The file.
         metadata
-            Metadata of the session: named records with texts by key.
+            Metadata of the session: dictionaries of texts, by the name of the record.
         start
             Wall-clock time of the beginning of the trial, since 1970 [ns].
 

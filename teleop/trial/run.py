@@ -194,7 +194,7 @@ def write_black_box(
     box
         A black box in which a fault is stored.
     metadata
-        Metadata of the session: named records with texts by key.
+        Metadata of the session: dictionaries of texts, by the name of the record.
     start
         Wall-clock time of the beginning of the trial [ns].
 

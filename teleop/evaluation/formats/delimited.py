@@ -168,7 +168,10 @@ class Scan:
         self._rows: Rows | None = None
 
     def feed(self, first: int, lines: list[str]) -> None:
-        """Process lines; `first` is the number of the first line."""
+        """Parse the next lines of the file, and store their rows.
+
+        `first` is the line number of the first of these lines, for error messages.
+        """
         i = 0
         while i < len(lines):
             if self._rows:

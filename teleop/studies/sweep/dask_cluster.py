@@ -88,7 +88,10 @@ def on_dask(address: str, count: int | None = None) -> Execute:
 
 
 def alone(client: Any, task: Task, point: Point) -> Results:
-    """Run a point while no other point runs."""
+    """Run a point when the cluster has no other work, and return its results.
+
+    If this point kills its worker repeatedly, the result is an error.
+    """
     from distributed import KilledWorker
 
     for _ in range(ATTEMPTS):
