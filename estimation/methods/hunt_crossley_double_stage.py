@@ -107,8 +107,8 @@ def second_stage(
 
     Here l = ln(x / x0) (`lx`), and `relative` is the force at x0 with the velocity v that the first
     stage predicts. The weight of a sample is f^2 (estimate / f)^(3/2), where `estimate` is the
-    force that the previous n predicts. The factor f^2 gives less weight to small forces, whose logarithm
-    has more noise. The second factor removes the bias of the logarithm of a noisy force.
+    force that the previous n predicts. The factor f^2 gives less weight to small forces, whose
+    logarithm has more noise. The second factor removes the bias of the logarithm of a noisy force.
     """
     if relative <= LEAST_RELATIVE * f:
         return n
