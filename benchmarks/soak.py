@@ -6,9 +6,10 @@
 
 `teleop run` runs in real time and records, while another process keeps the other processor busy.
 The memory and the open descriptors of each of its processes (loop, recorder, live process) are
-measured every second. Their growth is the difference between the largest value after the first
-minute, or the first fifth of the run, and the value at that time. With `--live`, eight pages are
-opened and closed at random.
+measured every second. Their growth is the median memory in the last tenth of the run, minus the
+median memory in a tenth of the run that begins after the first minute, or the first fifth of the
+run. The peak is the largest value after this time, minus the same median. With `--live`, eight
+pages are opened and closed at random.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ import tempfile
 import time
 from datetime import date
 from pathlib import Path
+from statistics import median
 from typing import Any, NamedTuple
 
 from live_session import Session, now, session
@@ -130,12 +132,16 @@ def report(out: str, found: dict[str, list[Usage]], seconds: float) -> None:
         after = [value for value in values if value.time >= warm]
         if not after:
             continue
-        first, last = after[0], after[-1]
-        growth = max(value.memory for value in after) - first.memory
+        tenth = max(len(values) // 10, 1)
+        first, last = (
+            median(value.memory for value in part) for part in (after[:tenth], values[-tenth:])
+        )
+        peak = max(value.memory for value in after) - first
         most = max(value.descriptors for value in after)
         print(
-            f"  {name:9} {first.memory:6.1f} MB, growth {growth:+.2f} MB after {warm:.0f} s; "
-            f"descriptors {first.descriptors}, at most {most}, at the end {last.descriptors}"
+            f"  {name:9} {first:6.1f} MB, growth {last - first:+.2f} MB after {warm:.0f} s, peak "
+            f"{peak:+.2f} MB; descriptors {after[0].descriptors}, at most {most}, at the end "
+            f"{after[-1].descriptors}"
         )
 
 
