@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from teleop.commands.one_trial import TrialRunner
     from teleop.studies.series.conduct import Answer
-    from teleop.studies.series.plan import PlannedTrial
+    from teleop.studies.series.trials import PlannedTrial
     from teleop.trial.live_link import LiveLink
     from teleop.trial.settings import TrialSettings
 

@@ -14,7 +14,7 @@ from teleop.names import RealtimeName
 
 if TYPE_CHECKING:
     from teleop.studies.series.conduct import Answer
-    from teleop.studies.series.plan import PlannedTrial
+    from teleop.studies.series.trials import PlannedTrial
     from teleop.trial.live_link import LiveLink
     from teleop.trial.result import Trial
     from teleop.trial.settings import TrialSettings
@@ -76,7 +76,8 @@ def series(
         no_note,
         unattended,
     )
-    from teleop.studies.series.plan import on_rig, planned_trials, read_plan
+    from teleop.studies.series.plan import on_rig, read_plan
+    from teleop.studies.series.trials import planned_trials
     from teleop.trial.stop_key import is_foreground
 
     read = read_plan(plan)

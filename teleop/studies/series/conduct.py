@@ -14,8 +14,9 @@ from teleop.files import make_folder
 from teleop.safety.events import time_text
 from teleop.studies.json_lines import LOCK, locked
 from teleop.studies.series.journal import NAME, Journal
-from teleop.studies.series.plan import Plan, PlannedTrial
+from teleop.studies.series.plan import Plan
 from teleop.studies.series.table import RECORDINGS, write_results
+from teleop.studies.series.trials import PlannedTrial
 from teleop.trial.result import Trial
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
@@ -87,8 +88,8 @@ def conduct(
     A trial is repeated if it was stopped for safety, interrupted, or recorded incompletely. The
     recording of the failed attempt is kept. A trial may also be impossible to run, for example
     because the rig cannot be opened. Then the same trial is proposed again if a person is asked
-    before each trial. Otherwise, the series ends with an error. The table of results is written
-    after each trial.
+    before each trial. Otherwise, the series ends with an error. The table of results is written at
+    the start, after each trial, and after each note.
 
     Parameters
     ----------
@@ -122,6 +123,7 @@ def conduct(
     make_folder(folder / NAME)
     with locked(folder):
         journal = open_journal(folder, plan, trials)
+        write_results(folder, trials, journal)
         if any(journal.attempts(trial.number) or journal.last(trial.number) for trial in trials):
             report(resumed_text(folder, counts(journal, trials)))
         repeated: PlannedTrial | None = None
@@ -152,13 +154,14 @@ def conduct(
                 if ask is unattended:
                     raise
                 problem, was_run = str(error), False
+            write_results(folder, trials, journal)
             rested = time.monotonic()
             again = "; the same trial is next" if problem and ask is not unattended else ""
             report(f"{trial.number} of {len(trials)}, {trial.label}: {problem or 'done'}{again}")
             if was_run and (after := ask_note(trial)):
                 attempts = journal.attempts(trial.number)
                 journal.write("note", trial.number, attempt=attempts, note=after)
-            write_results(folder, trials, journal)
+                write_results(folder, trials, journal)
             if problem and ask is unattended:
                 if problem == INTERRUPTED:
                     raise KeyboardInterrupt

@@ -21,7 +21,8 @@ from teleop.recording.recording import load
 from teleop.studies.json_lines import locked
 from teleop.studies.series.conduct import conduct
 from teleop.studies.series.journal import Journal
-from teleop.studies.series.plan import planned_trials, read_plan
+from teleop.studies.series.plan import read_plan
+from teleop.studies.series.trials import planned_trials
 from teleop.trial.averaged import recorded_part
 from teleop.trial.run import run_trial
 
@@ -221,6 +222,51 @@ def test_two_series_in_one_folder_are_refused(plan, tmp_path):
         conduct(folder, *plan)
 
 
+def done_trials(folder):
+    return [str(result["trial"]) for result in Journal(folder).results()]
+
+
+def interrupted(*_):
+    raise KeyboardInterrupt
+
+
+def test_a_trial_is_in_the_table_before_the_person_is_asked_for_a_note(plan, tmp_path):
+    folder = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        conduct(folder, *plan, ask=Person("run"), ask_note=interrupted)
+    assert [row["trial"] for row in rows(folder)] == done_trials(folder) == ["1"]
+
+
+@pytest.mark.parametrize("answers", [(), ("quit",), ("skip", "skip"), ("run", "run")])
+@pytest.mark.parametrize("damage", [Path.unlink, lambda path: path.write_text("trial\n")])
+def test_a_table_that_does_not_agree_with_the_journal_is_rebuilt_at_the_start(
+    plan, tmp_path, answers, damage
+):
+    folder = tmp_path / "out"
+    conduct(folder, *plan, ask=Person("run"))
+    damage(folder / "trials.csv")
+    conduct(folder, *plan, ask=Person(*answers))
+    assert [row["trial"] for row in rows(folder)] == done_trials(folder)
+    conduct(folder, *plan)
+    damage(folder / "trials.csv")
+    conduct(folder, *plan)  # the series is complete
+    assert [row["trial"] for row in rows(folder)] == done_trials(folder)
+
+
+def test_a_table_that_agrees_with_the_journal_is_not_written_again(plan, tmp_path):
+    folder = tmp_path / "out"
+    conduct(folder, *plan)
+    before = (folder / "trials.csv").stat()
+    conduct(folder, *plan)
+    assert (folder / "trials.csv").stat() == before
+
+
+def test_a_trial_whose_repetition_is_spoilt_is_no_longer_in_the_table(plan, tmp_path):
+    folder = tmp_path / "out"
+    conduct(folder, *plan, ask=Person("run", "repeat", "run"), run=Spoiling(2))
+    assert rows(folder) == []
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
 def test_a_series_that_is_killed_again_and_again_completes_and_loses_nothing(plan, tmp_path):
     command = [sys.executable, "-m", "teleop", "series", "plan.toml", "--out", "out"]
@@ -241,6 +287,40 @@ def test_a_series_that_is_killed_again_and_again_completes_and_loses_nothing(pla
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment)
     assert done.returncode == 0, done.stderr
     assert [row["cube"] for row in rows(tmp_path / "out")] == ["soft", "medium", "hard"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
+def test_after_a_kill_at_a_prompt_a_trial_or_a_note_the_table_has_every_done_trial(plan, tmp_path):
+    command = [sys.executable, "-m", "teleop", "series", "plan.toml", "--out", "out", "--ask"]
+    chance = random.Random(4)
+    folder = tmp_path / "out"
+
+    def start(typed):
+        process = subprocess.Popen(
+            command, cwd=tmp_path, stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        process.stdin.write(typed)
+        process.stdin.flush()
+        return process
+
+    at_note = 0
+    for attempt in range(6):
+        process = start("\n")  # runs one trial, and types no answer to the note question
+        for line in process.stderr:
+            if line.startswith("Note on trial"):
+                at_note += 1
+                break
+            if attempt % 2 and line.startswith("Enter runs it"):
+                time.sleep(chance.uniform(0.0, 0.5))
+                break
+        process.kill()
+        process.communicate()
+        time.sleep(0.3)  # the recorder writes what it was sent
+        done = done_trials(folder)
+        start("").communicate()  # its input is closed, which means quit
+        assert [row["trial"] for row in rows(folder)] == done_trials(folder) == done
+    assert at_note >= 3
+    assert done == ["1", "2", "3"]
 
 
 def test_the_command_asks_before_each_trial_if_the_options_say_so(tmp_path, monkeypatch, capsys):

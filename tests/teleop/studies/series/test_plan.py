@@ -8,8 +8,9 @@ import pytest
 
 from sim_backend import DEPTH
 from teleop.errors import InputError
-from teleop.studies.series import plan
-from teleop.studies.series.plan import on_rig, planned_trials, read_plan
+from teleop.studies.series import trials as series_trials
+from teleop.studies.series.plan import on_rig, read_plan
+from teleop.studies.series.trials import planned_trials
 
 PLAN = """
 name = "study"
@@ -122,9 +123,9 @@ def test_a_seed_that_is_no_number_is_refused(read):
 
 def test_the_files_of_a_combination_of_levels_are_read_once(read, monkeypatch):
     documents = []
-    original = plan.settings_from
+    original = series_trials.settings_from
     monkeypatch.setattr(
-        plan, "settings_from", lambda *given: documents.append(given) or original(*given)
+        series_trials, "settings_from", lambda *given: documents.append(given) or original(*given)
     )
     trials = planned_trials(read(PLAN.replace("repetitions = 2", "repetitions = 5")), Path())
     assert len(trials) == 40
