@@ -114,7 +114,7 @@ class PageOfSeries:
         self._count = count
         self._pending: dict[str, Any] | None = None
 
-    def ask(self, trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
+    def ask(self, trial: PlannedTrial, prompt: str, can_repeat: bool) -> tuple[Answer, str]:
         """Return the answer of the person (run, skip, repeat or quit), and a note."""
         from teleop.interruption import stop_signals
 

@@ -22,9 +22,9 @@ from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
 Answer = Literal["run", "skip", "repeat", "quit"]
-Ask = Callable[[PlannedTrial, str], tuple[Answer, str]]
-"""Function that asks a person whether to run a trial. Its arguments are the trial and a prompt. It
-returns the answer and a note."""
+Ask = Callable[[PlannedTrial, str, bool], tuple[Answer, str]]
+"""Function that asks a person whether to run a trial. Its arguments are the trial, a prompt, and
+whether there is a trial to repeat. It returns the answer and a note."""
 AskNote = Callable[[PlannedTrial], str]
 """Function that asks a person for a note on a trial that has ended. It returns an empty text if
 there is no note."""
@@ -35,7 +35,7 @@ ATTEMPTS = 3
 """Number of failed attempts of one trial after which an unattended series ends with an error."""
 
 
-def unattended(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
+def unattended(trial: PlannedTrial, prompt: str, can_repeat: bool) -> tuple[Answer, str]:
     """Return the answer "run" and no note, without asking a person."""
     return "run", ""
 
@@ -132,7 +132,8 @@ def conduct(
             (t for t in trials if not journal.is_finished(t.number)), None
         ):
             time.sleep(max(rested + plan.rest_s - time.monotonic(), 0.0))
-            answer, note = ask(trial, prompt_of(plan, trial, len(trials)))
+            last = journal.last_answered()
+            answer, note = ask(trial, prompt_of(plan, trial, len(trials)), last is not None)
             if answer == "skip" and not repeated:
                 journal.write("skipped", trial.number, note=note)
                 continue
@@ -141,7 +142,8 @@ def conduct(
             if answer == "quit":
                 break
             if answer == "repeat":  # its prompt states what is armed
-                last = journal.last_answered()
+                if last is None:
+                    report("there is no trial to repeat: no trial was run or skipped")
                 repeated = next((t for t in trials if t.number == last), None)
                 continue
             if answer == "skip":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 import random
 import signal
@@ -54,8 +55,10 @@ class Person:
     def __init__(self, *answers):
         self.answers = [*answers]
         self.prompts = []
+        self.can_repeat = []
 
-    def __call__(self, trial, prompt):
+    def __call__(self, trial, prompt, can_repeat):
+        self.can_repeat.append(can_repeat)
         self.prompts.append(prompt)
         return self.answers.pop(0) if self.answers else "quit", "a note"
 
@@ -150,10 +153,20 @@ def test_a_trial_that_cannot_be_run_is_asked_for_again(plan, tmp_path, error):
 
 
 def test_before_the_first_trial_there_is_none_to_repeat(plan, tmp_path):
-    person = Person("repeat", "quit")
-    journal = conduct(tmp_path / "out", *plan, ask=person)
+    reports, person = [], Person("repeat", "quit")
+    journal = conduct(tmp_path / "out", *plan, ask=person, report=reports.append)
+    assert reports == ["there is no trial to repeat: no trial was run or skipped"]
     assert journal.attempts(1) == 0
     assert [prompt[:7] for prompt in person.prompts] == ["trial 1", "trial 1"]
+
+
+def test_a_repetition_is_offered_only_after_a_trial(plan, tmp_path):
+    person = Person("run", "skip", "quit")
+    conduct(tmp_path / "out", *plan, ask=person)
+    assert person.can_repeat == [False, True, True]
+    resumed = Person("quit")
+    conduct(tmp_path / "out", *plan, ask=resumed)
+    assert resumed.can_repeat == [True]
 
 
 def test_a_spoilt_trial_is_repeated_and_its_recording_is_kept(plan, tmp_path):
@@ -334,6 +347,73 @@ def test_the_command_asks_before_each_trial_if_the_options_say_so(tmp_path, monk
     assert "Expected Enter, s, r or q." in captured.err
     assert Journal(tmp_path / "series-short").last(2)["note"] == "too soft"
     assert [row["note"] for row in rows(tmp_path / "series-short")] == ["slipped once"]
+
+
+INTERRUPT = object()
+"""Answer of a person who presses Ctrl-C."""
+
+
+@pytest.fixture
+def command(tmp_path, monkeypatch, capsys):
+    """Run the command with typed lines, and return its exit code, output and messages."""
+    (tmp_path / "plan.toml").write_text(PLAN)
+    monkeypatch.chdir(tmp_path)
+
+    def command(lines, *options):
+        typed = iter(lines)
+
+        def readline():
+            line = next(typed)
+            return interrupted() if line is INTERRUPT else line
+
+        monkeypatch.setattr("sys.stdin.readline", readline, raising=False)
+        capsys.readouterr()
+        try:
+            code = main(["series", "plan.toml", "--ask", *options])
+        except SystemExit as end:
+            code = end.code
+        return code, *capsys.readouterr()
+
+    return command
+
+
+@pytest.mark.parametrize(
+    ("lines", "code", "done"),
+    [
+        (["q\n"], 0, 0),
+        ([INTERRUPT], 130, 0),
+        (["\n", INTERRUPT], 130, 1),  # at the question for a note
+        (["\n", "\n", INTERRUPT], 130, 1),
+        (["\n", "\n", "q\n"], 0, 1),
+    ],
+)
+def test_after_q_or_ctrl_c_the_counts_and_the_command_that_resumes_are_shown(
+    command, lines, code, done
+):
+    found, out, _ = command(lines, "--out", "my series")
+    assert found == code
+    assert f"my series: {done} of 3 trials done, 0 skipped, {3 - done} pending" in out
+    assert "resume with: teleop series plan.toml --out 'my series' --ask" in out
+    found, out, _ = command(["\n"] * 2 * (3 - done), "--out", "my series")
+    assert "3 of 3 trials done" in out
+    assert "resume" not in out
+
+
+def test_after_ctrl_c_the_document_has_the_counts(command):
+    code, out, _ = command([INTERRUPT], "--json")
+    assert code == 130
+    assert json.loads(out) == {"folder": "series-short", "done": 0, "skipped": 0, "pending": 3}
+
+
+def test_the_prompt_offers_a_repetition_only_if_there_is_a_trial_to_repeat(command):
+    _, _, err = command(["r\n", "s\n", "q\n"])
+    lines = [line for line in err.splitlines() if not line.startswith("trial")]
+    assert lines == [
+        "Enter runs it, s skips it, q quits.",
+        "teleop: there is no trial to repeat: no trial was run or skipped",
+        "Enter runs it, s skips it, q quits.",
+        "Enter runs it, s skips it, r repeats the last one, q quits.",
+    ]
 
 
 def test_the_order_is_shown_without_running_anything(tmp_path, monkeypatch, capsys):
