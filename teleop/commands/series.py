@@ -116,7 +116,7 @@ def series(
             if link and by_page:
                 page = PageOfSeries(link, len(trials))
                 before, after = page.ask, page.ask_note
-            one = partial(run, link=link)
+            one = partial(run, link=link, explained=before is person)
             conduct(folder, read, trials, before, after, one, print_error)
     except KeyboardInterrupt:
         try:
@@ -128,13 +128,18 @@ def series(
     return 0
 
 
-def run(settings: TrialSettings, path: Path, link: LiveLink | None = None) -> Trial:
-    """Run and record a trial, with a progress line, the emergency stop key, and the live page."""
+def run(
+    settings: TrialSettings, path: Path, link: LiveLink | None = None, explained: bool = False
+) -> Trial:
+    """Run and record a trial, with a progress line, the emergency stop key, and the live page.
+
+    `explained` is whether a person has read how to stop the trials on a hardware rig.
+    """
     from teleop.trial.run import run_trial
     from teleop.trial.stop_switch import StopSwitch
 
     real: RealtimeName = "try" if settings.clock == "real" else "off"
-    with StopSwitch(key=True) as switch:
+    with StopSwitch(key=True, explained=explained and bool(settings.rig)) as switch:
         trial = run_trial(settings, path, sys.stderr.isatty(), switch, real, live=link)
     if link:
         link.show_result(trial)

@@ -450,14 +450,15 @@ def test_a_series_on_a_rig_of_devices_needs_a_person_or_yes(tmp_path, refused):
 def test_the_prompt_of_a_series_arms_the_drives_and_is_the_only_one(tmp_path, monkeypatch, capsys):
     run = []
     monkeypatch.setattr(
-        "teleop.commands.series.run", lambda *given, link: run.append(given) or 1 / 0
+        "teleop.commands.series.run", lambda *given, **options: run.append(options) or 1 / 0
     )
     answers = iter(["\n"])
     monkeypatch.setattr("sys.stdin.readline", lambda: next(answers), raising=False)
     with pytest.raises(ZeroDivisionError):
         main(["series", str(wired_plan(tmp_path)), "--out", str(tmp_path / "out"), "--ask"])
-    assert len(run) == 1
+    assert [options["explained"] for options in run] == [True]
     prompt = " ".join(capsys.readouterr().err.split())
+    assert prompt.count("Ctrl-C ramps the drives down and ends the trial") == 1
     for part in ("serial board: autonomous, liver, 0.5 s, depth 3 mm, force limit 200 N", "Ctrl-C"):
         assert part in prompt
 
