@@ -75,18 +75,14 @@ def series(
         no_note,
         unattended,
     )
-    from teleop.studies.series.plan import on_rig, read_plan
-    from teleop.studies.series.trials import planned_trials
+    from teleop.studies.series.trials import read_series
     from teleop.trial.stop_key import is_foreground
 
     options = {"rig": rig, "tare": tare, "out": out, "ask": ask, "no_ask": ask is False}
     resume = resuming_command(plan, options | {"yes": yes, "json": json}, live)
-    read = read_plan(plan)
     if tare and not rig:
         raise InputError("--tare: expected also --rig, the rig to which the zero offsets belong")
-    if rig:
-        read = on_rig(read, rig, tare)
-    trials = planned_trials(read, plan.parent)
+    read, trials = read_series(plan, rig, tare)
     folder = out or Path(f"series-{read.name}")
     if dry_run and json:
         print_json({"trials": [{**trial.levels, "number": trial.number} for trial in trials]})

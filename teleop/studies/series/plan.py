@@ -2,20 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import contextlib
+import re
+from collections.abc import Collection, Iterator, Sequence
+from copy import deepcopy
 from importlib.resources import as_file, files
+from math import prod
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
-from teleop.errors import InputError, invalid_parts
+from sim_backend import CUBES
+from teleop.control.conditions import CONDITIONS
+from teleop.errors import invalid_lines
 from teleop.studies.series.order import OrderName
 from teleop.trial.configuration import read_toml
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,40}$")]
 """Name of a factor or a level, which is used in file names."""
 MOST_TRIALS = 10_000
+PLACEHOLDER = re.compile(r"\{([^{}]*)\}")
+"""Pattern of a placeholder in a prompt."""
+SETTINGS: dict[str, Collection[str]] = {
+    "condition": CONDITIONS,
+    "cube": CUBES,
+    "specimen": (),
+    "operator": (),
+}
+"""Factors that set the setting of the same name, with the values of this setting; empty for any
+name. A level with other settings in `levels` may have a name that is not a value of the setting."""
 
 
 class Plan(BaseModel):
@@ -72,8 +88,8 @@ def on_rig(plan: Plan, rig: Path, tare: Path | None = None) -> Plan:
     return plan.model_copy(update={"settings": settings})
 
 
-def read_plan(path: Path) -> Plan:
-    """Read the plan of a series from a file, and check it.
+def plan_document(path: Path) -> dict[str, Any]:
+    """Return the contents of the file of a plan.
 
     Parameters
     ----------
@@ -83,40 +99,80 @@ def read_plan(path: Path) -> Plan:
     Raises
     ------
     InputError
-        The file cannot be read, or is not a valid plan. The message lists all problems.
+        The file cannot be read, or is not a TOML file.
     """
     packaged = files(__package__).joinpath("plans", f"{path}.toml")
     if not path.suffix and packaged.is_file():
         with as_file(packaged) as source:
-            document = read_toml(source)
-    else:
-        document = read_toml(path)
+            return read_toml(source)
+    return read_toml(path)
+
+
+def checked_plan(document: dict[str, Any]) -> tuple[Plan, list[str]]:
+    """Return the valid part of a plan, and a message for each problem.
+
+    Parameters
+    ----------
+    document
+        Contents of the file of the plan. Items that are invalid are left out of the plan, so that
+        the rest of the plan can be checked.
+    """
     try:
         plan = Plan.model_validate(document)
     except ValidationError as error:
-        raise InputError(f"{path}: {invalid_parts(error)}") from error
-    problems = [*inconsistencies(plan)]
-    if problems:
-        raise InputError("\n".join(f"{path}: {problem}" for problem in problems))
-    return plan
+        problems = invalid_lines(error)
+        kept = deepcopy(document)
+        for part in reversed(error.errors()):  # the last item of a list first
+            remove(kept, [key for key in part["loc"] if key != "[key]"])
+        plan = Plan.model_construct(**{"name": "", "factors": {}} | kept)
+    else:
+        problems = []
+    return plan, [*problems, *inconsistencies(plan, document.get("factors"))]
 
 
-def inconsistencies(plan: Plan) -> Iterator[str]:
-    """Yield a message for each inconsistency of a plan."""
-    for name in plan.blocks:
-        if name not in plan.factors:
-            yield f"blocks: {name!r}: expected one of the factors {', '.join(plan.factors)}"
+def remove(document: Any, place: Sequence[str | int]) -> None:
+    """Remove the item at a place of a document, unless it is missing or was already removed."""
+    *outer, last = place
+    with contextlib.suppress(KeyError, IndexError, TypeError):
+        for key in outer:
+            document = document[key]
+        del document[last]
+
+
+def inconsistencies(plan: Plan, stated: object) -> Iterator[str]:
+    """Yield a message for each inconsistency of a plan.
+
+    Parameters
+    ----------
+    plan
+        The plan.
+    stated
+        The factors in the file of the plan, including those that are invalid.
+    """
     for name, levels in plan.factors.items():
         if not levels or len(set(levels)) < len(levels):
             yield f"factors.{name}: expected distinct levels"
-    for name, settings in plan.levels.items():
-        if name not in plan.factors:
-            yield f"levels.{name}: expected one of the factors {', '.join(plan.factors)}"
-            continue
-        for level in settings.keys() - set(plan.factors[name]):
-            yield f"levels.{name}.{level}: expected one of {', '.join(plan.factors[name])}"
-    trials = plan.repetitions
-    for levels in plan.factors.values():
-        trials *= len(levels)
+    trials = plan.repetitions * prod(map(len, plan.factors.values()))
     if trials > MOST_TRIALS:
         yield f"{trials} trials: expected at most {MOST_TRIALS}"
+    if not isinstance(stated, dict):
+        return
+    factors = f"expected one of the factors {', '.join(stated)}"
+    for name in plan.blocks:
+        if name not in stated:
+            yield f"blocks: {name!r}: {factors}"
+    for name, settings in plan.levels.items():
+        if name not in stated:
+            yield f"levels.{name}: {factors}"
+        elif isinstance(stated[name], list):
+            for level in settings:
+                if level not in stated[name]:
+                    expected = ", ".join(map(str, stated[name]))
+                    yield f"levels.{name}.{level}: expected one of {expected}"
+    for name in SETTINGS:
+        if name in stated and name in plan.settings:
+            yield f"settings.{name}: is also a factor: expected it in one of the two places"
+    for name in dict.fromkeys(PLACEHOLDER.findall(plan.prompt)):
+        if name not in ("trial", *stated):
+            known = ", ".join(f"{{{factor}}}" for factor in stated)
+            yield f"prompt: {{{name}}}: expected {{trial}} or a factor, {known}"

@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
-from math import prod
+from itertools import islice, product
 from pathlib import Path
 from typing import Any
 
-from sim_backend import CUBES, DEPTH
-from teleop.control.conditions import CONDITIONS
+from sim_backend import DEPTH
 from teleop.errors import InputError
 from teleop.studies.series.order import ordered
-from teleop.studies.series.plan import Plan
-from teleop.trial.arming import check_stated
-from teleop.trial.configuration import settings_from
-from teleop.trial.feedback_checks import check_feedback
+from teleop.studies.series.plan import (
+    MOST_TRIALS,
+    SETTINGS,
+    Plan,
+    checked_plan,
+    on_rig,
+    plan_document,
+)
+from teleop.trial.configuration import complete_settings
 from teleop.trial.settings import TrialSettings
 
-SETTINGS: dict[str, Collection[str]] = {
-    "condition": CONDITIONS,
-    "cube": CUBES,
-    "specimen": (),
-    "operator": (),
-}
-"""Factors that set the setting of the same name, with the values of this setting; empty for any
-name. A level with other settings in `levels` may have a name that is not a value of the setting."""
+PLACES = "[settings] or [levels]"
+"""Places of a plan in which a setting can be set."""
 
 
 @dataclass(frozen=True)
@@ -47,28 +44,51 @@ class PlannedTrial:
         return "-".join([*self.levels.values(), str(self.repetition)])
 
 
-def planned_trials(plan: Plan, folder: Path) -> list[PlannedTrial]:
-    """Return the trials of a plan in the order in which they are run.
+def read_series(
+    path: Path, rig: Path | None = None, tare: Path | None = None
+) -> tuple[Plan, list[PlannedTrial]]:
+    """Read the plan of a series from a file, check it, and list its trials in their order.
 
     Parameters
     ----------
-    plan
-        The plan.
-    folder
-        Folder to which the paths in the settings of the plan are relative.
+    path
+        A TOML file, or the name of a plan that is part of this package, such as `paper`. Paths in
+        the plan are relative to the folder of the file.
+    rig
+        Rig file of the hardware rig on which the trials run; None for the rig of the plan.
+    tare
+        File with the zero offsets of the channels of `rig`; None for those of the plan.
 
     Raises
     ------
     InputError
-        The settings of a trial are invalid. The message lists the problems of all trials.
+        The file cannot be read, or is not a valid plan. The message has one line for each problem
+        of the plan and of the settings of its trials.
     """
-    chosen = chosen_settings(plan, folder)
+    plan, problems = checked_plan(plan_document(path))
+    if rig:
+        plan = on_rig(plan, rig, tare)
+    acting = acting_factors(plan)
+    settings, problems_of_trials = chosen_settings(plan, acting, path.parent)
+    problems += problems_of_trials
+    if problems:
+        raise InputError("\n".join(f"{path}: {problem}" for problem in problems))
     trials = []
     for number, (levels, repetition) in enumerate(cells(plan), start=1):
-        settings = chosen[tuple(levels.values())]
-        settings = replace(settings, seed=settings.seed + number)
-        trials.append(PlannedTrial(number, levels, repetition, settings))
-    return trials
+        one = settings[tuple(levels[name] for name in acting)]
+        trials.append(
+            PlannedTrial(number, levels, repetition, replace(one, seed=one.seed + number))
+        )
+    return plan, trials
+
+
+def acting_factors(plan: Plan) -> dict[str, list[str]]:
+    """Return the factors whose levels change the settings of a trial, with their levels."""
+    return {
+        name: levels
+        for name, levels in plan.factors.items()
+        if levels and (name in SETTINGS or name in plan.levels)
+    }
 
 
 def cells(plan: Plan) -> list[tuple[dict[str, str], int]]:
@@ -89,28 +109,34 @@ def cells(plan: Plan) -> list[tuple[dict[str, str], int]]:
     return found
 
 
-def chosen_settings(plan: Plan, folder: Path) -> dict[tuple[str, ...], TrialSettings]:
-    """Return the settings of the trials, by the combination of levels. See `planned_trials`."""
+def chosen_settings(
+    plan: Plan, acting: Mapping[str, Sequence[str]], folder: Path
+) -> tuple[dict[tuple[str, ...], TrialSettings], list[str]]:
+    """Return the settings for each combination of levels, and a message for each problem.
+
+    Parameters
+    ----------
+    plan
+        The plan.
+    acting
+        Factors whose levels are combined, see `acting_factors`.
+    folder
+        Folder to which the paths in the settings of the plan are relative.
+    """
     settings: dict[tuple[str, ...], TrialSettings] = {}
     problems: dict[str, list[str]] = {}
-    for levels in product(*plan.factors.values()):
-        document = document_of(plan, dict(zip(plan.factors, levels, strict=True)))
+    combinations = [*islice(product(*acting.values()), MOST_TRIALS)]
+    for levels in combinations:
+        document = document_of(plan, dict(zip(acting, levels, strict=True)))
         try:
-            settings[levels] = settings_from(document, folder)
-            check_stated(settings[levels])
-            check_feedback(settings[levels])
+            settings[levels] = complete_settings(document, folder, PLACES)
         except InputError as error:
             for line in str(error).splitlines():
                 problems.setdefault(line, []).append(", ".join(levels))
-    if problems:
-        every = prod(map(len, plan.factors.values()))
-        raise InputError(
-            "\n".join(
-                line if len(where) == every else f"{'; '.join(where)}: {line}"
-                for line, where in problems.items()
-            )
-        )
-    return settings
+    return settings, [
+        line if len(where) == len(combinations) else f"{'; '.join(where)}: {line}"
+        for line, where in problems.items()
+    ]
 
 
 def document_of(plan: Plan, levels: Mapping[str, str]) -> dict[str, Any]:

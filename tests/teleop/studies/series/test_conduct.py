@@ -22,8 +22,7 @@ from teleop.recording.recording import load
 from teleop.studies.json_lines import locked
 from teleop.studies.series.conduct import conduct
 from teleop.studies.series.journal import Journal
-from teleop.studies.series.plan import read_plan
-from teleop.studies.series.trials import planned_trials
+from teleop.studies.series.trials import read_series
 from teleop.trial.averaged import recorded_part
 from teleop.trial.run import run_trial
 
@@ -45,8 +44,7 @@ estimators = ["rls"]
 def plan(tmp_path):
     path = tmp_path / "plan.toml"
     path.write_text(PLAN)
-    read = read_plan(path)
-    return read, planned_trials(read, tmp_path)
+    return read_series(path)
 
 
 class Person:
@@ -433,11 +431,11 @@ def wired_plan(folder):
 
 def test_the_factor_specimen_names_the_specimen_of_each_trial(tmp_path):
     path = wired_plan(tmp_path)
-    trials = planned_trials(read_plan(path), tmp_path)
+    _, trials = read_series(path)
     assert [trial.settings.specimen for trial in trials] == ["liver", "cyst"]
     path.write_text(path.read_text().replace("depth_m = 0.003", ""))
-    with pytest.raises(InputError, match="--depth 3mm"):
-        planned_trials(read_plan(path), tmp_path)
+    with pytest.raises(InputError, match=r"depth_m: is missing: .* in \[settings\] or"):
+        read_series(path)
 
 
 def test_a_series_on_a_rig_of_devices_needs_a_person_or_yes(tmp_path, refused):
@@ -479,8 +477,7 @@ def test_a_series_that_is_resumed_says_so(plan, tmp_path):
 def test_a_complete_series_on_a_rig_of_devices_needs_neither_person_nor_yes(tmp_path, capsys):
     path, out = wired_plan(tmp_path), tmp_path / "out"
     skip = Person("skip", "skip")
-    read = read_plan(path)
-    conduct(out, read, planned_trials(read, tmp_path), ask=skip)
+    conduct(out, *read_series(path), ask=skip)
     assert main(["series", str(path), "--out", str(out)]) == 0
     captured = capsys.readouterr()
     assert "complete, no trial is run" in captured.err
@@ -491,8 +488,7 @@ def test_the_table_has_the_tracking_of_mimic_and_empty_cells_for_other_condition
     text = PLAN.replace('cube = ["soft", "medium", "hard"]', "")
     text = text.replace('condition = ["autonomous"]', 'condition = ["free", "mimic"]')
     (tmp_path / "plan.toml").write_text(text.replace("duration_s = 0.5", "duration_s = 4.0"))
-    read = read_plan(tmp_path / "plan.toml")
-    conduct(tmp_path / "out", read, planned_trials(read, tmp_path))
+    conduct(tmp_path / "out", *read_series(tmp_path / "plan.toml"))
     names = [
         "tracking gain",
         "tracking phase [deg]",
