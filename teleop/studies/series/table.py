@@ -30,11 +30,14 @@ RESULTS = {
 
 
 def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[dict[str, Any]]:
-    """Yield a row for each estimator of each trial that is done."""
+    """Yield a row for each estimator of each trial that is done.
+
+    A value that the journal of an older version does not contain is None.
+    """
     planned = {trial.number: trial for trial in trials}
     for result in journal.results():
         trial, summary = planned[result["trial"]], result["summary"]
-        tracking = summary["tracking"] or {}
+        tracking = summary.get("tracking") or {}
         for name, values in summary["estimates"].items():
             yield {
                 "trial": trial.number,
@@ -44,9 +47,9 @@ def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[di
                 "time": result["time"],
                 "file": result["file"],
                 "note": journal.note(trial.number, result["attempt"]),
-                "seed": summary["seed"],
+                "seed": summary.get("seed"),
                 "estimator": name,
-                **{RESULTS[key]: values[key] for key in RESULTS},
+                **{RESULTS[key]: values.get(key) for key in RESULTS},
                 **{TRACKING[key]: tracking.get(key) for key in TRACKING},
             }
 

@@ -264,6 +264,19 @@ def test_a_table_that_does_not_agree_with_the_journal_is_rebuilt_at_the_start(
     assert [row["trial"] for row in rows(folder)] == done_trials(folder)
 
 
+def test_the_table_of_an_older_journal_has_empty_cells_for_unknown_values(plan, tmp_path):
+    folder = tmp_path / "out"
+    conduct(folder, *plan)
+    entries = [json.loads(line) for line in (folder / "journal.jsonl").read_text().splitlines()]
+    for entry in entries:
+        if entry["entry"] == "done":
+            del entry["summary"]["tracking"], entry["summary"]["estimates"]["rls"]["rise_time_s"]
+    text = "".join(f"{json.dumps(entry)}\n" for entry in entries)
+    (folder / "journal.jsonl").write_text(text)
+    conduct(folder, *plan)
+    assert [row["rise time [s]"] for row in rows(folder)] == [""] * 3
+
+
 def test_a_table_that_agrees_with_the_journal_is_not_written_again(plan, tmp_path):
     folder = tmp_path / "out"
     conduct(folder, *plan)
