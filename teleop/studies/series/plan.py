@@ -149,14 +149,14 @@ def inconsistencies(plan: Plan, stated: object) -> Iterator[str]:
     stated
         The factors in the file of the plan, including those that are invalid.
     """
-    for name, levels in plan.factors.items():
-        if not levels or len(set(levels)) < len(levels):
-            yield f"factors.{name}: expected distinct levels"
     trials = plan.repetitions * prod(map(len, plan.factors.values()))
     if trials > MOST_TRIALS:
         yield f"{trials} trials: expected at most {MOST_TRIALS}"
     if not isinstance(stated, dict):
         return
+    for name, levels in plan.factors.items():
+        if not stated[name] or len(set(levels)) < len(levels):
+            yield f"factors.{name}: expected distinct levels"
     factors = f"expected one of the factors {', '.join(stated)}"
     for name in plan.blocks:
         if name not in stated:

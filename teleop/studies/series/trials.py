@@ -125,6 +125,7 @@ def chosen_settings(
     """
     settings: dict[tuple[str, ...], TrialSettings] = {}
     problems: dict[str, list[str]] = {}
+    unknown = [name for name in SETTINGS if not plan.factors or plan.factors.get(name) == []]
     combinations = [*islice(product(*acting.values()), MOST_TRIALS)]
     for levels in combinations:
         document = document_of(plan, dict(zip(acting, levels, strict=True)))
@@ -132,6 +133,8 @@ def chosen_settings(
             settings[levels] = complete_settings(document, folder, PLACES)
         except InputError as error:
             for line in str(error).splitlines():
+                if any(line.startswith(f"{name}: is missing") for name in unknown):
+                    continue  # its levels are invalid, which is another problem
                 problems.setdefault(line, []).append(", ".join(levels))
     return settings, [
         line if len(where) == len(combinations) else f"{'; '.join(where)}: {line}"

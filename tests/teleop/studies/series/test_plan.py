@@ -249,6 +249,15 @@ def test_a_depth_and_a_duration_that_a_rig_needs_are_both_reported(problems):
     assert not any("--" in line for line in lines), "teleop series has no such options"
 
 
+def test_levels_that_are_numbers_are_the_only_problem(problems):
+    text = PLAN.replace('clock = "virtual"', f'rig = "{BOARD}"\ndepth_m = 0.003')
+    text = text[: text.index("[levels")].replace("= 1.0", "= 9.0")
+    lines = problems(text.replace('["liver", "cyst"]', "[1, 2]"))
+    assert lines == [
+        f"factors.specimen.{i}: expected text in quotes, got {i + 1}" for i in range(2)
+    ]
+
+
 @pytest.mark.parametrize("key", ["factors", "name"])
 def test_a_plan_without_a_needed_key_is_still_checked(problems, key):
     kept = tomlkit.parse(PLAN.replace("1.0\n", "-1.0\n"))
