@@ -116,6 +116,7 @@ def series(
             conduct(folder, read, trials, before, after, one, print_error)
     except KeyboardInterrupt:
         try:
+            print(file=sys.stderr)  # the terminal has written ^C
             print_end(folder, trials, resume, json)
         except OSError as error:  # the terminal was closed
             discard_output(error)
