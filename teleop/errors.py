@@ -50,15 +50,20 @@ def reason(error: OSError) -> str:
     return text[:1].lower() + text[1:]
 
 
-def invalid_parts(error: ValidationError) -> str:
-    """Return a line that lists each invalid item of a document, with its key and its problem.
+def invalid_lines(error: ValidationError) -> list[str]:
+    """Return a line for each invalid item of a document, with its key and its problem.
 
     Parameters
     ----------
     error
         Error of pydantic, which checked the document.
     """
-    return "; ".join(
+    return [
         f"{'.'.join(map(str, part['loc'])) or 'file'}: {value_problem(part)}"
         for part in error.errors()
-    )
+    ]
+
+
+def invalid_parts(error: ValidationError) -> str:
+    """Return the lines of `invalid_lines` as one line."""
+    return "; ".join(invalid_lines(error))

@@ -158,7 +158,12 @@ def write_text(path: Path, text: str, overwrite: bool = False) -> None:
         The file cannot be written, or exists and may not be overwritten.
     """
     with new_file(path, overwrite) as file:
-        file.write(text.encode("utf-8", "backslashreplace"))
+        file.write(encoded(text))
+
+
+def encoded(text: str) -> bytes:
+    """Return a text in UTF-8, as in all text files that are written."""
+    return text.encode("utf-8", "backslashreplace")
 
 
 def check_new(path: Path, overwrite: bool) -> None:

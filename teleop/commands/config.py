@@ -52,19 +52,11 @@ def check(file: Path, /, *, json: Annotated[bool, Parameter(negative="")] = Fals
     json
         Print the settings as one JSON document.
     """
-    from teleop.errors import InputError
     from teleop.output.console import plain_console, print_json
-    from teleop.trial.arming import check_stated
     from teleop.trial.configuration import read_configuration
-    from teleop.trial.feedback_checks import check_feedback
     from teleop.trial.settings_json import to_document
 
-    settings = read_configuration(file)
-    try:
-        check_stated(settings)
-        check_feedback(settings)
-    except InputError as error:
-        raise InputError(f"{file}: {error}") from error
+    settings = read_configuration(file, complete=True)
     if json:
         print_json(to_document(settings))
     else:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from teleop.commands.one_trial import TrialRunner
     from teleop.studies.series.conduct import Answer
-    from teleop.studies.series.plan import PlannedTrial
+    from teleop.studies.series.trials import PlannedTrial
     from teleop.trial.live_link import LiveLink
     from teleop.trial.settings import TrialSettings
 
@@ -114,7 +114,7 @@ class PageOfSeries:
         self._count = count
         self._pending: dict[str, Any] | None = None
 
-    def ask(self, trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
+    def ask(self, trial: PlannedTrial, prompt: str, can_repeat: bool) -> tuple[Answer, str]:
         """Return the answer of the person (run, skip, repeat or quit), and a note."""
         from teleop.interruption import stop_signals
 

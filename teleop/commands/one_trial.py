@@ -31,6 +31,8 @@ class TrialRunner:
     realtime: RealtimeName
     link: LiveLink | None = None
     """Link to the live page; None without a live page."""
+    explained: bool = False
+    """Whether a person has read how to stop the trial, before the drives were armed."""
     interrupted: bool = False
     """Whether a signal or the closing of the terminal ended the latest trial."""
 
@@ -62,7 +64,7 @@ class TrialRunner:
         if not (record or self.no_record):
             palpated = settings.specimen or settings.cube
             record = reserved = new_recording(settings.condition, palpated)
-        with StopSwitch(key=True) as switch:
+        with StopSwitch(key=True, explained=self.explained) as switch:
             try:
                 trial = run_trial(
                     settings,

@@ -229,11 +229,12 @@ def run(
     check_outputs(record, pictures=pictures, sources=sources, overwrite=overwrite)
     live = live.requested([settings])
     by_page = live.arms([settings], yes)
-    if settings.rig and not by_page and not is_armed(settings.rig, arming_text(settings), yes):
+    asked = settings.rig if not (by_page or yes) else None
+    if asked and not is_armed(asked, arming_text(settings)):
         return 130
     outputs = (record, no_record, *pictures, width, overwrite, json, realtime)
     with live.linked([settings], by_page, choose=by_page) as link:
-        runner = TrialRunner(*outputs, link)
+        runner = TrialRunner(*outputs, link, explained=bool(asked))
         if link and by_page:
             return run_from_page(link, settings, runner, once=bool(record or any(pictures)))
         return runner.run(settings)

@@ -14,7 +14,7 @@ from teleop.names import RealtimeName
 
 if TYPE_CHECKING:
     from teleop.studies.series.conduct import Answer
-    from teleop.studies.series.plan import PlannedTrial
+    from teleop.studies.series.trials import PlannedTrial
     from teleop.trial.live_link import LiveLink
     from teleop.trial.result import Trial
     from teleop.trial.settings import TrialSettings
@@ -65,26 +65,24 @@ def series(
         Print one JSON document instead of lines.
     """
     from teleop.commands.live_trials import PageOfSeries
+    from teleop.commands.series_end import print_end, resuming_command
     from teleop.errors import InputError
     from teleop.output.console import plain_console, print_json, print_table
-    from teleop.output.next_command import print_command
-    from teleop.printable import print_error
+    from teleop.printable import discard_output, print_error
     from teleop.studies.series.conduct import (
         conduct,
-        counts,
         is_complete,
         no_note,
         unattended,
     )
-    from teleop.studies.series.plan import on_rig, planned_trials, read_plan
+    from teleop.studies.series.trials import read_series
     from teleop.trial.stop_key import is_foreground
 
-    read = read_plan(plan)
+    options = {"rig": rig, "tare": tare, "out": out, "ask": ask, "no_ask": ask is False}
+    resume = resuming_command(plan, options | {"yes": yes, "json": json}, live)
     if tare and not rig:
         raise InputError("--tare: expected also --rig, the rig to which the zero offsets belong")
-    if rig:
-        read = on_rig(read, rig, tare)
-    trials = planned_trials(read, plan.parent)
+    read, trials = read_series(plan, rig, tare)
     folder = out or Path(f"series-{read.name}")
     if dry_run and json:
         print_json({"trials": [{**trial.levels, "number": trial.number} for trial in trials]})
@@ -109,41 +107,43 @@ def series(
             "asking, or --ask"
         )
     before, after = (person, note_of_person) if ask else (unattended, no_note)
-    with live.linked(all_settings, by_page, choose=False) as link:
-        if link and by_page:
-            page = PageOfSeries(link, len(trials))
-            before, after = page.ask, page.ask_note
-        one = partial(run, link=link)
-        journal = conduct(folder, read, trials, before, after, one, print_error)
-    summary = {"folder": str(folder), **counts(journal, trials)}
-    if json:
-        print_json(summary)
-    else:
-        plain_console().print(
-            f"{folder}: {summary['done']} of {len(trials)} trials done, {summary['skipped']} "
-            f"skipped, {summary['pending']} pending"
-        )
-        if summary["done"]:
-            table, figure = str(folder / "table.tex"), str(folder / "figure.pdf")
-            command = ["teleop", "compare", str(folder), "--out", table, "--plot", figure]
-            print_command("table and figure", command)
+    try:
+        with live.linked(all_settings, by_page, choose=False) as link:
+            if link and by_page:
+                page = PageOfSeries(link, len(trials))
+                before, after = page.ask, page.ask_note
+            one = partial(run, link=link, explained=before is person)
+            conduct(folder, read, trials, before, after, one, print_error)
+    except KeyboardInterrupt:
+        try:
+            print(file=sys.stderr)  # the terminal has written ^C
+            print_end(folder, trials, resume, json)
+        except OSError as error:  # the terminal was closed
+            discard_output(error)
+        raise
+    print_end(folder, trials, resume, json)
     return 0
 
 
-def run(settings: TrialSettings, path: Path, link: LiveLink | None = None) -> Trial:
-    """Run and record a trial, with a progress line, the emergency stop key, and the live page."""
+def run(
+    settings: TrialSettings, path: Path, link: LiveLink | None = None, explained: bool = False
+) -> Trial:
+    """Run and record a trial, with a progress line, the emergency stop key, and the live page.
+
+    `explained` is whether a person has read how to stop the trials on a hardware rig.
+    """
     from teleop.trial.run import run_trial
     from teleop.trial.stop_switch import StopSwitch
 
     real: RealtimeName = "try" if settings.clock == "real" else "off"
-    with StopSwitch(key=True) as switch:
+    with StopSwitch(key=True, explained=explained and bool(settings.rig)) as switch:
         trial = run_trial(settings, path, sys.stderr.isatty(), switch, real, live=link)
     if link:
         link.show_result(trial)
     return trial
 
 
-def person(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
+def person(trial: PlannedTrial, prompt: str, can_repeat: bool) -> tuple[Answer, str]:
     """Ask a person to choose: run or skip the trial, repeat the previous trial, or quit.
 
     If the input is closed, the answer is "quit".
@@ -154,7 +154,8 @@ def person(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
     discard_typed_ahead()
     armed = f"\n{arming_text(trial.settings)}" if trial.settings.rig else ""
     print(f"{prompt}{armed}", file=sys.stderr)
-    print("Enter runs it, s skips it, r repeats the last one, q quits.", file=sys.stderr)
+    repeats = "r repeats the last one, " if can_repeat else ""
+    print(f"Enter runs it, s skips it, {repeats}q quits.", file=sys.stderr)
     while True:
         line = sys.stdin.readline()
         if not line:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import os
+import textwrap
 import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -52,7 +53,8 @@ class Progress:
     hint
         Keys that stop the trial; the line shows them.
     instructions
-        Text that explains how to stop the trial; written once at the start.
+        Text that explains how to stop the trial, written once at the start; empty if a person has
+        already read it.
     largest_misfit
         Estimators whose misfit is larger are marked in the line.
     cue
@@ -76,8 +78,10 @@ class Progress:
         self._due = 0.0
         self._drawn = 0
         self._terminal = Terminal(STDERR)
-        if shown and instructions:
-            self.report(f"teleop: {instructions}" + (f"\nteleop: {LEGEND}" if cue else ""))
+        for text in (instructions, LEGEND if cue else ""):
+            if shown and text:
+                width = terminal_width() or PLAIN_WIDTH
+                self.report(textwrap.fill(f"teleop: {text}", width, break_on_hyphens=False))
 
     def show(self, t: float, status: Callable[[], Status]) -> None:
         """Update the line, unless the time since the last update is too short.

@@ -24,6 +24,13 @@ WIDTH, HEIGHT = 10_000, 25
 BREAK = re.compile(r" (?=\[)| (?=[^ ]*$)|(/)")
 """Pattern of the places where a heading is divided into two lines: before the unit or the last
 word, or after a slash."""
+UNIT = re.compile(
+    r"(?<=\d) (?:N s/m|N/m|mm/s|m/s|[mµ]?m|m?s|min|[mk]?N|[kM]?Hz|g|kg|[mM]?J|[mM]?V|m?A|m?W|"
+    r"deg|%|[kMG]B|bytes)(?!\w)"
+)
+"""Pattern of a unit after a number, with the space between them. No line is broken in it."""
+NO_BREAK = "\ue000"
+"""Private character that replaces a space between a number and its unit, while lines are broken."""
 BORDERS = 3
 """Number of characters between the texts of two adjacent columns of a table."""
 
@@ -74,13 +81,16 @@ def plain_console(stream: TextIO | None = None) -> Console:
 
 
 def wrapped(text: str, width: int) -> str:
-    """Return a text with lines of at most `width` characters, broken only between words."""
+    """Return a text with lines of at most `width` characters, broken only between words.
+
+    No line is broken between a number and its unit.
+    """
     lines = []
     for line in text.split("\n"):
         indent = line[: len(line) - len(line.lstrip(" "))]
         lines += (
             textwrap.wrap(
-                line,
+                UNIT.sub(lambda unit: unit[0].replace(" ", NO_BREAK), line),
                 max(width, len(indent) + 1),
                 subsequent_indent=f"{indent}  " if indent else "",
                 break_long_words=False,
@@ -89,7 +99,7 @@ def wrapped(text: str, width: int) -> str:
             if len(line) > width
             else [line]
         )
-    return "\n".join(lines)
+    return "\n".join(lines).replace(NO_BREAK, " ")
 
 
 def number(value: float, digits: int) -> str:

@@ -1,7 +1,8 @@
 """Read and append to a file of JSON documents, one per line.
 
 Each line is written to the disk before the program continues. If the program is killed, only the
-last line can be incomplete. An incomplete line is removed when the file is read.
+last line can be incomplete. An incomplete line is not read, and is removed when the next line is
+appended. Reading does not change the file, because another program may be writing to it.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import contextlib
 import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from teleop.errors import InputError
 from teleop.files import unwritable
@@ -46,7 +47,8 @@ class JsonLines:
         """
         positions = []
         try:
-            with self.path.open("ab") as file:
+            with self.path.open("a+b") as file:
+                remove_incomplete_line(file)
                 for document in documents:
                     positions.append(file.tell())
                     file.write(dumps(document).encode() + b"\n")
@@ -57,7 +59,7 @@ class JsonLines:
         return positions
 
     def read(self) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Yield the position [bytes] and the document of each line; remove an incomplete last line.
+        """Yield the position [bytes] and the document of each complete line.
 
         Raises
         ------
@@ -66,11 +68,10 @@ class JsonLines:
         """
         if not self.path.exists():
             return
-        with self.path.open("r+b") as file:
+        with self.path.open("rb") as file:
             position = 0
             for number, line in enumerate(file, start=1):
                 if not line.endswith(b"\n"):
-                    file.truncate(position)
                     return
                 try:
                     yield position, loads(line.decode())
@@ -86,6 +87,23 @@ class JsonLines:
             for position in positions:
                 file.seek(position)
                 yield loads(file.readline().decode())
+
+
+def remove_incomplete_line(file: BinaryIO) -> None:
+    """Remove the last line of a file if it does not end with a newline, and seek to the end.
+
+    Parameters
+    ----------
+    file
+        File that is open for reading and appending.
+    """
+    if not file.seek(0, os.SEEK_END):
+        return
+    file.seek(-1, os.SEEK_END)
+    if file.read(1) != b"\n":
+        file.seek(0)
+        file.truncate(file.read().rfind(b"\n") + 1)
+    file.seek(0, os.SEEK_END)
 
 
 @contextlib.contextmanager

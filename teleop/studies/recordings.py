@@ -14,7 +14,10 @@ from teleop.evaluation.comparison import SUBJECT
 from teleop.files import RECORDING, unreadable
 from teleop.json_documents import loads
 from teleop.studies.series.journal import NAME as JOURNAL
+from teleop.studies.series.journal import Journal
+from teleop.studies.series.plan import Plan
 from teleop.studies.series.table import NAME, RECORDINGS
+from teleop.studies.series.trials import cells
 
 
 @dataclass(frozen=True)
@@ -34,8 +37,9 @@ def sources(paths: Iterable[Path]) -> list[Source]:
     Parameters
     ----------
     paths
-        Files and folders. For the folder of a series, the recordings of the trials in
-        `trials.csv` are returned. For any other folder, all recordings in it are returned.
+        Files and folders. For the folder of a series, the recordings of the trials that are done
+        are returned. For any other folder, all recordings in it and in its subfolder `recordings`
+        are returned.
 
     Raises
     ------
@@ -57,12 +61,20 @@ def of_folder(folder: Path) -> list[Source]:
     series = trials(folder)
     if series:
         return [Source(folder / RECORDINGS / file, levels) for file, levels in series.items()]
+    if (folder / JOURNAL).exists():
+        raise InputError(f"{folder}: no trial of this series is done")
     try:
-        files = sorted(path for path in folder.iterdir() if path.suffix.lower() == RECORDING)
+        inside = folder / RECORDINGS
+        files = sorted(
+            path
+            for place in (folder, *([inside] if inside.is_dir() else []))
+            for path in place.iterdir()
+            if path.suffix.lower() == RECORDING
+        )
     except OSError as error:
         raise unreadable(folder, error) from error
     if not files:
-        raise InputError(f"{folder}: has neither {NAME} nor recordings (*{RECORDING})")
+        raise InputError(f"{folder}: contains neither a series nor recordings (*{RECORDING})")
     return [of_file(path) for path in files]
 
 
@@ -77,22 +89,43 @@ def of_file(path: Path) -> Source:
 def trials(folder: Path) -> dict[str, dict[str, str]]:
     """Return the levels of the factors for each recording of a series, by its file name.
 
-    The result is empty if the folder is not the folder of a series.
+    They are read from the journal of the series or, if there is no journal, from the table of the
+    series. The result is empty if the folder contains neither of them.
 
     Raises
     ------
     InputError
-        The table of the series cannot be read.
+        The journal or the table of the series cannot be read.
     """
-    path = folder / NAME
-    if not path.exists():
-        return {}
+    for name, read in ((JOURNAL, journal_trials), (NAME, table_trials)):
+        path = folder / name
+        if path.exists():
+            try:
+                return read(path)
+            except OSError as error:
+                raise unreadable(path, error) from error
+    return {}
+
+
+def journal_trials(path: Path) -> dict[str, dict[str, str]]:
+    """Return the levels of the factors for each recording in the journal of a series."""
+    try:
+        journal = Journal(path.parent)
+        order = cells(Plan.model_validate(journal.entries[0]["plan"]))
+        found = {}
+        for result in journal.results():
+            levels, repetition = order[result["trial"] - 1]
+            found[result["file"]] = levels | {"repetition": str(repetition)}
+    except (IndexError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: not the journal of a series") from error
+    return found
+
+
+def table_trials(path: Path) -> dict[str, dict[str, str]]:
+    """Return the levels of the factors for each recording in the table of a series."""
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            rows = [*csv.DictReader(file)]
-        return {row["file"]: dict(factors_of(row)) for row in rows}
-    except OSError as error:
-        raise unreadable(path, error) from error
+            return {row["file"]: dict(factors_of(row)) for row in csv.DictReader(file)}
     except (KeyError, ValueError, csv.Error) as error:
         raise InputError(f"{path}: not the table of a series") from error
 

@@ -20,8 +20,10 @@ from teleop.control.tare import read_tare
 from teleop.errors import InputError
 from teleop.files import RECORDING, unreadable
 from teleop.recording.recording import load
+from teleop.trial.feedback_checks import check_feedback
 from teleop.trial.rig_loading import load_rig_file
 from teleop.trial.settings import TrialSettings
+from teleop.trial.settings_checks import SettingsError
 from teleop.trial.settings_json import DERIVED, adapter, from_document, to_document
 from teleop.trial.settings_keys import NAMES
 
@@ -29,7 +31,11 @@ if TYPE_CHECKING:
     from tomlkit.items import Table
 
 
-def read_configuration(path: Path) -> TrialSettings:
+NEEDED_ON_RIG = {"specimen": "the name of the specimen", "depth_m": "the depth of palpation [m]"}
+"""Settings without a default on a hardware rig, by key, with a description."""
+
+
+def read_configuration(path: Path, complete: bool = False) -> TrialSettings:
     """Read the settings of a trial from a configuration file or a recording.
 
     Parameters
@@ -38,6 +44,8 @@ def read_configuration(path: Path) -> TrialSettings:
         A TOML file, or a recording (.mcap). In a TOML file, `rig` is the path of a rig file, and
         `tare` the path of a file that `teleop rig tare` wrote. The two paths are relative to the
         folder of the TOML file. A setting that is not in the file has its default value.
+    complete
+        Whether the file must contain all that a trial needs, see `complete_settings`.
 
     Raises
     ------
@@ -48,7 +56,8 @@ def read_configuration(path: Path) -> TrialSettings:
     recorded = path.suffix.lower() == RECORDING
     document = as_recorded_now(load(path, "time".__eq__).settings) if recorded else read_toml(path)
     try:
-        settings = from_document(document) if recorded else settings_from(document, path.parent)
+        read = complete_settings if complete else settings_from
+        settings = read(document, path.parent)
         if settings.rig and settings.custom_limits:
             raise InputError("custom_limits: not with a hardware rig: expected tightened_limits")
         return settings
@@ -60,8 +69,9 @@ def read_configuration(path: Path) -> TrialSettings:
 def as_recorded_now(document: Mapping[str, Any]) -> dict[str, Any]:
     """Convert recorded settings of any version of teleop to settings of the present version.
 
-    Before version 0.2, the setting `signal` had no effect in the condition `mimic`. This setting is
-    removed from the settings of such a recording.
+    Values that were computed from the settings are removed. Before version 0.2, the setting
+    `signal` had no effect in the condition `mimic`, and `cube` had none on a hardware rig. Such a
+    setting is removed too.
 
     Parameters
     ----------
@@ -69,7 +79,12 @@ def as_recorded_now(document: Mapping[str, Any]) -> dict[str, Any]:
         Recorded settings by key.
     """
     ignored = document.get("condition") == "mimic" and NAMES["count_in"] not in document
-    return {key: value for key, value in document.items() if not (ignored and key == "signal")}
+    removed = {
+        *DERIVED,
+        *(["signal"] if ignored else []),
+        *(["cube"] if document.get("rig") else []),
+    }
+    return {key: value for key, value in document.items() if key not in removed}
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -106,7 +121,7 @@ def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
         A setting is unknown or invalid, or the rig file or tare file cannot be read.
     """
     problems = [f"{key}: unknown setting{hint}" for key, hint in DERIVED.items() if key in document]
-    if "rig" in document and "cube" in document:
+    if document.get("rig") and "cube" in document:
         problems.append("cube: belongs to the simulated rig: expected no cube beside a rig")
     named = dict(document)
     readers: dict[str, Callable[[str], object]] = {
@@ -121,14 +136,49 @@ def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
             except (InputError, ValueError) as error:
                 problems += str(error).splitlines()
                 del named[key]
-    if "rig" in named or "rig" not in document:  # without it, limits of other settings are unknown
-        try:
-            settings = from_document(named)
-        except InputError as error:
-            problems += str(error).splitlines()
-        else:
-            if not problems:
-                return settings
+    try:
+        settings = from_document(named)
+    except SettingsError as error:
+        problems += str(error.known(document.keys() - named.keys())).splitlines()
+    except InputError as error:
+        problems += str(error).splitlines()
+    else:
+        if not problems:
+            return settings
+    raise InputError("\n".join(problems))
+
+
+def complete_settings(
+    document: Mapping[str, Any], folder: Path, place: str = "the file"
+) -> TrialSettings:
+    """Return the settings for a document that contains all that a trial needs.
+
+    Parameters
+    ----------
+    document, folder
+        See `settings_from`.
+    place
+        Where a missing setting can be added, for a message.
+
+    Raises
+    ------
+    InputError
+        A setting is invalid, the specimen or the depth on a hardware rig is missing, or the force
+        feedback is expected to be unstable. The message has one line for each problem.
+    """
+    problems = [
+        f"{key}: is missing: expected {what} in {place}, for a trial on a hardware rig"
+        for key, what in NEEDED_ON_RIG.items()
+        if document.get("rig") and not document.get(key)
+    ]
+    try:
+        settings = settings_from(document, folder)
+        check_feedback(settings)
+    except InputError as error:
+        problems += str(error).splitlines()
+    else:
+        if not problems:
+            return settings
     raise InputError("\n".join(problems))
 
 

@@ -51,7 +51,7 @@ def check_feedback(settings: TrialSettings) -> str:
     raise InputError(
         f"feedback position-force: unstable with k = {loop.k:.0f} N/m and a delay of "
         f"{delay * 1e3:.1f} ms, of which {trip * 1e3:.1f} ms are the round trip: expected a delay "
-        f"below {loop.safe_delay * 1e3:.1f} ms, or --feedback model-mediated"
+        f"below {loop.safe_delay * 1e3:.1f} ms, or feedback model-mediated"
     )
 
 
@@ -155,5 +155,5 @@ def check_offered(settings: TrialSettings, trip: float) -> None:
     )
     raise InputError(
         f"feedback passivity: not stable in all tests with a round trip of {trip * 1e3:g} ms on "
-        f"the {settings.palpated}: expected {offered}, or --feedback model-mediated"
+        f"the {settings.palpated}: expected {offered}, or feedback model-mediated"
     )

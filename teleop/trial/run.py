@@ -105,7 +105,7 @@ def run_trial(
             settings.clock == "virtual",
             overwrite,
             switch.hint,
-            switch.instructions,
+            "" if switch.explained else switch.instructions,
             (target.depth, target.count_in) if settings.condition == "mimic" else None,
         )
     memory = None if record else Memory()

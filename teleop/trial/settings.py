@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, get_args
+from typing import Annotated
 
 from pydantic import Discriminator
 
@@ -15,22 +15,21 @@ from estimation.conditioning import BANDWIDTH, Conditioner
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.own_settings import OwnSettings
 from estimation.registry import PAPER
-from sim_backend import CUBES, DEPTH, OperatorModel, PlantParameters, Sensors, Setup, paper_setup
+from sim_backend import DEPTH, OperatorModel, PlantParameters, Sensors, Setup, paper_setup
 from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
-from teleop.control.conditions import CONDITIONS
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import AnySignal, Sine
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.control.tare import NO_TARE, Tare
 from teleop.control.target import Target
-from teleop.errors import InputError
 from teleop.names import ClockName, ConditioningName, ConditionName, CubeName
 from teleop.safety import Limits
 from teleop.safety.palpation_limits import palpation_limits
 from teleop.safety.rig_limits import rig_limits
 from teleop.safety.tightened_limits import NOT_TIGHTENED, TightenedLimits
 from teleop.trial import ranges
+from teleop.trial.settings_checks import check_settings
 
 
 @dataclass(frozen=True)
@@ -112,93 +111,7 @@ class TrialSettings:
     """Depth of palpation [m], required on a hardware rig. Default: the depth in the paper."""
 
     def __post_init__(self) -> None:
-        problems = [*self._values_out_of_range()] or [*self._inconsistent_values()]
-        if problems:
-            raise InputError("\n".join(problems))
-
-    def _values_out_of_range(self) -> Iterator[str]:
-        for name, value, allowed in (
-            ("condition", self.condition, CONDITIONS),
-            ("cube", self.cube, tuple(CUBES)),
-            ("clock", self.clock, get_args(ClockName)),
-        ):
-            if value not in allowed:
-                yield f"{name} {value!r}: expected one of {', '.join(allowed)}"
-        if not ranges.RATES[0] <= self.rate <= ranges.RATES[1]:
-            yield f"rate {self.rate:g} Hz: expected {ranges.RATES[0]:g} to {ranges.RATES[1]:g} Hz"
-        elif self.excitation.highest > 0.05 * self.rate:
-            yield (
-                f"frequency {self.excitation.highest:g} Hz in the excitation: expected at most a "
-                f"twentieth of the rate, {0.05 * self.rate:g} Hz"
-            )
-        if self.depth is not None and not 0.0 < self.depth <= ranges.DEEPEST:
-            most = ranges.DEEPEST * 1e3
-            yield f"depth {self.depth * 1e3:g} mm: expected more than 0 and at most {most:g} mm"
-        for name, text in (("specimen", self.specimen), ("operator", self.operator)):
-            if len(text) > ranges.NAME or not (text.isprintable() and text == text.strip()):
-                yield f"{name} {text!r}: expected one line of at most {ranges.NAME} characters"
-        if len(self.notes) > ranges.NOTES:
-            yield f"notes: expected at most {ranges.NOTES} characters, got {len(self.notes)}"
-        if "\0" in self.notes:
-            yield "notes: expected text without the character zero"
-        if self.count_in is not None and not 0.0 <= self.count_in <= 60.0:
-            yield f"count_in {self.count_in:g} s: expected 0 to 60 s"
-        try:
-            self.make_conditioner()
-        except ValueError as error:
-            yield str(error)
-        longest = ranges.longest_duration(self.rate)
-        if not 0.0 < self.duration <= longest:
-            yield f"duration {self.duration:g} s: expected more than 0 and at most {longest:.0f} s"
-
-    def _inconsistent_values(self) -> Iterator[str]:
-        if self.condition == "mimic" and not isinstance(self.excitation, Sine):
-            yield f"signal {self.excitation.kind}: expected a sine, which the operator follows"
-        elif self.condition == "mimic" and self.rig and self.duration < self.target.shortest:
-            yield (
-                f"duration {self.duration:g} s: expected count-in and two periods of the target, "
-                f"{self.target.shortest:g} s or more"
-            )
-        yield from self.feedback.problems(self.condition, self.rig)
-        if self.operator_model.aim_force and self.condition != "free":
-            yield f"operator_model.aim_force: not in {self.condition}: expected condition free"
-        if self.rig and self.clock != "real":
-            yield "clock virtual: a hardware rig runs in real time: expected real"
-        try:
-            self.tare.check(self.rig_name)
-        except InputError as error:
-            yield str(error)
-        try:
-            self.estimation_preset.bank()
-        except ValueError as error:
-            yield from str(error).splitlines()
-        if self.duration < 1.0 / self.rate:
-            yield (
-                f"duration {self.duration:g} s: expected at least one tick, {1.0 / self.rate:g} s"
-            )
-        looser = [*self.tightened_limits.looser(self.untightened_limits)]
-        for name, value, present in looser:
-            yield (
-                f"tightened_limits.{name}: {value} is looser than {present}, the limit of the "
-                f"rig {self.rig_name!r}: expected a limit that is at least as tight"
-            )
-        if looser:
-            return
-        try:
-            limits = self.raw_limits
-        except ValueError as error:
-            yield f"tightened_limits: {error}"
-            return
-        deepest = limits.soft_position[1]
-        if self.depth is not None and self.depth > deepest:
-            yield (
-                f"depth {self.depth * 1e3:g} mm: expected at most {deepest * 1e3:g} mm, the soft "
-                f"limit of the slave's position on the rig {self.rig_name!r}"
-            )
-        try:
-            limits.shifted(self.tare.zeros)
-        except ValueError as error:
-            yield f"tare: {error}"
+        check_settings(self)
 
     @property
     def setup(self) -> Setup:

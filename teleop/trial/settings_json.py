@@ -35,7 +35,8 @@ from teleop.errors import InputError
 from teleop.safety import ChannelLimits, Limits
 from teleop.safety.tightened_limits import TightenedLimits
 from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_keys import NAMES, expected_form, unknown_key
+from teleop.trial.settings_checks import SettingsError
+from teleop.trial.settings_keys import FIELDS, NAMES, expected_form, unknown_key
 
 DERIVED = {
     "preset": ": expected estimator_parameters or custom_preset",
@@ -103,8 +104,10 @@ def from_document(document: Mapping[str, Any]) -> TrialSettings:
 
     Raises
     ------
-    InputError
+    SettingsError
         A setting is unknown or invalid. The message has one line for each problem.
+    InputError
+        The text of the recorded rig file is invalid.
     """
     given = {key: value for key, value in document.items() if key not in DERIVED}
     if isinstance(given.get("rig"), Mapping):
@@ -112,14 +115,15 @@ def from_document(document: Mapping[str, Any]) -> TrialSettings:
     try:
         return adapter().validate_python(given)
     except ValidationError as error:
-        lines = problems(error)
-        bad = {part["loc"][0] for part in error.errors() if part["loc"]}
-        if bad and "rig" not in bad:  # without the rig, the limits of other settings are not known
+        found = SettingsError(problems(error))
+        bad = {str(part["loc"][0]) for part in error.errors() if part["loc"]}
+        if bad:
             try:
                 from_document({key: value for key, value in given.items() if key not in bad})
-            except InputError as others:
-                lines += str(others).splitlines()
-        raise InputError("\n".join(lines)) from error
+            except SettingsError as error_of_rest:
+                others = error_of_rest.known({FIELDS.get(key, key) for key in bad})
+                found = SettingsError([*found.own, *others.own], others.of_rig)
+        raise found from error
 
 
 def problems(error: ValidationError) -> list[str]:

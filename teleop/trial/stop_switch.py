@@ -16,6 +16,8 @@ ARM = Request(arm=True)
 """Request to arm the drives."""
 KEY = DetectedFault(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan)
 """Fault that is reported when the stop key is pressed."""
+RAMP = "Ctrl-C ramps the drives down and ends the trial"
+"""Instruction about Ctrl-C."""
 RESPONSE_TIME = 0.1
 """Time within which a running control loop responds to a signal [s]."""
 
@@ -32,15 +34,20 @@ class StopSwitch(Interruption):
     ----------
     key
         Whether Enter or Space in the terminal is an emergency stop.
+    explained
+        Whether a person has read the instructions, before the drives were armed.
 
     Attributes
     ----------
     page
         Requests of the live page.
+    explained
+        See the parameter.
     """
 
-    def __init__(self, key: bool = False) -> None:
+    def __init__(self, key: bool = False, explained: bool = False) -> None:
         super().__init__()
+        self.explained = explained
         self._use_key = key
         self.key = StopKey()
         self.page = NoPage()
@@ -63,9 +70,9 @@ class StopSwitch(Interruption):
     def instructions(self) -> str:
         """One line of text that describes how to stop the run."""
         if self._has_key:
-            return "Enter or Space stops at once, Ctrl-C ramps down"
+            return f"Enter or Space stops at once, {RAMP}"
         no_key = f"; no stop key: {self.key.missing}" if self.key.missing else ""
-        return f"Ctrl-C ramps down, Ctrl-C twice stops at once{no_key}"
+        return f"{RAMP}, Ctrl-C twice stops at once{no_key}"
 
     def reading_keys(self) -> StopKey | contextlib.AbstractContextManager[None]:
         """Return a context manager within which the stop key is read."""

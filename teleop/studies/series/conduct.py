@@ -14,16 +14,17 @@ from teleop.files import make_folder
 from teleop.safety.events import time_text
 from teleop.studies.json_lines import LOCK, locked
 from teleop.studies.series.journal import NAME, Journal
-from teleop.studies.series.plan import Plan, PlannedTrial
+from teleop.studies.series.plan import Plan
 from teleop.studies.series.table import RECORDINGS, write_results
+from teleop.studies.series.trials import PlannedTrial
 from teleop.trial.result import Trial
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
 Answer = Literal["run", "skip", "repeat", "quit"]
-Ask = Callable[[PlannedTrial, str], tuple[Answer, str]]
-"""Function that asks a person whether to run a trial. Its arguments are the trial and a prompt. It
-returns the answer and a note."""
+Ask = Callable[[PlannedTrial, str, bool], tuple[Answer, str]]
+"""Function that asks a person whether to run a trial. Its arguments are the trial, a prompt, and
+whether there is a trial to repeat. It returns the answer and a note."""
 AskNote = Callable[[PlannedTrial], str]
 """Function that asks a person for a note on a trial that has ended. It returns an empty text if
 there is no note."""
@@ -34,7 +35,7 @@ ATTEMPTS = 3
 """Number of failed attempts of one trial after which an unattended series ends with an error."""
 
 
-def unattended(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
+def unattended(trial: PlannedTrial, prompt: str, can_repeat: bool) -> tuple[Answer, str]:
     """Return the answer "run" and no note, without asking a person."""
     return "run", ""
 
@@ -87,8 +88,8 @@ def conduct(
     A trial is repeated if it was stopped for safety, interrupted, or recorded incompletely. The
     recording of the failed attempt is kept. A trial may also be impossible to run, for example
     because the rig cannot be opened. Then the same trial is proposed again if a person is asked
-    before each trial. Otherwise, the series ends with an error. The table of results is written
-    after each trial.
+    before each trial. Otherwise, the series ends with an error. The table of results is written at
+    the start, after each trial, and after each note.
 
     Parameters
     ----------
@@ -122,6 +123,7 @@ def conduct(
     make_folder(folder / NAME)
     with locked(folder):
         journal = open_journal(folder, plan, trials)
+        write_results(folder, trials, journal)
         if any(journal.attempts(trial.number) or journal.last(trial.number) for trial in trials):
             report(resumed_text(folder, counts(journal, trials)))
         repeated: PlannedTrial | None = None
@@ -130,7 +132,8 @@ def conduct(
             (t for t in trials if not journal.is_finished(t.number)), None
         ):
             time.sleep(max(rested + plan.rest_s - time.monotonic(), 0.0))
-            answer, note = ask(trial, prompt_of(plan, trial, len(trials)))
+            last = journal.last_answered()
+            answer, note = ask(trial, prompt_of(plan, trial, len(trials)), last is not None)
             if answer == "skip" and not repeated:
                 journal.write("skipped", trial.number, note=note)
                 continue
@@ -139,7 +142,8 @@ def conduct(
             if answer == "quit":
                 break
             if answer == "repeat":  # its prompt states what is armed
-                last = journal.last_answered()
+                if last is None:
+                    report("there is no trial to repeat: no trial was run or skipped")
                 repeated = next((t for t in trials if t.number == last), None)
                 continue
             if answer == "skip":
@@ -152,13 +156,14 @@ def conduct(
                 if ask is unattended:
                     raise
                 problem, was_run = str(error), False
+            write_results(folder, trials, journal)
             rested = time.monotonic()
             again = "; the same trial is next" if problem and ask is not unattended else ""
             report(f"{trial.number} of {len(trials)}, {trial.label}: {problem or 'done'}{again}")
             if was_run and (after := ask_note(trial)):
                 attempts = journal.attempts(trial.number)
                 journal.write("note", trial.number, attempt=attempts, note=after)
-            write_results(folder, trials, journal)
+                write_results(folder, trials, journal)
             if problem and ask is unattended:
                 if problem == INTERRUPTED:
                     raise KeyboardInterrupt

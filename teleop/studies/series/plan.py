@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, replace
+import contextlib
+import re
+from collections.abc import Collection, Iterator, Sequence
+from copy import deepcopy
 from importlib.resources import as_file, files
-from itertools import product
 from math import prod
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
-from sim_backend import CUBES, DEPTH
+from sim_backend import CUBES
 from teleop.control.conditions import CONDITIONS
-from teleop.errors import InputError, invalid_parts
-from teleop.studies.series.order import OrderName, ordered
-from teleop.trial.arming import check_stated
-from teleop.trial.configuration import read_toml, settings_from
-from teleop.trial.feedback_checks import check_feedback
-from teleop.trial.settings import TrialSettings
+from teleop.errors import invalid_lines
+from teleop.studies.series.order import OrderName
+from teleop.trial.configuration import read_toml
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,40}$")]
 """Name of a factor or a level, which is used in file names."""
 MOST_TRIALS = 10_000
+PLACEHOLDER = re.compile(r"\{([^{}]*)\}")
+"""Pattern of a placeholder in a prompt."""
 SETTINGS: dict[str, Collection[str]] = {
     "condition": CONDITIONS,
     "cube": CUBES,
@@ -70,24 +70,6 @@ class Plan(BaseModel):
     """Further settings of the trials in which a factor has a certain level, by factor and level."""
 
 
-@dataclass(frozen=True)
-class PlannedTrial:
-    """One trial of a plan."""
-
-    number: int
-    """Position of the trial in the series, from 1."""
-    levels: dict[str, str]
-    """Level of each factor, by the name of the factor."""
-    repetition: int
-    """Number of the repetition, from 1."""
-    settings: TrialSettings
-
-    @property
-    def label(self) -> str:
-        """Levels of the factors and number of the repetition, joined by hyphens, for file names."""
-        return "-".join([*self.levels.values(), str(self.repetition)])
-
-
 def on_rig(plan: Plan, rig: Path, tare: Path | None = None) -> Plan:
     """Return a copy of a plan whose trials run on a hardware rig.
 
@@ -106,8 +88,8 @@ def on_rig(plan: Plan, rig: Path, tare: Path | None = None) -> Plan:
     return plan.model_copy(update={"settings": settings})
 
 
-def read_plan(path: Path) -> Plan:
-    """Read the plan of a series from a file, and check it.
+def plan_document(path: Path) -> dict[str, Any]:
+    """Return the contents of the file of a plan.
 
     Parameters
     ----------
@@ -117,117 +99,80 @@ def read_plan(path: Path) -> Plan:
     Raises
     ------
     InputError
-        The file cannot be read, or is not a valid plan. The message lists all problems.
+        The file cannot be read, or is not a TOML file.
     """
     packaged = files(__package__).joinpath("plans", f"{path}.toml")
     if not path.suffix and packaged.is_file():
         with as_file(packaged) as source:
-            document = read_toml(source)
-    else:
-        document = read_toml(path)
+            return read_toml(source)
+    return read_toml(path)
+
+
+def checked_plan(document: dict[str, Any]) -> tuple[Plan, list[str]]:
+    """Return the valid part of a plan, and a message for each problem.
+
+    Parameters
+    ----------
+    document
+        Contents of the file of the plan. Items that are invalid are left out of the plan, so that
+        the rest of the plan can be checked.
+    """
     try:
         plan = Plan.model_validate(document)
     except ValidationError as error:
-        raise InputError(f"{path}: {invalid_parts(error)}") from error
-    problems = [*inconsistencies(plan)]
-    if problems:
-        raise InputError("\n".join(f"{path}: {problem}" for problem in problems))
-    return plan
+        problems = invalid_lines(error)
+        kept = deepcopy(document)
+        for part in reversed(error.errors()):  # the last item of a list first
+            remove(kept, [key for key in part["loc"] if key != "[key]"])
+        plan = Plan.model_construct(**{"name": "", "factors": {}} | kept)
+    else:
+        problems = []
+    return plan, [*problems, *inconsistencies(plan, document.get("factors"))]
 
 
-def inconsistencies(plan: Plan) -> Iterator[str]:
-    """Yield a message for each inconsistency of a plan."""
-    for name in plan.blocks:
-        if name not in plan.factors:
-            yield f"blocks: {name!r}: expected one of the factors {', '.join(plan.factors)}"
-    for name, levels in plan.factors.items():
-        if not levels or len(set(levels)) < len(levels):
-            yield f"factors.{name}: expected distinct levels"
-    for name, settings in plan.levels.items():
-        if name not in plan.factors:
-            yield f"levels.{name}: expected one of the factors {', '.join(plan.factors)}"
-            continue
-        for level in settings.keys() - set(plan.factors[name]):
-            yield f"levels.{name}.{level}: expected one of {', '.join(plan.factors[name])}"
-    trials = plan.repetitions
-    for levels in plan.factors.values():
-        trials *= len(levels)
-    if trials > MOST_TRIALS:
-        yield f"{trials} trials: expected at most {MOST_TRIALS}"
+def remove(document: Any, place: Sequence[str | int]) -> None:
+    """Remove the item at a place of a document, unless it is missing or was already removed."""
+    *outer, last = place
+    with contextlib.suppress(KeyError, IndexError, TypeError):
+        for key in outer:
+            document = document[key]
+        del document[last]
 
 
-def planned_trials(plan: Plan, folder: Path) -> list[PlannedTrial]:
-    """Return the trials of a plan in the order in which they are run.
+def inconsistencies(plan: Plan, stated: object) -> Iterator[str]:
+    """Yield a message for each inconsistency of a plan.
 
     Parameters
     ----------
     plan
         The plan.
-    folder
-        Folder to which the paths in the settings of the plan are relative.
-
-    Raises
-    ------
-    InputError
-        The settings of a trial are invalid. The message lists the problems of all trials.
+    stated
+        The factors in the file of the plan, including those that are invalid.
     """
-    chosen = chosen_settings(plan, folder)
-    blocked = [plan.factors[name] for name in plan.blocks]
-    inner = {name: levels for name, levels in plan.factors.items() if name not in plan.blocks}
-    cells = [
-        (dict(zip(inner, levels, strict=True)), repetition)
-        for repetition in range(1, plan.repetitions + 1)
-        for levels in product(*inner.values())
-    ]
-    trials: list[PlannedTrial] = []
-    for block, outer in enumerate(product(*blocked)):
-        for index in ordered(len(cells), plan.order, plan.seed, block):
-            inner_levels, repetition = cells[index]
-            by_factor = dict(zip(plan.blocks, outer, strict=True)) | inner_levels
-            levels = {name: by_factor[name] for name in plan.factors}
-            number = len(trials) + 1
-            settings = chosen[tuple(levels.values())]
-            settings = replace(settings, seed=settings.seed + number)
-            trials.append(PlannedTrial(number, levels, repetition, settings))
-    return trials
-
-
-def chosen_settings(plan: Plan, folder: Path) -> dict[tuple[str, ...], TrialSettings]:
-    """Return the settings of the trials, by the combination of levels. See `planned_trials`."""
-    settings: dict[tuple[str, ...], TrialSettings] = {}
-    problems: dict[str, list[str]] = {}
-    for levels in product(*plan.factors.values()):
-        document = document_of(plan, dict(zip(plan.factors, levels, strict=True)))
-        try:
-            settings[levels] = settings_from(document, folder)
-            check_stated(settings[levels])
-            check_feedback(settings[levels])
-        except InputError as error:
-            for line in str(error).splitlines():
-                problems.setdefault(line, []).append(", ".join(levels))
-    if problems:
-        every = prod(map(len, plan.factors.values()))
-        raise InputError(
-            "\n".join(
-                line if len(where) == every else f"{'; '.join(where)}: {line}"
-                for line, where in problems.items()
-            )
-        )
-    return settings
-
-
-def document_of(plan: Plan, levels: Mapping[str, str]) -> dict[str, Any]:
-    """Return the settings for one combination of levels, with the keys of a configuration file."""
-    document = dict(plan.settings)
-    for name, level in levels.items():
-        own = plan.levels.get(name, {}).get(level)
-        if name in SETTINGS and (own is None or level in (SETTINGS[name] or [level])):
-            document[name] = level
-        document |= own or {}
-    if "rig" in document and "cube" in plan.factors and "cube" in document:
-        cube = document.pop("cube")
-        document.setdefault("specimen", cube)
-        depths = DEPTH.get(document.get("condition", "free"), {})
-        if cube in depths:
-            document.setdefault("depth_m", depths[cube])
-    return document
+    trials = plan.repetitions * prod(map(len, plan.factors.values()))
+    if trials > MOST_TRIALS:
+        yield f"{trials} trials: expected at most {MOST_TRIALS}"
+    if not isinstance(stated, dict):
+        return
+    for name, levels in plan.factors.items():
+        if not stated[name] or len(set(levels)) < len(levels):
+            yield f"factors.{name}: expected distinct levels"
+    factors = f"expected one of the factors {', '.join(stated)}"
+    for name in plan.blocks:
+        if name not in stated:
+            yield f"blocks: {name!r}: {factors}"
+    for name, settings in plan.levels.items():
+        if name not in stated:
+            yield f"levels.{name}: {factors}"
+        elif isinstance(stated[name], list):
+            for level in settings:
+                if level not in stated[name]:
+                    expected = ", ".join(map(str, stated[name]))
+                    yield f"levels.{name}.{level}: expected one of {expected}"
+    for name in SETTINGS:
+        if name in stated and name in plan.settings:
+            yield f"settings.{name}: is also a factor: expected it in one of the two places"
+    for name in dict.fromkeys(PLACEHOLDER.findall(plan.prompt)):
+        if name not in ("trial", *stated):
+            known = ", ".join(f"{{{factor}}}" for factor in stated)
+            yield f"prompt: {{{name}}}: expected {{trial}} or a factor, {known}"

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from teleop.evaluation.tracking import COLUMNS as TRACKING
-from teleop.files import write_text
+from teleop.files import encoded, unreadable, write_text
 from teleop.studies.series.journal import Journal
-from teleop.studies.series.plan import PlannedTrial
+from teleop.studies.series.trials import PlannedTrial
 
 NAME, RECORDINGS = "trials.csv", "recordings"
 RESULTS = {
@@ -30,11 +30,14 @@ RESULTS = {
 
 
 def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[dict[str, Any]]:
-    """Yield a row for each estimator of each trial that is done."""
+    """Yield a row for each estimator of each trial that is done.
+
+    A value that the journal of an older version does not contain is None.
+    """
     planned = {trial.number: trial for trial in trials}
     for result in journal.results():
         trial, summary = planned[result["trial"]], result["summary"]
-        tracking = summary["tracking"] or {}
+        tracking = summary.get("tracking") or {}
         for name, values in summary["estimates"].items():
             yield {
                 "trial": trial.number,
@@ -44,26 +47,42 @@ def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[di
                 "time": result["time"],
                 "file": result["file"],
                 "note": journal.note(trial.number, result["attempt"]),
-                "seed": summary["seed"],
+                "seed": summary.get("seed"),
                 "estimator": name,
-                **{RESULTS[key]: values[key] for key in RESULTS},
+                **{RESULTS[key]: values.get(key) for key in RESULTS},
                 **{TRACKING[key]: tracking.get(key) for key in TRACKING},
             }
 
 
+def columns(trials: Sequence[PlannedTrial]) -> list[str]:
+    """Return the columns of the table of results, in their order."""
+    return [
+        "trial",
+        *trials[0].levels,
+        *("repetition", "attempt", "time", "file", "note", "seed", "estimator"),
+        *RESULTS.values(),
+        *TRACKING.values(),
+    ]
+
+
 def write_results(folder: Path, trials: Sequence[PlannedTrial], journal: Journal) -> None:
-    """Write the table of results to a CSV file in the folder of a series.
+    """Write the results in the journal to a CSV file in the folder of a series.
+
+    The file is not written if it already has these contents.
 
     Raises
     ------
     InputError
-        The file cannot be written.
+        The file cannot be read or written.
     """
-    rows = [*result_rows(trials, journal)]
-    if not rows:
-        return
     text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, fieldnames=[*rows[0]])
+    writer = csv.DictWriter(text, fieldnames=columns(trials))
     writer.writeheader()
-    writer.writerows(rows)
-    write_text(folder / NAME, text.getvalue(), overwrite=True)
+    writer.writerows(result_rows(trials, journal))
+    path, content = folder / NAME, text.getvalue()
+    try:
+        is_written = path.exists() and path.read_bytes() == encoded(content)
+    except OSError as error:
+        raise unreadable(path, error) from error
+    if not is_written:
+        write_text(path, content, overwrite=True)

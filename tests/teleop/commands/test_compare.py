@@ -103,11 +103,19 @@ def test_numbers_that_no_plan_orders_increase_and_an_unknown_level_is_last(occur
     assert [*ranks_of((), ["-", *occurring])] == [*sorted({*occurring}, key=int), "-"]
 
 
-def test_a_journal_without_a_plan_is_refused(series, tmp_path, capsys):
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("[]\n", "journal.jsonl, line 1: expected a line of JSON"),
+        ('{"entry": "done", "trial": 1}\n', "journal.jsonl: not the journal of a series"),
+        ('{"entry": "plan", "trial": 0, "plan": {}}\n', "journal.jsonl: not the journal"),
+    ],
+)
+def test_a_journal_without_a_plan_is_refused(series, text, problem, tmp_path, capsys):
     copied = Path(shutil.copytree(series, tmp_path / "copied"))
-    (copied / "journal.jsonl").write_text("[]\n")
+    (copied / "journal.jsonl").write_text(text)
     assert main(["compare", str(copied)]) == 2
-    assert "journal.jsonl: not the journal of a series" in capsys.readouterr().err
+    assert problem in capsys.readouterr().err
 
 
 def test_recordings_are_grouped_by_their_settings_and_other_files_have_no_level(
@@ -151,9 +159,44 @@ def test_bad_options_are_refused(series, arguments, problem, capsys):
 
 def test_a_folder_without_recordings_and_a_file_named_twice_are_refused(series, tmp_path, capsys):
     assert main(["compare", str(tmp_path)]) == 2
-    assert "has neither trials.csv nor recordings" in capsys.readouterr().err
+    assert "contains neither a series nor recordings (*.mcap)" in capsys.readouterr().err
     assert main(["compare", str(series), str(next((series / "recordings").iterdir()))]) == 2
     assert "is named twice" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("missing", [["trials.csv"], ["trials.csv", "journal.jsonl"]])
+def test_the_recordings_of_a_series_without_its_table_are_found(series, missing, tmp_path, capsys):
+    copied = Path(shutil.copytree(series, tmp_path / "copied"))
+    for name in missing:
+        (copied / name).unlink()
+    found = document(capsys, copied, "--by", "cube")
+    assert len(found["recordings"]) == 8
+    assert [group["levels"] for group in found["groups"]] == [["soft"], ["medium"]]
+    if "journal.jsonl" not in missing:
+        original = document(capsys, series)
+        for one, other in zip(found["groups"], original["groups"], strict=True):
+            assert one["means"] == other["means"]
+        for one, other in zip(found["recordings"], original["recordings"], strict=True):
+            assert one["factors"] == other["factors"] | {"folder": one["factors"]["folder"]}
+
+
+def test_a_trial_in_the_journal_that_is_not_yet_in_the_table_is_compared(series, tmp_path, capsys):
+    copied = Path(shutil.copytree(series, tmp_path / "copied"))
+    lines = (copied / "trials.csv").read_text().splitlines(keepends=True)
+    (copied / "trials.csv").write_text("".join(lines[:3]))
+    with (copied / "journal.jsonl").open("a") as journal:
+        journal.write('{"entry": "done", "tri')
+    before = (copied / "journal.jsonl").read_bytes()
+    assert len(document(capsys, copied)["recordings"]) == 8
+    assert (copied / "journal.jsonl").read_bytes() == before, "the series may be running"
+
+
+def test_a_series_without_a_trial_that_is_done_is_refused(series, tmp_path, capsys):
+    copied = Path(shutil.copytree(series, tmp_path / "copied"))
+    journal = copied / "journal.jsonl"
+    journal.write_text(journal.read_text().splitlines(keepends=True)[0])
+    assert main(["compare", str(copied)]) == 2
+    assert "no trial of this series is done" in capsys.readouterr().err
 
 
 def test_a_table_is_written_as_csv_latex_and_markdown(series, tmp_path, capsys):

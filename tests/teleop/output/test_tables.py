@@ -82,6 +82,23 @@ def test_lines_are_broken_between_words_only(words, width, indent):
         assert len(line) <= max(width, indent + 1) or len(line.split()) <= 1
 
 
+UNITS = ["N", "mm", "N/m", "N s/m", "mm/s", "s", "ms", "Hz", "%"]
+
+
+@given(
+    st.lists(st.tuples(st.text("abc", min_size=1, max_size=9), st.sampled_from(UNITS)), min_size=1),
+    st.integers(18, 60),
+)
+def test_no_line_is_broken_between_a_number_and_its_unit(parts, width):
+    text = ", ".join(f"{word} 2.5 {unit}" for word, unit in parts)
+    lines = wrapped(text, width).split("\n")
+    assert " ".join(lines) == text
+    for line in lines:
+        assert len(line) <= width
+        assert not line.endswith("2.5")
+        assert line.split(" ")[0] not in (*UNITS, *(f"{unit}," for unit in UNITS), "s/m,", "s/m")
+
+
 @given(
     st.lists(st.text(st.characters(codec="ascii", exclude_categories=["Cc"]), max_size=20)),
     st.integers(20, 100),

@@ -327,3 +327,44 @@ def test_a_recorded_trial_with_own_parameters_is_estimated_again_to_the_bit(tmp_
     run_trial(settings, tmp_path / "a.mcap")
     assert main(["estimate", str(tmp_path / "a.mcap"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["as_online"]
+
+
+def test_all_problems_of_a_configuration_are_reported_at_once(tmp_path, capsys):
+    path = tmp_path / "trial.toml"
+    path.write_text(
+        'condition = "mimic"\nduration_s = -1.0\nnotes = "a\\u0000"\nestimators = ["kalmann"]\n'
+        'rate_hz = "fast"\nodd = 1\nrig = "none.toml"\nsignal = { kind = "chirp", amplitude = 0.1,'
+        " low = 0.1, high = 1.0, period = 5.0 }\n"
+    )
+    capsys.readouterr()
+    assert main(["config", "check", str(path)]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    expected = [
+        "specimen: is missing: expected the name of the specimen in the file",
+        "depth_m: is missing",
+        "none.toml: no such file",
+        "rate_hz: expected a number",
+        "odd: unknown setting",
+        "duration -1 s: expected",
+        "notes: expected text without",
+        "kalmann",
+    ]
+    for part in expected:
+        assert sum(part in line for line in lines) == 1, (part, lines)
+    assert all(f"{path}: " in line for line in lines)
+
+
+def test_limits_of_another_rig_are_not_reported_if_the_rig_is_not_known(tmp_path, refused):
+    path = tmp_path / "trial.toml"
+    path.write_text('rig = "none.toml"\nspecimen = "liver"\ndepth_m = 0.04\n')
+    assert "none.toml: no such file" in refused("config", "check", path)
+
+
+def test_an_invalid_value_does_not_hide_the_limits_of_the_rig():
+    with pytest.raises(InputError) as refused:
+        TrialSettings(rig=read_rig_file(RIG), notes="a\0", depth=0.045, duration=-1.0)
+    assert [line[:8] for line in str(refused.value).splitlines()] == [
+        "notes: e",
+        "duration",
+        "depth 45",
+    ]

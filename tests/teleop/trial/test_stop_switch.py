@@ -8,6 +8,8 @@ import signal
 import pytest
 
 from teleop.safety import Fault
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 
@@ -78,3 +80,13 @@ def test_the_instructions_name_the_key_only_if_there_is_one():
     assert "no stop key: not available on this system" in switch.instructions
     assert "Enter" not in switch.instructions
     assert switch.hint == "Ctrl-C stops"
+
+
+@pytest.mark.parametrize("explained", [True, False])
+def test_the_instructions_are_printed_only_if_nobody_has_read_them(explained, capfd):
+    settings = TrialSettings("mimic", clock="virtual", duration=0.2, estimators=("rls",))
+    with StopSwitch(explained=explained) as switch:
+        run_trial(settings, None, True, switch)
+    text = capfd.readouterr().err
+    assert ("teleop: Ctrl-C ramps the drives down and ends the trial" in text) == (not explained)
+    assert "teleop: follow O with x" in text

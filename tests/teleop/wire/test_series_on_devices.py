@@ -120,7 +120,7 @@ def test_a_series_on_devices_is_run_with_keys_and_ends_in_table_and_figures(emul
     prompts, armed, codes = Counter(), Counter(), []
     for _ in range(2):
         series = Series(tmp_path, "plan.toml", "--rig", "run.toml", "--out", "study")
-        while prompt := series.wait_until(r"r repeats the last one, q quits\."):
+        while prompt := series.wait_until(r"q quits\."):
             number, cube, condition = re.search(
                 r"trial (\d) of 4: Place the (\w+) cube\. Condition (\w+)", prompt
             ).groups()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 import random
 import signal
@@ -21,7 +22,7 @@ from teleop.recording.recording import load
 from teleop.studies.json_lines import locked
 from teleop.studies.series.conduct import conduct
 from teleop.studies.series.journal import Journal
-from teleop.studies.series.plan import planned_trials, read_plan
+from teleop.studies.series.trials import read_series
 from teleop.trial.averaged import recorded_part
 from teleop.trial.run import run_trial
 
@@ -43,8 +44,7 @@ estimators = ["rls"]
 def plan(tmp_path):
     path = tmp_path / "plan.toml"
     path.write_text(PLAN)
-    read = read_plan(path)
-    return read, planned_trials(read, tmp_path)
+    return read_series(path)
 
 
 class Person:
@@ -53,8 +53,10 @@ class Person:
     def __init__(self, *answers):
         self.answers = [*answers]
         self.prompts = []
+        self.can_repeat = []
 
-    def __call__(self, trial, prompt):
+    def __call__(self, trial, prompt, can_repeat):
+        self.can_repeat.append(can_repeat)
         self.prompts.append(prompt)
         return self.answers.pop(0) if self.answers else "quit", "a note"
 
@@ -149,10 +151,20 @@ def test_a_trial_that_cannot_be_run_is_asked_for_again(plan, tmp_path, error):
 
 
 def test_before_the_first_trial_there_is_none_to_repeat(plan, tmp_path):
-    person = Person("repeat", "quit")
-    journal = conduct(tmp_path / "out", *plan, ask=person)
+    reports, person = [], Person("repeat", "quit")
+    journal = conduct(tmp_path / "out", *plan, ask=person, report=reports.append)
+    assert reports == ["there is no trial to repeat: no trial was run or skipped"]
     assert journal.attempts(1) == 0
     assert [prompt[:7] for prompt in person.prompts] == ["trial 1", "trial 1"]
+
+
+def test_a_repetition_is_offered_only_after_a_trial(plan, tmp_path):
+    person = Person("run", "skip", "quit")
+    conduct(tmp_path / "out", *plan, ask=person)
+    assert person.can_repeat == [False, True, True]
+    resumed = Person("quit")
+    conduct(tmp_path / "out", *plan, ask=resumed)
+    assert resumed.can_repeat == [True]
 
 
 def test_a_spoilt_trial_is_repeated_and_its_recording_is_kept(plan, tmp_path):
@@ -221,6 +233,64 @@ def test_two_series_in_one_folder_are_refused(plan, tmp_path):
         conduct(folder, *plan)
 
 
+def done_trials(folder):
+    return [str(result["trial"]) for result in Journal(folder).results()]
+
+
+def interrupted(*_):
+    raise KeyboardInterrupt
+
+
+def test_a_trial_is_in_the_table_before_the_person_is_asked_for_a_note(plan, tmp_path):
+    folder = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        conduct(folder, *plan, ask=Person("run"), ask_note=interrupted)
+    assert [row["trial"] for row in rows(folder)] == done_trials(folder) == ["1"]
+
+
+@pytest.mark.parametrize("answers", [(), ("quit",), ("skip", "skip"), ("run", "run")])
+@pytest.mark.parametrize("damage", [Path.unlink, lambda path: path.write_text("trial\n")])
+def test_a_table_that_does_not_agree_with_the_journal_is_rebuilt_at_the_start(
+    plan, tmp_path, answers, damage
+):
+    folder = tmp_path / "out"
+    conduct(folder, *plan, ask=Person("run"))
+    damage(folder / "trials.csv")
+    conduct(folder, *plan, ask=Person(*answers))
+    assert [row["trial"] for row in rows(folder)] == done_trials(folder)
+    conduct(folder, *plan)
+    damage(folder / "trials.csv")
+    conduct(folder, *plan)  # the series is complete
+    assert [row["trial"] for row in rows(folder)] == done_trials(folder)
+
+
+def test_the_table_of_an_older_journal_has_empty_cells_for_unknown_values(plan, tmp_path):
+    folder = tmp_path / "out"
+    conduct(folder, *plan)
+    entries = [json.loads(line) for line in (folder / "journal.jsonl").read_text().splitlines()]
+    for entry in entries:
+        if entry["entry"] == "done":
+            del entry["summary"]["tracking"], entry["summary"]["estimates"]["rls"]["rise_time_s"]
+    text = "".join(f"{json.dumps(entry)}\n" for entry in entries)
+    (folder / "journal.jsonl").write_text(text)
+    conduct(folder, *plan)
+    assert [row["rise time [s]"] for row in rows(folder)] == [""] * 3
+
+
+def test_a_table_that_agrees_with_the_journal_is_not_written_again(plan, tmp_path):
+    folder = tmp_path / "out"
+    conduct(folder, *plan)
+    before = (folder / "trials.csv").stat()
+    conduct(folder, *plan)
+    assert (folder / "trials.csv").stat() == before
+
+
+def test_a_trial_whose_repetition_is_spoilt_is_no_longer_in_the_table(plan, tmp_path):
+    folder = tmp_path / "out"
+    conduct(folder, *plan, ask=Person("run", "repeat", "run"), run=Spoiling(2))
+    assert rows(folder) == []
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
 def test_a_series_that_is_killed_again_and_again_completes_and_loses_nothing(plan, tmp_path):
     command = [sys.executable, "-m", "teleop", "series", "plan.toml", "--out", "out"]
@@ -243,6 +313,40 @@ def test_a_series_that_is_killed_again_and_again_completes_and_loses_nothing(pla
     assert [row["cube"] for row in rows(tmp_path / "out")] == ["soft", "medium", "hard"]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
+def test_after_a_kill_at_a_prompt_a_trial_or_a_note_the_table_has_every_done_trial(plan, tmp_path):
+    command = [sys.executable, "-m", "teleop", "series", "plan.toml", "--out", "out", "--ask"]
+    chance = random.Random(4)
+    folder = tmp_path / "out"
+
+    def start(typed):
+        process = subprocess.Popen(
+            command, cwd=tmp_path, stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        process.stdin.write(typed)
+        process.stdin.flush()
+        return process
+
+    at_note = 0
+    for attempt in range(6):
+        process = start("\n")  # runs one trial, and types no answer to the note question
+        for line in process.stderr:
+            if line.startswith("Note on trial"):
+                at_note += 1
+                break
+            if attempt % 2 and line.startswith("Enter runs it"):
+                time.sleep(chance.uniform(0.0, 0.5))
+                break
+        process.kill()
+        process.communicate()
+        time.sleep(0.3)  # the recorder writes what it was sent
+        done = done_trials(folder)
+        start("").communicate()  # its input is closed, which means quit
+        assert [row["trial"] for row in rows(folder)] == done_trials(folder) == done
+    assert at_note >= 3
+    assert done == ["1", "2", "3"]
+
+
 def test_the_command_asks_before_each_trial_if_the_options_say_so(tmp_path, monkeypatch, capsys):
     (tmp_path / "plan.toml").write_text(PLAN)
     monkeypatch.chdir(tmp_path)
@@ -254,6 +358,73 @@ def test_the_command_asks_before_each_trial_if_the_options_say_so(tmp_path, monk
     assert "Expected Enter, s, r or q." in captured.err
     assert Journal(tmp_path / "series-short").last(2)["note"] == "too soft"
     assert [row["note"] for row in rows(tmp_path / "series-short")] == ["slipped once"]
+
+
+INTERRUPT = object()
+"""Answer of a person who presses Ctrl-C."""
+
+
+@pytest.fixture
+def command(tmp_path, monkeypatch, capsys):
+    """Run the command with typed lines, and return its exit code, output and messages."""
+    (tmp_path / "plan.toml").write_text(PLAN)
+    monkeypatch.chdir(tmp_path)
+
+    def command(lines, *options):
+        typed = iter(lines)
+
+        def readline():
+            line = next(typed)
+            return interrupted() if line is INTERRUPT else line
+
+        monkeypatch.setattr("sys.stdin.readline", readline, raising=False)
+        capsys.readouterr()
+        try:
+            code = main(["series", "plan.toml", "--ask", *options])
+        except SystemExit as end:
+            code = end.code
+        return code, *capsys.readouterr()
+
+    return command
+
+
+@pytest.mark.parametrize(
+    ("lines", "code", "done"),
+    [
+        (["q\n"], 0, 0),
+        ([INTERRUPT], 130, 0),
+        (["\n", INTERRUPT], 130, 1),  # at the question for a note
+        (["\n", "\n", INTERRUPT], 130, 1),
+        (["\n", "\n", "q\n"], 0, 1),
+    ],
+)
+def test_after_q_or_ctrl_c_the_counts_and_the_command_that_resumes_are_shown(
+    command, lines, code, done
+):
+    found, out, _ = command(lines, "--out", "my series")
+    assert found == code
+    assert f"my series: {done} of 3 trials done, 0 skipped, {3 - done} pending" in out
+    assert "resume with: teleop series plan.toml --out 'my series' --ask" in out
+    found, out, _ = command(["\n"] * 2 * (3 - done), "--out", "my series")
+    assert "3 of 3 trials done" in out
+    assert "resume" not in out
+
+
+def test_after_ctrl_c_the_document_has_the_counts(command):
+    code, out, _ = command([INTERRUPT], "--json")
+    assert code == 130
+    assert json.loads(out) == {"folder": "series-short", "done": 0, "skipped": 0, "pending": 3}
+
+
+def test_the_prompt_offers_a_repetition_only_if_there_is_a_trial_to_repeat(command):
+    _, _, err = command(["r\n", "s\n", "q\n"])
+    lines = [line for line in err.splitlines() if not line.startswith("trial")]
+    assert lines == [
+        "Enter runs it, s skips it, q quits.",
+        "teleop: there is no trial to repeat: no trial was run or skipped",
+        "Enter runs it, s skips it, q quits.",
+        "Enter runs it, s skips it, r repeats the last one, q quits.",
+    ]
 
 
 def test_the_order_is_shown_without_running_anything(tmp_path, monkeypatch, capsys):
@@ -273,11 +444,11 @@ def wired_plan(folder):
 
 def test_the_factor_specimen_names_the_specimen_of_each_trial(tmp_path):
     path = wired_plan(tmp_path)
-    trials = planned_trials(read_plan(path), tmp_path)
+    _, trials = read_series(path)
     assert [trial.settings.specimen for trial in trials] == ["liver", "cyst"]
     path.write_text(path.read_text().replace("depth_m = 0.003", ""))
-    with pytest.raises(InputError, match="--depth 3mm"):
-        planned_trials(read_plan(path), tmp_path)
+    with pytest.raises(InputError, match=r"depth_m: is missing: .* in \[settings\] or"):
+        read_series(path)
 
 
 def test_a_series_on_a_rig_of_devices_needs_a_person_or_yes(tmp_path, refused):
@@ -290,14 +461,15 @@ def test_a_series_on_a_rig_of_devices_needs_a_person_or_yes(tmp_path, refused):
 def test_the_prompt_of_a_series_arms_the_drives_and_is_the_only_one(tmp_path, monkeypatch, capsys):
     run = []
     monkeypatch.setattr(
-        "teleop.commands.series.run", lambda *given, link: run.append(given) or 1 / 0
+        "teleop.commands.series.run", lambda *given, **options: run.append(options) or 1 / 0
     )
     answers = iter(["\n"])
     monkeypatch.setattr("sys.stdin.readline", lambda: next(answers), raising=False)
     with pytest.raises(ZeroDivisionError):
         main(["series", str(wired_plan(tmp_path)), "--out", str(tmp_path / "out"), "--ask"])
-    assert len(run) == 1
+    assert [options["explained"] for options in run] == [True]
     prompt = " ".join(capsys.readouterr().err.split())
+    assert prompt.count("Ctrl-C ramps the drives down and ends the trial") == 1
     for part in ("serial board: autonomous, liver, 0.5 s, depth 3 mm, force limit 200 N", "Ctrl-C"):
         assert part in prompt
 
@@ -318,8 +490,7 @@ def test_a_series_that_is_resumed_says_so(plan, tmp_path):
 def test_a_complete_series_on_a_rig_of_devices_needs_neither_person_nor_yes(tmp_path, capsys):
     path, out = wired_plan(tmp_path), tmp_path / "out"
     skip = Person("skip", "skip")
-    read = read_plan(path)
-    conduct(out, read, planned_trials(read, tmp_path), ask=skip)
+    conduct(out, *read_series(path), ask=skip)
     assert main(["series", str(path), "--out", str(out)]) == 0
     captured = capsys.readouterr()
     assert "complete, no trial is run" in captured.err
@@ -330,8 +501,7 @@ def test_the_table_has_the_tracking_of_mimic_and_empty_cells_for_other_condition
     text = PLAN.replace('cube = ["soft", "medium", "hard"]', "")
     text = text.replace('condition = ["autonomous"]', 'condition = ["free", "mimic"]')
     (tmp_path / "plan.toml").write_text(text.replace("duration_s = 0.5", "duration_s = 4.0"))
-    read = read_plan(tmp_path / "plan.toml")
-    conduct(tmp_path / "out", read, planned_trials(read, tmp_path))
+    conduct(tmp_path / "out", *read_series(tmp_path / "plan.toml"))
     names = [
         "tracking gain",
         "tracking phase [deg]",

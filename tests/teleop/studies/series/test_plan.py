@@ -5,12 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import tomlkit
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from sim_backend import DEPTH
 from teleop.errors import InputError
-from teleop.studies.series import plan
-from teleop.studies.series.plan import on_rig, planned_trials, read_plan
+from teleop.studies.series import trials as series_trials
+from teleop.studies.series.plan import Plan, checked_plan, plan_document
+from teleop.studies.series.trials import acting_factors, chosen_settings, read_series
 
+BOARD = Path(__file__).parents[4] / "rigs" / "serial-board.toml"
 PLAN = """
 name = "study"
 order = "listed"
@@ -34,16 +40,33 @@ depth_m = 0.001
 
 @pytest.fixture
 def read(tmp_path):
+    """Return a function that writes a plan and returns its trials."""
+
     def read(text):
         path = tmp_path / "plan.toml"
         path.write_text(text)
-        return read_plan(path)
+        return read_series(path)[1]
 
     return read
 
 
+@pytest.fixture
+def problems(read, tmp_path):
+    """Return a function that writes an invalid plan, and returns the lines of the message."""
+
+    def problems(text):
+        with pytest.raises(InputError) as refused:
+            read(text)
+        prefix = f"{tmp_path / 'plan.toml'}: "
+        lines = str(refused.value).splitlines()
+        assert all(line.startswith(prefix) for line in lines)
+        return [line.removeprefix(prefix) for line in lines]
+
+    return problems
+
+
 def test_every_combination_is_run_in_each_block_and_repetition(read):
-    trials = planned_trials(read(PLAN), Path())
+    trials = read(PLAN)
     assert len(trials) == 16
     assert [trial.number for trial in trials] == list(range(1, 17))
     assert {trial.levels["subject"] for trial in trials[:8]} == {"s1"}
@@ -51,7 +74,7 @@ def test_every_combination_is_run_in_each_block_and_repetition(read):
 
 
 def test_factors_and_levels_set_the_settings_of_a_trial(read):
-    trials = planned_trials(read(PLAN), Path())
+    trials = read(PLAN)
     by_label = {trial.label: trial.settings for trial in trials}
     assert by_label["s1-free-liver-1"].condition == "free"
     assert by_label["s1-mimic-liver-1"].condition == "mimic"
@@ -63,7 +86,7 @@ def test_factors_and_levels_set_the_settings_of_a_trial(read):
 
 def test_a_level_with_settings_of_its_own_still_names_the_specimen_and_the_condition(read):
     named = PLAN + "[levels.condition.mimic]\nduration_s = 2.0\n"
-    by_label = {trial.label: trial.settings for trial in planned_trials(read(named), Path())}
+    by_label = {trial.label: trial.settings for trial in read(named)}
     settings = by_label["s1-mimic-cyst-1"]
     assert (settings.specimen, settings.condition, settings.duration) == ("cyst", "mimic", 2.0)
     assert by_label["s1-free-liver-1"].duration == 1.0
@@ -71,18 +94,16 @@ def test_a_level_with_settings_of_its_own_still_names_the_specimen_and_the_condi
 
 def test_a_level_with_settings_of_its_own_may_have_a_name_that_is_no_condition(read):
     slow = PLAN.replace('"mimic"', '"slow"') + '[levels.condition.slow]\ncondition = "mimic"\n'
-    by_label = {trial.label: trial.settings for trial in planned_trials(read(slow), Path())}
+    by_label = {trial.label: trial.settings for trial in read(slow)}
     assert by_label["s1-slow-liver-1"].condition == "mimic"
 
 
-def test_a_problem_of_several_trials_is_reported_once(read):
-    with pytest.raises(InputError) as of_all:
-        planned_trials(read(PLAN.replace("1.0\n", "-1.0\n")), Path())
-    assert str(of_all.value).startswith("duration -1 s: expected more than 0")
+def test_a_problem_of_several_trials_is_reported_once(problems):
+    (of_all,) = problems(PLAN.replace("1.0\n", "-1.0\n"))
+    assert of_all.startswith("duration -1 s: expected more than 0")
     deep = PLAN.replace("0.001", "0.5").replace('"s1", "s2"', '"s1"')
-    with pytest.raises(InputError) as of_some:
-        planned_trials(read(deep), Path())
-    assert str(of_some.value).startswith("s1, free, cyst; s1, mimic, cyst: depth 500 mm: expected")
+    (of_some,) = problems(deep)
+    assert of_some.startswith("free, cyst; mimic, cyst: depth 500 mm: expected")
 
 
 def test_all_problems_of_a_plan_are_reported_at_once(read):
@@ -104,47 +125,49 @@ def test_all_problems_of_a_plan_are_reported_at_once(read):
 )
 def test_a_plan_that_does_not_fit_together_is_refused(read, change, problem):
     if problem is None:
-        assert read(PLAN.replace(*change)).repetitions == 1000
+        assert len(read(PLAN.replace(*change))) == 8000
         return
     with pytest.raises(InputError, match=problem):
         read(PLAN.replace(*change))
 
 
 def test_settings_that_are_refused_are_named_with_the_trial(read):
-    with pytest.raises(InputError, match="s1, free, cyst; .*s2, mimic, cyst: depth 1000 mm"):
-        planned_trials(read(PLAN.replace("depth_m = 0.001", "depth_m = 1.0")), Path())
+    with pytest.raises(InputError, match="free, cyst; mimic, cyst: depth 1000 mm"):
+        read(PLAN.replace("depth_m = 0.001", "depth_m = 1.0"))
 
 
 def test_a_seed_that_is_no_number_is_refused(read):
-    with pytest.raises(InputError, match="^seed: expected a whole number"):
-        planned_trials(read(PLAN.replace("duration_s = 1.0", 'seed = "x"')), Path())
+    with pytest.raises(InputError, match="plan.toml: seed: expected a whole number"):
+        read(PLAN.replace("duration_s = 1.0", 'seed = "x"'))
 
 
 def test_the_files_of_a_combination_of_levels_are_read_once(read, monkeypatch):
     documents = []
-    original = plan.settings_from
+    original = series_trials.complete_settings
     monkeypatch.setattr(
-        plan, "settings_from", lambda *given: documents.append(given) or original(*given)
+        series_trials,
+        "complete_settings",
+        lambda *given: documents.append(given) or original(*given),
     )
-    trials = planned_trials(read(PLAN.replace("repetitions = 2", "repetitions = 5")), Path())
+    trials = read(PLAN.replace("repetitions = 2", "repetitions = 5"))
     assert len(trials) == 40
-    assert len(documents) == 8
+    assert len(documents) == 4, "no setting depends on the subject"
 
 
 def test_the_plan_of_the_paper_has_its_nine_trials():
-    trials = planned_trials(read_plan(Path("paper")), Path())
+    trials = read_series(Path("paper"))[1]
     cells = {(trial.settings.condition, trial.settings.cube) for trial in trials}
     assert len(trials) == len(cells) == 9
 
 
 def test_a_plan_that_is_not_there_is_refused_in_one_line():
     with pytest.raises(InputError, match="none: no such file"):
-        read_plan(Path("none"))
+        read_series(Path("none"))
 
 
 def test_on_a_rig_of_devices_a_cube_is_a_specimen_with_the_depth_of_the_paper():
     board = Path(__file__).parents[4] / "rigs" / "serial-board.toml"
-    trials = planned_trials(on_rig(read_plan(Path("paper")), board), Path())
+    trials = read_series(Path("paper"), board)[1]
     assert len(trials) == 9
     for trial in trials:
         settings, levels = trial.settings, trial.levels
@@ -154,9 +177,115 @@ def test_on_a_rig_of_devices_a_cube_is_a_specimen_with_the_depth_of_the_paper():
         assert settings.depth == DEPTH[levels["condition"]][levels["cube"]]
 
 
-def test_a_stated_depth_replaces_that_of_the_paper():
-    board = Path(__file__).parents[4] / "rigs" / "serial-board.toml"
-    paper = read_plan(Path("paper"))
-    stated = paper.model_copy(update={"settings": paper.settings | {"depth_m": 0.002}})
-    trials = planned_trials(on_rig(stated, board), Path())
+def test_a_stated_depth_replaces_that_of_the_paper(tmp_path):
+    board = BOARD
+    document = plan_document(Path("paper"))
+    document["settings"]["depth_m"] = 0.002
+    path = tmp_path / "plan.toml"
+    path.write_text(tomlkit.dumps(document))
+    _, trials = read_series(path, board)
     assert {trial.settings.depth for trial in trials} == {0.002}
+
+
+WRONG = """
+name = "liver"
+order = "rnd"
+repetitions = 0
+prompt = "Place {specimenn}, {specimen}, {trial}."
+blocks = ["person"]
+rest = 3
+
+[factors]
+condition = ["free", "mimic", "odd"]
+specimen = ["liver", 5, "cyst"]
+
+[settings]
+rig = "none.toml"
+specimen = "phantom"
+duration_s = -1.0
+estimators = ["rls", "kalmann"]
+bandwith_hz = 30.0
+
+[levels.specimen.stone]
+depth_m = 0.003
+"""
+
+
+def test_all_problems_of_a_plan_and_its_trials_are_reported_at_once(problems):
+    lines = problems(WRONG)
+    expected = [
+        "order: expected one of listed, random, latin-square",
+        "repetitions: ",
+        "rest: unknown setting",
+        "factors.specimen.1: expected text in quotes, got 5",
+        "blocks: 'person': expected one of the factors condition, specimen",
+        "levels.specimen.stone: expected one of liver, 5, cyst",
+        "settings.specimen: is also a factor: expected it in one of the two places",
+        "prompt: {specimenn}: expected {trial} or a factor, {condition}, {specimen}",
+        "depth_m: is missing: expected the depth of palpation [m] in [settings] or [levels]",
+        "none.toml: no such file",
+        "bandwith_hz: unknown setting: expected bandwidth_hz",
+        "duration -1 s: expected more than 0",
+        "odd, liver; odd, cyst: condition: expected one of free, mimic, autonomous",
+    ]
+    for part in expected:
+        assert sum(part in line for line in lines) == 1, (part, lines)
+    assert sum("kalmann" in line for line in lines) == 1
+    assert len(lines) == len(expected) + 1
+
+
+def test_each_problem_that_is_mended_leaves_the_others(problems):
+    lines = problems(WRONG)
+    mended = problems(WRONG.replace('"rnd"', '"listed"').replace("rest = 3", ""))
+    assert mended == [line for line in lines if not line.startswith(("order:", "rest:"))]
+
+
+def test_a_depth_and_a_duration_that_a_rig_needs_are_both_reported(problems):
+    text = PLAN.replace('clock = "virtual"', f'rig = "{BOARD}"')
+    lines = problems(text[: text.index("[levels")])
+    assert len(lines) == 2
+    assert lines[0].startswith("depth_m: is missing: expected the depth of palpation [m] in [set")
+    assert lines[1].startswith("mimic, liver; mimic, cyst: duration 1 s: expected count-in and")
+    assert not any("--" in line for line in lines), "teleop series has no such options"
+
+
+def test_levels_that_are_numbers_are_the_only_problem(problems):
+    text = PLAN.replace('clock = "virtual"', f'rig = "{BOARD}"\ndepth_m = 0.003')
+    text = text[: text.index("[levels")].replace("= 1.0", "= 9.0")
+    lines = problems(text.replace('["liver", "cyst"]', "[1, 2]"))
+    assert lines == [
+        f"factors.specimen.{i}: expected text in quotes, got {i + 1}" for i in range(2)
+    ]
+
+
+@pytest.mark.parametrize("key", ["factors", "name"])
+def test_a_plan_without_a_needed_key_is_still_checked(problems, key):
+    kept = tomlkit.parse(PLAN.replace("1.0\n", "-1.0\n"))
+    del kept[key]
+    lines = problems(tomlkit.dumps(kept))
+    assert lines[0] == f"{key}: is missing"
+    assert any("duration -1 s" in line for line in lines)
+
+
+@given(
+    st.dictionaries(
+        st.sampled_from(["name", "factors", "blocks", "order", "prompt", "settings", "levels"]),
+        st.recursive(
+            st.integers() | st.text(max_size=5),
+            lambda inner: (
+                st.lists(inner, max_size=3)
+                | st.dictionaries(st.sampled_from(["cube", "soft", "a b", ""]), inner, max_size=3)
+            ),
+            max_leaves=8,
+        ),
+    )
+)
+def test_any_document_gives_a_plan_or_problems(document):
+    try:
+        Plan.model_validate(document)
+        valid = True
+    except ValidationError:
+        valid = False
+    plan, problems = checked_plan(document)
+    assert valid or problems
+    chosen_settings(plan, acting_factors(plan), Path())

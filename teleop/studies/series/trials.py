@@ -1,0 +1,159 @@
+"""List the trials of a plan in their order, with the settings of each trial."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice, product
+from pathlib import Path
+from typing import Any
+
+from sim_backend import DEPTH
+from teleop.errors import InputError
+from teleop.studies.series.order import ordered
+from teleop.studies.series.plan import (
+    MOST_TRIALS,
+    SETTINGS,
+    Plan,
+    checked_plan,
+    on_rig,
+    plan_document,
+)
+from teleop.trial.configuration import complete_settings
+from teleop.trial.settings import TrialSettings
+
+PLACES = "[settings] or [levels]"
+"""Places of a plan in which a setting can be set."""
+
+
+@dataclass(frozen=True)
+class PlannedTrial:
+    """One trial of a plan."""
+
+    number: int
+    """Position of the trial in the series, from 1."""
+    levels: dict[str, str]
+    """Level of each factor, by the name of the factor."""
+    repetition: int
+    """Number of the repetition, from 1."""
+    settings: TrialSettings
+
+    @property
+    def label(self) -> str:
+        """Levels of the factors and number of the repetition, joined by hyphens, for file names."""
+        return "-".join([*self.levels.values(), str(self.repetition)])
+
+
+def read_series(
+    path: Path, rig: Path | None = None, tare: Path | None = None
+) -> tuple[Plan, list[PlannedTrial]]:
+    """Read the plan of a series from a file, check it, and list its trials in their order.
+
+    Parameters
+    ----------
+    path
+        A TOML file, or the name of a plan that is part of this package, such as `paper`. Paths in
+        the plan are relative to the folder of the file.
+    rig
+        Rig file of the hardware rig on which the trials run; None for the rig of the plan.
+    tare
+        File with the zero offsets of the channels of `rig`; None for those of the plan.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is not a valid plan. The message has one line for each problem
+        of the plan and of the settings of its trials.
+    """
+    plan, problems = checked_plan(plan_document(path))
+    if rig:
+        plan = on_rig(plan, rig, tare)
+    acting = acting_factors(plan)
+    settings, problems_of_trials = chosen_settings(plan, acting, path.parent)
+    problems += problems_of_trials
+    if problems:
+        raise InputError("\n".join(f"{path}: {problem}" for problem in problems))
+    trials = []
+    for number, (levels, repetition) in enumerate(cells(plan), start=1):
+        one = settings[tuple(levels[name] for name in acting)]
+        trials.append(
+            PlannedTrial(number, levels, repetition, replace(one, seed=one.seed + number))
+        )
+    return plan, trials
+
+
+def acting_factors(plan: Plan) -> dict[str, list[str]]:
+    """Return the factors whose levels change the settings of a trial, with their levels."""
+    return {
+        name: levels
+        for name, levels in plan.factors.items()
+        if levels and (name in SETTINGS or name in plan.levels)
+    }
+
+
+def cells(plan: Plan) -> list[tuple[dict[str, str], int]]:
+    """Return levels and repetition of each trial of a plan, in the order of the trials."""
+    blocked = [plan.factors[name] for name in plan.blocks]
+    inner = {name: levels for name, levels in plan.factors.items() if name not in plan.blocks}
+    of_block = [
+        (dict(zip(inner, levels, strict=True)), repetition)
+        for repetition in range(1, plan.repetitions + 1)
+        for levels in product(*inner.values())
+    ]
+    found = []
+    for block, outer in enumerate(product(*blocked)):
+        for index in ordered(len(of_block), plan.order, plan.seed, block):
+            inner_levels, repetition = of_block[index]
+            by_factor = dict(zip(plan.blocks, outer, strict=True)) | inner_levels
+            found.append(({name: by_factor[name] for name in plan.factors}, repetition))
+    return found
+
+
+def chosen_settings(
+    plan: Plan, acting: Mapping[str, Sequence[str]], folder: Path
+) -> tuple[dict[tuple[str, ...], TrialSettings], list[str]]:
+    """Return the settings for each combination of levels, and a message for each problem.
+
+    Parameters
+    ----------
+    plan
+        The plan.
+    acting
+        Factors whose levels are combined, see `acting_factors`.
+    folder
+        Folder to which the paths in the settings of the plan are relative.
+    """
+    settings: dict[tuple[str, ...], TrialSettings] = {}
+    problems: dict[str, list[str]] = {}
+    unknown = [name for name in SETTINGS if not plan.factors or plan.factors.get(name) == []]
+    combinations = [*islice(product(*acting.values()), MOST_TRIALS)]
+    for levels in combinations:
+        document = document_of(plan, dict(zip(acting, levels, strict=True)))
+        try:
+            settings[levels] = complete_settings(document, folder, PLACES)
+        except InputError as error:
+            for line in str(error).splitlines():
+                if any(line.startswith(f"{name}: is missing") for name in unknown):
+                    continue  # its levels are invalid, which is another problem
+                problems.setdefault(line, []).append(", ".join(levels))
+    return settings, [
+        line if len(where) == len(combinations) else f"{'; '.join(where)}: {line}"
+        for line, where in problems.items()
+    ]
+
+
+def document_of(plan: Plan, levels: Mapping[str, str]) -> dict[str, Any]:
+    """Return the settings for one combination of levels, with the keys of a configuration file."""
+    document = dict(plan.settings)
+    for name, level in levels.items():
+        own = plan.levels.get(name, {}).get(level)
+        if name in SETTINGS and (own is None or level in (SETTINGS[name] or [level])):
+            document[name] = level
+        document |= own or {}
+    if "rig" in document and "cube" in plan.factors and "cube" in document:
+        cube = document.pop("cube")
+        document.setdefault("specimen", cube)
+        depths = DEPTH.get(document.get("condition", "free"), {})
+        if cube in depths:
+            document.setdefault("depth_m", depths[cube])
+    return document

@@ -1,0 +1,192 @@
+"""Check the settings of a trial, and report all problems at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
+from typing import TYPE_CHECKING, get_args
+
+from sim_backend import CUBES
+from teleop.control.conditions import CONDITIONS
+from teleop.control.excitation_signals import Sine
+from teleop.errors import InputError
+from teleop.names import ClockName
+from teleop.trial import ranges
+
+if TYPE_CHECKING:
+    from teleop.trial.settings import TrialSettings
+
+RIG_FIELDS = frozenset(("condition", "cube", "depth", "rig", "signal", "tare"))
+"""Settings on which the checks against the limits of the rig depend."""
+
+
+class SettingsError(InputError):
+    """Settings are invalid. The message has one line for each problem.
+
+    Parameters
+    ----------
+    own
+        Problems that do not depend on the rig.
+    of_rig
+        Problems that depend on the rig and its limits. They are not known if one of `RIG_FIELDS`
+        is invalid.
+
+    Attributes
+    ----------
+    own, of_rig
+        See the parameters.
+    """
+
+    def __init__(self, own: Sequence[str], of_rig: Sequence[str] = ()) -> None:
+        super().__init__("\n".join(dict.fromkeys([*own, *of_rig])))
+        self.own, self.of_rig = tuple(own), tuple(of_rig)
+
+    def known(self, invalid: set[str]) -> SettingsError:
+        """Return the error without the problems that are not known.
+
+        Parameters
+        ----------
+        invalid
+            Names of the settings whose values are not known, because they are invalid.
+        """
+        return self if RIG_FIELDS.isdisjoint(invalid) else SettingsError(self.own)
+
+
+def check_settings(settings: TrialSettings) -> None:
+    """Check all settings of a trial.
+
+    If a value is out of its range, the other settings are checked with its default value.
+
+    Raises
+    ------
+    SettingsError
+        A setting is invalid.
+    """
+    wrong = [*values_out_of_range(settings)]
+    own = [text for _, text in wrong]
+    of_rig: Sequence[str] = ()
+    kind = type(settings)
+    invalid = {name for names, _ in wrong for name in names}
+    if any(getattr(settings, name) != getattr(kind, name) for name in invalid):
+        names = {field.name for field in fields(settings)} - invalid
+        try:
+            kind(**{name: getattr(settings, name) for name in names})
+        except SettingsError as error:
+            others = error.known(invalid)
+            own, of_rig = [*own, *others.own], others.of_rig
+    elif not wrong:
+        own, of_rig = [*inconsistent_values(settings)], [*problems_of_rig(settings)]
+    if own or of_rig:
+        raise SettingsError(own, of_rig)
+
+
+def values_out_of_range(settings: TrialSettings) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield the names of the settings that are out of their range, and a message."""
+    for name, value, allowed in (
+        ("condition", settings.condition, CONDITIONS),
+        ("cube", settings.cube, tuple(CUBES)),
+        ("clock", settings.clock, get_args(ClockName)),
+    ):
+        if value not in allowed:
+            yield (name,), f"{name} {value!r}: expected one of {', '.join(allowed)}"
+    if not ranges.RATES[0] <= settings.rate <= ranges.RATES[1]:
+        yield (
+            ("rate",),
+            f"rate {settings.rate:g} Hz: expected {ranges.RATES[0]:g} to {ranges.RATES[1]:g} Hz",
+        )
+    elif settings.excitation.highest > 0.05 * settings.rate:
+        yield (
+            ("rate", "signal"),
+            f"frequency {settings.excitation.highest:g} Hz in the excitation: expected at most "
+            f"a twentieth of the rate, {0.05 * settings.rate:g} Hz",
+        )
+    if settings.depth is not None and not 0.0 < settings.depth <= ranges.DEEPEST:
+        most = ranges.DEEPEST * 1e3
+        yield (
+            ("depth",),
+            f"depth {settings.depth * 1e3:g} mm: expected more than 0 and at most {most:g} mm",
+        )
+    for name, text in (("specimen", settings.specimen), ("operator", settings.operator)):
+        if len(text) > ranges.NAME or not (text.isprintable() and text == text.strip()):
+            yield (name,), f"{name} {text!r}: expected one line of at most {ranges.NAME} characters"
+    if len(settings.notes) > ranges.NOTES:
+        yield (
+            ("notes",),
+            f"notes: expected at most {ranges.NOTES} characters, got {len(settings.notes)}",
+        )
+    if "\0" in settings.notes:
+        yield ("notes",), "notes: expected text without the character zero"
+    if settings.count_in is not None and not 0.0 <= settings.count_in <= 60.0:
+        yield ("count_in",), f"count_in {settings.count_in:g} s: expected 0 to 60 s"
+    try:
+        settings.make_conditioner()
+    except ValueError as error:
+        yield ("conditioning", "bandwidth", "force_lag"), str(error)
+    longest = ranges.longest_duration(settings.rate)
+    if not 0.0 < settings.duration <= longest:
+        yield (
+            ("duration",),
+            f"duration {settings.duration:g} s: expected more than 0 and at most {longest:.0f} s",
+        )
+
+
+def inconsistent_values(settings: TrialSettings) -> Iterator[str]:
+    """Yield a message for each problem of several settings that does not depend on the rig."""
+    if settings.condition == "mimic" and not isinstance(settings.excitation, Sine):
+        yield f"signal {settings.excitation.kind}: expected a sine, which the operator follows"
+    yield from settings.feedback.problems(settings.condition, None)
+    if settings.operator_model.aim_force and settings.condition != "free":
+        yield f"operator_model.aim_force: not in {settings.condition}: expected condition free"
+    try:
+        settings.estimation_preset.bank()
+    except ValueError as error:
+        yield from str(error).splitlines()
+    if settings.duration < 1.0 / settings.rate:
+        yield (
+            f"duration {settings.duration:g} s: expected at least one tick, "
+            f"{1.0 / settings.rate:g} s"
+        )
+
+
+def problems_of_rig(settings: TrialSettings) -> Iterator[str]:
+    """Yield a message for each problem that depends on the rig and its limits."""
+    if (
+        settings.condition == "mimic"
+        and settings.rig
+        and isinstance(settings.excitation, Sine)
+        and settings.duration < settings.target.shortest
+    ):
+        yield (
+            f"duration {settings.duration:g} s: expected count-in and two periods of the target, "
+            f"{settings.target.shortest:g} s or more"
+        )
+    yield from settings.feedback.problems(settings.condition, settings.rig)
+    if settings.rig and settings.clock != "real":
+        yield "clock virtual: a hardware rig runs in real time: expected real"
+    try:
+        settings.tare.check(settings.rig_name)
+    except InputError as error:
+        yield str(error)
+    looser = [*settings.tightened_limits.looser(settings.untightened_limits)]
+    for name, value, present in looser:
+        yield (
+            f"tightened_limits.{name}: {value} is looser than {present}, the limit of the "
+            f"rig {settings.rig_name!r}: expected a limit that is at least as tight"
+        )
+    if looser:
+        return
+    try:
+        limits = settings.raw_limits
+    except ValueError as error:
+        yield f"tightened_limits: {error}"
+        return
+    deepest = limits.soft_position[1]
+    if settings.depth is not None and settings.depth > deepest:
+        yield (
+            f"depth {settings.depth * 1e3:g} mm: expected at most {deepest * 1e3:g} mm, the soft "
+            f"limit of the slave's position on the rig {settings.rig_name!r}"
+        )
+    try:
+        limits.shifted(settings.tare.zeros)
+    except ValueError as error:
+        yield f"tare: {error}"
