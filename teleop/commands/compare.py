@@ -155,7 +155,8 @@ def compare(
     if out:
         tables = [group_table(groups, factors), tracking_table(groups, factors)]
         shown = [table for table in tables if table]
-        write_table_file(out, tidy_rows(rows, factors), shown, overwrite)
+        columns_of = [*dict.fromkeys([*(n for s in found for n in s.levels), *factors])]
+        write_table_file(out, tidy_rows(rows, columns_of), shown, overwrite)
     if plot:
         from estimation.figure_style import figure_style
         from teleop.output.comparison_figure import comparison_figure

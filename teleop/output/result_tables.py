@@ -158,7 +158,7 @@ def parameter_text(name: str, one: Mapping[str, Any]) -> str:
 def with_half(value: float, half: float) -> str:
     """Return a value and a half width as text, with two significant digits of the half width."""
     if not math.isfinite(half) or half <= 0.0:
-        return f"{value:.4g}"
+        return small(value, 4)
     return f"{significant(value, half)} \u00b1 {significant(half, half)}"
 
 
