@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from operator import itemgetter
 from typing import Any
 from urllib.parse import quote
 
@@ -14,6 +15,7 @@ from estimation.figures import Truth
 from estimation.model import KELVIN_VOIGT
 from estimation.redundancy import ambiguity
 from teleop.evaluation.evaluation_result import Evaluation
+from teleop.output.console import number
 from teleop.output.estimate_tables import (
     AT_END,
     AVERAGES,
@@ -35,6 +37,7 @@ from teleop.output.trial_tables import tracking_lines
 from teleop.output.web_page import svg, web_page
 from teleop.recording.gaps import missing_text
 from teleop.recording.recording import Recording
+from teleop.recording.sinks import BEGIN
 
 MARGIN = 0.1
 """Candidates of the multi-estimator are tied if their monitoring signals exceed the smallest
@@ -100,10 +103,7 @@ def of_recording(recording: Recording | None) -> dict[str, Any]:
     if recording is None:
         return values
     values["facts"] = [*facts(recording)]
-    values["events"] = [
-        [f"{event['time']:.3f}", event.get("mode") or "", event["text"]]
-        for event in recording.events
-    ]
+    values["events"] = event_rows(recording.events)
     values["settings"] = [*flat(recording.settings)]
     values["estimated_channels"] = recording.estimated_channels
     values["missing"] = missing_text(recording.gaps)
@@ -119,6 +119,19 @@ def of_recording(recording: Recording | None) -> dict[str, Any]:
             f"Lateness and duration of {len(recording)} ticks; {skipped} periods were skipped."
         )
     return values
+
+
+def event_rows(events: Iterable[Mapping[str, Any]]) -> list[list[str]]:
+    """Return time [s], mode and text of each event, in the order of the times.
+
+    The event that marks the beginning of the recording is omitted: it has the time 0 of the trial,
+    although the recorder was started before the rig was connected.
+    """
+    return [
+        [number(event["time"], 3), event.get("mode") or "", event["text"]]
+        for event in sorted(events, key=itemgetter("time"))
+        if event["text"] != BEGIN
+    ]
 
 
 def facts(recording: Recording) -> Iterator[tuple[str, str]]:

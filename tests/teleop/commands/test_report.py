@@ -74,3 +74,11 @@ def test_a_page_in_another_folder_links_to_the_recording(trial, tmp_path):
     assert main(["report", str(trial), "--out", str(page)]) == 0
     (link,) = re.findall(r'<a href="([^"]+)"', page.read_text())
     assert (tmp_path / link.replace("%20", " ")).resolve() == trial.resolve()
+
+
+def test_the_times_of_the_safety_events_increase(trial):
+    (table,) = re.findall(r"Safety events</h2>(.*?)</table>", page_of(trial), re.DOTALL)
+    times = re.findall(r"<td>(.*?)</td>", table)
+    assert "-0.000" not in times
+    assert len(times) == len(load(trial).events) - 1, "the beginning of the recording has no time"
+    assert [float(time) for time in times] == sorted(float(time) for time in times)
