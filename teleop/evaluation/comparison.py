@@ -7,15 +7,13 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
-
-import numpy as np
-from scipy.special import stdtrit
+from typing import Any
 
 from estimation.summary import EstimatorSummary
 from teleop.errors import InputError
 from teleop.evaluation.evaluation_result import Evaluation
 from teleop.evaluation.kinds import OF_ESTIMATES
+from teleop.evaluation.means import Mean, Value, mean_of, mean_tracking
 from teleop.evaluation.result import Result
 from teleop.evaluation.tracking import COLUMNS, Tracking
 
@@ -53,28 +51,6 @@ class Compared:
         return tuple(self.factors.get(name, NO_LEVEL) for name in by)
 
 
-class Value(NamedTuple):
-    """Value of a quantity for one recording."""
-
-    value: float
-    """The value; finite."""
-    half: float
-    """Half width of its 95 % interval; NaN if there is no interval."""
-    kind: str
-    """Kind of the quantity (`teleop.evaluation.kinds`)."""
-
-
-class Mean(NamedTuple):
-    """Mean of a quantity over a group of recordings, with its 95 % interval."""
-
-    value: float
-    """Mean; NaN if there are no values, or if the values are of different kinds."""
-    half: float
-    """Half width of the interval of the mean; NaN if there is no interval."""
-    recordings: int
-    """Number of recordings in the mean."""
-
-
 @dataclass(frozen=True)
 class Group:
     """Group of recordings with the same levels of all factors."""
@@ -88,7 +64,7 @@ class Group:
     missing: dict[str, dict[str, str]]
     """Files without a value, each with the reason, by `RESULT` or the name of the estimator."""
     tracking: dict[str, Mean]
-    """Means of the tracking values gain, phase_deg, rms_m and frequency_hz; empty without a
+    """Means of gain, phase_deg, rms_m and frequency_hz (`mean_tracking`); empty without a
     target."""
     subjects: int
     """Number of subjects, if there are two or more and some have several recordings in this group;
@@ -104,23 +80,6 @@ def compared(
     """Return the results of one evaluated recording."""
     result = evaluation.analysis.result
     return Compared(file, dict(factors), result, evaluation.summaries(), tracking)
-
-
-def mean_of(values: Sequence[Value]) -> Mean:
-    """Return the mean of a quantity over recordings, with its 95 % interval.
-
-    For two or more recordings, the interval is computed with Student's t from the spread between
-    the recordings. For one recording, it is the interval of this recording. Values of different
-    kinds have no mean.
-    """
-    if len({one.kind for one in values}) != 1:
-        return Mean(math.nan, math.nan, 0)
-    if len(values) == 1:
-        return Mean(values[0].value, values[0].half, 1)
-    numbers = [one.value for one in values]
-    spread = float(np.std(numbers, ddof=1)) / math.sqrt(len(numbers))
-    half = float(stdtrit(len(numbers) - 1, 0.975)) * spread
-    return Mean(float(np.mean(numbers)), half, len(numbers))
 
 
 def values_of(row: Compared, method: str) -> dict[str, Value]:
@@ -186,11 +145,6 @@ def group_of(levels: tuple[str, ...], rows: Sequence[Compared]) -> Group:
             if not math.isfinite(one.k):
                 missing.setdefault(name, {})[row.file] = NEVER_UPDATED
     tracked = [row.tracking for row in rows if row.tracking]
-    followed = ("gain", "phase_deg", "rms_m", "frequency_hz") if tracked else ()
-    tracking = {
-        name: mean_of([Value(getattr(one, name), math.nan, "") for one in tracked])
-        for name in followed
-    }
     subjects = Counter(row.factors[SUBJECT] for row in rows if SUBJECT in row.factors)
     pooled = len(subjects) > 1 and max(subjects.values()) > 1
     means: dict[str, dict[str, Mean]] = {}
@@ -204,7 +158,9 @@ def group_of(levels: tuple[str, ...], rows: Sequence[Compared]) -> Group:
             symbol: dict(sorted(Counter(one.kind for one in each).items(), reverse=True))
             for symbol, each in values.items()
         }
-    return Group(levels, means, kinds, missing, tracking, len(subjects) if pooled else 0)
+    return Group(
+        levels, means, kinds, missing, mean_tracking(tracked), len(subjects) if pooled else 0
+    )
 
 
 def ranks_of(planned: Sequence[str], occurring: Iterable[str]) -> dict[str, int]:

@@ -11,8 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from estimation.figure_style import BLUE, legend, new_figure, tidy
-from teleop.evaluation.comparison import RESULT, Compared, Group, Mean
+from teleop.evaluation.comparison import RESULT, Compared, Group
 from teleop.evaluation.kinds import BESIDES_RELAXATION, LOSS
+from teleop.evaluation.means import Mean
 from teleop.evaluation.result import Result
 from teleop.output.comparison_scales import Interval, factor_of_rows, set_scale
 from teleop.output.figure_files import plain

@@ -10,8 +10,9 @@ from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
 
-from teleop.evaluation.comparison import OF_RESULT, RESULT, UNITS, Compared, Group, Mean
+from teleop.evaluation.comparison import OF_RESULT, RESULT, UNITS, Compared, Group
 from teleop.evaluation.kinds import MEANING
+from teleop.evaluation.means import Mean
 from teleop.evaluation.result import Result
 from teleop.files import RECORDING
 from teleop.output.console import plain_console, print_table, small
@@ -30,7 +31,10 @@ CAPTION = (
 )
 """Note below the table of groups that explains the rows of the table."""
 TRACKING_CAPTION = (
-    "Tracking of the target in mimic: mean of n recordings; \u00b1: 95 % interval of the mean."
+    "Tracking of the target in mimic: mean of n recordings; the mean of the phases is circular. "
+    "\u00b1: 95 % interval of the mean, from the spread between the recordings. It is left out for "
+    "n = 1, and if it exceeds the possible values (half a turn for a phase, at least 0 for the "
+    "others): then more recordings are needed."
 )
 POOLED = (
     "Recordings of several subjects are pooled: the interval counts the repeats of a subject as "
