@@ -66,6 +66,8 @@ class Group:
     tracking: dict[str, Mean]
     """Means of gain, phase_deg, rms_m and frequency_hz (`mean_tracking`); empty without a
     target."""
+    pooled: tuple[str, ...]
+    """Planned factors, besides the subject, of which the group contains several levels."""
     subjects: int
     """Number of subjects, if there are two or more and some have several recordings in this group;
     otherwise 0."""
@@ -132,11 +134,23 @@ def grouped(
         members,
         key=lambda levels: [rank[level] for rank, level in zip(ranks, levels, strict=True)],
     )
-    return [group_of(levels, members[levels]) for levels in ordered]
+    return [group_of(levels, members[levels], planned) for levels in ordered]
 
 
-def group_of(levels: tuple[str, ...], rows: Sequence[Compared]) -> Group:
-    """Return the group that consists of `rows`, recordings with the same levels."""
+def group_of(
+    levels: tuple[str, ...], rows: Sequence[Compared], planned: Iterable[str] = ()
+) -> Group:
+    """Return the group that consists of `rows`, recordings with the same levels.
+
+    Parameters
+    ----------
+    levels
+        Levels of the factors by which the recordings are grouped.
+    rows
+        The recordings.
+    planned
+        Names of the factors of a series.
+    """
     missing: dict[str, dict[str, str]] = {}
     for row in rows:
         if not row.result.identifiable:
@@ -146,7 +160,12 @@ def group_of(levels: tuple[str, ...], rows: Sequence[Compared]) -> Group:
                 missing.setdefault(name, {})[row.file] = NEVER_UPDATED
     tracked = [row.tracking for row in rows if row.tracking]
     subjects = Counter(row.factors[SUBJECT] for row in rows if SUBJECT in row.factors)
-    pooled = len(subjects) > 1 and max(subjects.values()) > 1
+    repeated = len(subjects) > 1 and max(subjects.values()) > 1
+    pooled = tuple(
+        name
+        for name in planned
+        if name != SUBJECT and len({row.factors.get(name) for row in rows}) > 1
+    )
     means: dict[str, dict[str, Mean]] = {}
     kinds: dict[str, dict[str, dict[str, int]]] = {}
     for method in dict.fromkeys([RESULT, *(name for row in rows for name in row.estimates)]):
@@ -159,7 +178,13 @@ def group_of(levels: tuple[str, ...], rows: Sequence[Compared]) -> Group:
             for symbol, each in values.items()
         }
     return Group(
-        levels, means, kinds, missing, mean_tracking(tracked), len(subjects) if pooled else 0
+        levels,
+        means,
+        kinds,
+        missing,
+        mean_tracking(tracked),
+        pooled,
+        len(subjects) if repeated else 0,
     )
 
 

@@ -1,4 +1,4 @@
-"""Print tables that compare recordings: results, means of groups, and analysis of variance."""
+"""Print tables that compare recordings: results, and means of groups."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from itertools import chain
 from math import isfinite
 from pathlib import Path
 from string import ascii_lowercase
-from typing import Any
 
 from teleop.evaluation.comparison import OF_RESULT, RESULT, UNITS, Compared, Group
 from teleop.evaluation.kinds import MEANING
@@ -37,8 +36,8 @@ TRACKING_CAPTION = (
     "others): then more recordings are needed."
 )
 POOLED = (
-    "Recordings of several subjects are pooled: the interval counts the repeats of a subject as "
-    "independent, and is too narrow if the subjects differ."
+    "Recordings of several subjects are pooled: the interval counts the recordings of a subject "
+    "as independent, and is too narrow if the subjects differ."
 )
 """Note below the table of groups, if a group contains several recordings of several subjects."""
 OTHER_KIND = "*"
@@ -58,6 +57,8 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
         notes.append(("", damping_note(kinds)))
     if any(group.subjects for group in groups):
         notes.append(("", POOLED))
+    if pooled := dict.fromkeys(name for group in groups for name in group.pooled):
+        notes.append(("", pooled_text([*pooled])))
     for group in groups:
         for method, means in group.means.items():
             count = str(means["k"].recordings)
@@ -76,6 +77,15 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
     units = (f"{symbol} [{unit}]" for symbol, unit in UNITS.items())
     headings = [*by, "method", *kind_headings, "n", *units]
     return TextTable(headings, rows, len(by) + 1 + len(OF_RESULT), notes)
+
+
+def pooled_text(names: Sequence[str]) -> str:
+    """Return what a mean over recordings with different levels of these factors is."""
+    several = ", ".join(names)
+    return (
+        f"Recordings that differ in {several} are pooled: the interval contains the differences "
+        f"between the levels of {several}, as if these levels were a random sample."
+    )
 
 
 def marked(notes: list[tuple[str, str]], text: str) -> str:
@@ -270,22 +280,3 @@ def tangent_texts(result: Result) -> list[str]:
     if result.force is None or result.depth is None:
         return ["-", "-"]
     return [small(result.force), small(result.depth * 1e3)]
-
-
-def effect_cells(effects: Iterable[Mapping[str, Any]]) -> list[list[str]]:
-    """Return the cells of the analysis of variance of one response, one row for each effect."""
-    return [
-        [
-            effect["source"].replace(" x ", " \N{MULTIPLICATION SIGN} "),
-            f"{effect['f']:.1f}" if effect["f"] < 1000.0 else f"{effect['f']:.0f}",
-            f"{effect['degrees']}, {effect['error_degrees']}",
-            "< 0.001" if effect["p"] < 0.001 else f"{effect['p']:.3f}",
-            f"{effect['eta_squared']:.3f}",
-            f"{effect['partial_eta_squared']:.3f}",
-        ]
-        for effect in effects
-    ]
-
-
-EFFECT_HEADINGS = ("", "F", "df", "p", "eta^2", "partial eta^2")
-"""Headings of the table of an analysis of variance."""

@@ -386,3 +386,37 @@ def test_only_mimic_has_a_table_of_the_tracking(series, capsys):
     assert {one["tracking"] for one in found["recordings"]} == {None}
     assert main(["compare", str(series)]) == 0
     assert "tracking" not in capsys.readouterr().out
+
+
+def test_the_design_of_the_analysis_of_variance_is_stated_and_its_table_is_written(
+    series, tmp_path, capsys
+):
+    for name in ("table.csv", "table.tex"):
+        options = ["--anova", "e_f", "--out", str(tmp_path / name)]
+        assert main(["compare", str(series), *options]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    design = (
+        "Design: repeated measures. subject is the random factor; cube, estimator vary within each "
+        "subject. The trials of a subject with the same levels, which differ in repetition, are "
+        "averaged."
+    )
+    assert design in out
+    with (tmp_path / "table-anova.csv").open(newline="") as file:
+        rows = [*csv.DictReader(file)]
+    assert [row["source"] for row in rows] == ["cube", "estimator", "cube x estimator"]
+    assert {row["response"] for row in rows} == {"e_f"}
+    assert all(row["design"].startswith(design) for row in rows)
+    latex = (tmp_path / "table.tex").read_text()
+    assert design in latex
+    assert "\ncube $\\times$ estimator & " in latex
+
+
+def test_a_mean_over_different_specimens_is_not_called_a_mean_over_repeats(series, capsys):
+    assert main(["compare", str(series), "--by", "subject"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "Recordings that differ in cube are pooled" in out
+    assert "independent" not in out
+    assert main(["compare", str(series), "--by", "condition"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "the interval counts the recordings of a subject as independent" in out
+    assert "repeats" not in out
