@@ -196,7 +196,7 @@ def print_together(together: Mapping[str, Any]) -> None:
             (
                 [
                     Path(row["file"]).name,
-                    f"{row['frequency_hz']:.3g}",
+                    small(row["frequency_hz"]),
                     with_half(row["storage"], row["storage_interval"]),
                     with_half(row["loss"], row["loss_interval"]),
                     f"{row['tan_delta']:.3f} \u00b1 {row['tan_delta_interval']:.1g}",
