@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from estimation.figure_style import (
     BLUE,
     ORANGE,
     draw,
+    is_narrow,
     legend,
     limits,
     new_figure,
@@ -71,7 +73,9 @@ def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
             fontsize="small",
             frameon=False,
         )
-    figure.suptitle(plain(fault["text"]), x=0.01, ha="left", color="#CC0000")
+    figure.suptitle(
+        fill(plain(fault["text"]), 45 if is_narrow() else 90), x=0.01, ha="left", color="#CC0000"
+    )
     rows[-1].set_xlabel(f"time since the fault at {fault['time']:.3f} s [ms]")
     return figure
 
