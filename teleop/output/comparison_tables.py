@@ -203,9 +203,7 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
     if kinds:
         console.print(f"  b: {MEANING[kinds[0]]}")
     if len(kinds) > 1:
-        console.print(
-            f"  {OTHER_KIND} {MEANING[kinds[1]]}: another quantity than the b of the rest"
-        )
+        console.print(f"  {OTHER_KIND} b: {MEANING[kinds[1]]}, a different quantity")
     for name, row in zip(names, rows, strict=True):
         if not row.result.identifiable:
             reasons = "; ".join(row.result.reasons)
