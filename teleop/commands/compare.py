@@ -81,7 +81,8 @@ def compare(
     out
         Write the table to a .csv, .tex or .md file. A CSV file has a row for each recording and
         method. A LaTeX or Markdown file contains the means of the groups, and notes. The LaTeX
-        file needs the packages booktabs and threeparttable.
+        file needs the packages booktabs and threeparttable. The analysis of variance is added to
+        a LaTeX or Markdown file. For table.csv it is written to table-anova.csv.
     plot
         Plot the stiffness and damping of each recording, and the mean of each group, to a .png,
         .svg or .pdf file. If the values differ by more than a factor of ten, each level of one
@@ -102,13 +103,13 @@ def compare(
     from teleop.evaluation.replay import is_replayed
     from teleop.files import check_outputs
     from teleop.output.comparison_tables import (
-        EFFECT_HEADINGS,
-        effect_cells,
         group_table,
         print_comparison,
+        print_text_table,
         tracking_table,
     )
-    from teleop.output.console import plain_console, print_json, print_table
+    from teleop.output.console import print_json
+    from teleop.output.effects_table import effects_table
     from teleop.output.table_files import check_table_ending, write_table_file
     from teleop.printable import print_error
     from teleop.studies.anova import check_available
@@ -118,10 +119,13 @@ def compare(
     if anova:
         check_available()
     found = sources((file, *more))
+    effects_file = None
     if out:
         check_table_ending(out)
+        if anova and out.suffix.lower() == ".csv":
+            effects_file = out.with_stem(f"{out.stem}-anova")
     inputs = tuple(source.path for source in found)
-    check_outputs(out, pictures=(plot,), sources=inputs, overwrite=overwrite)
+    check_outputs(out, effects_file, pictures=(plot,), sources=inputs, overwrite=overwrite)
     given = {
         "preset": preset,
         "conditioning": conditioning,
@@ -151,11 +155,18 @@ def compare(
     factors = usual_factors(found) if by is None else [name.strip() for name in by.split(",")]
     check_factors(rows, factors)
     groups = grouped(rows, factors, planned_levels(found))
-    effects = effects_of(rows, factors, anova) if anova else []
+    planned = [*dict.fromkeys(name for source in found for name in source.levels)]
+    effects, design = effects_of(rows, factors, planned, anova) if anova else ([], "")
     if out:
         tables = [group_table(groups, factors), tracking_table(groups, factors)]
+        if anova:
+            tables.append(effects_table(effects, anova, design))
         shown = [table for table in tables if table]
-        write_table_file(out, tidy_rows(rows, factors), shown, overwrite)
+        named = [*dict.fromkeys([*planned, *factors])]
+        write_table_file(out, tidy_rows(rows, named), shown, overwrite)
+    if effects_file:
+        tidy = [{"response": anova, **effect, "design": design} for effect in effects]
+        write_table_file(effects_file, tidy, (), overwrite)
     if plot:
         from estimation.figure_style import figure_style
         from teleop.output.comparison_figure import comparison_figure
@@ -178,20 +189,21 @@ def compare(
             ],
             "groups": [asdict(group) for group in groups],
             "anova": effects,
+            "anova_design": design,
             "left_out": skipped,
         }
         print_json(document)
     else:
         print_comparison(rows, groups, factors)
         if anova:
-            title, console = f"analysis of variance of {anova}", plain_console()
-            console.print()
-            print_table(console, title, EFFECT_HEADINGS, effect_cells(effects))
+            print_text_table("analysis of variance", effects_table(effects, anova, design))
     return 0
 
 
-def effects_of(rows: list[Compared], factors: list[str], response: str) -> list[dict[str, Any]]:
-    """Compute the analysis of variance of a response, and return one dictionary per effect.
+def effects_of(
+    rows: list[Compared], factors: list[str], planned: list[str], response: str
+) -> tuple[list[dict[str, Any]], str]:
+    """Compute the analysis of variance of a response.
 
     Parameters
     ----------
@@ -199,11 +211,17 @@ def effects_of(rows: list[Compared], factors: list[str], response: str) -> list[
         The evaluated recordings.
     factors
         Names of the factors by which the recordings are grouped.
+    planned
+        Names of the factors of the series, and the repetition.
     response
         Result of the estimators that is analysed: k, b, e_f or rise_time_s.
+
+    Returns
+    -------
+    One dictionary per effect, and a text that states the design.
     """
     from teleop.evaluation.comparison import SUBJECT
-    from teleop.studies.anova import ESTIMATOR, analysis_of_variance
+    from teleop.studies.anova import ESTIMATOR, analysis_of_variance, design_text
 
     table = [
         {
@@ -219,4 +237,10 @@ def effects_of(rows: list[Compared], factors: list[str], response: str) -> list[
     subjects = {row.factors.get(SUBJECT) for row in rows}
     random = SUBJECT if len(subjects) > 1 and None not in subjects else None
     between = [name for name in factors if name != SUBJECT]
-    return [e._asdict() for e in analysis_of_variance(table, response, between, "file", random)]
+    found = analysis_of_variance(table, response, between, "file", random)
+    pooled = [
+        name
+        for name in planned
+        if name not in (*factors, random) and len({row.factors.get(name) for row in rows}) > 1
+    ]
+    return [effect._asdict() for effect in found], design_text(found, pooled, random)

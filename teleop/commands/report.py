@@ -71,6 +71,7 @@ def report(
     from teleop.files import check_ending, check_outputs, write_text
     from teleop.output import console
     from teleop.output.report_page import report_page
+    from teleop.trial.performed import recorded_motion
     from teleop.trial.tracked import recorded_tracking
 
     page = out or file.with_suffix(".html")
@@ -93,7 +94,8 @@ def report(
     truth = truth_of(recording)
     found = recorded_tracking(recording) if recording else None
     tracking = found and found._asdict()
-    text = report_page(file.name, evaluation, summary, recording, truth, link, tracking)
+    motion = recorded_motion(recording) if recording else None
+    text = report_page(file.name, evaluation, summary, recording, truth, link, tracking, motion)
     write_text(page, text, overwrite)
     if json:
         console.print_json({"page": str(page), "file": str(file), **(summary or {})})

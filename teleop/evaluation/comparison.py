@@ -7,14 +7,13 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
-
-import numpy as np
-from scipy.special import stdtrit
+from typing import Any
 
 from estimation.summary import EstimatorSummary
 from teleop.errors import InputError
 from teleop.evaluation.evaluation_result import Evaluation
+from teleop.evaluation.kinds import OF_ESTIMATES
+from teleop.evaluation.means import Mean, Value, mean_of, mean_tracking
 from teleop.evaluation.result import Result
 from teleop.evaluation.tracking import COLUMNS, Tracking
 
@@ -22,11 +21,10 @@ NO_LEVEL = "-"
 """Level of a factor that is not known for a recording."""
 RESULT = "result"
 """Name of the method that gives the batch result. The other methods are the estimators."""
-AVERAGE = "average"
-"""Kind of the stiffness of an estimator: the average slope of lines through the datum."""
-KIND_OF_K = {RESULT: "tangent"}
-"""Kind of the stiffness of the methods other than the estimators: for the result, the tangent at
-half of the force range."""
+UNITS = {"k": "N/m", "b": "N s/m", "e_f": "N"}
+"""Unit of each quantity that is compared, by its symbol."""
+OF_RESULT = ("k", "b")
+"""Symbols of the quantities of a result."""
 NEVER_UPDATED = "the estimator was never updated: no contact or no motion"
 SUBJECT = "subject"
 """Name of the random factor. Its levels are a sample of persons or specimens."""
@@ -53,17 +51,6 @@ class Compared:
         return tuple(self.factors.get(name, NO_LEVEL) for name in by)
 
 
-class Mean(NamedTuple):
-    """Mean of a quantity over a group of recordings, with its 95 % interval."""
-
-    value: float
-    """Mean; NaN if there are no values."""
-    half: float
-    """Half width of the interval of the mean; NaN if there is no interval."""
-    recordings: int
-    """Number of recordings in the mean."""
-
-
 @dataclass(frozen=True)
 class Group:
     """Group of recordings with the same levels of all factors."""
@@ -72,11 +59,15 @@ class Group:
     """Level of each factor."""
     means: dict[str, dict[str, Mean]]
     """Means of k [N/m], b [N s/m] and e_f [N], by `RESULT` or the name of the estimator."""
+    kinds: dict[str, dict[str, dict[str, int]]]
+    """Kinds of the values of each mean, with the number of recordings of each kind."""
     missing: dict[str, dict[str, str]]
     """Files without a value, each with the reason, by `RESULT` or the name of the estimator."""
     tracking: dict[str, Mean]
-    """Means of the tracking values gain, phase_deg, rms_m and frequency_hz; empty without a
+    """Means of gain, phase_deg, rms_m and frequency_hz (`mean_tracking`); empty without a
     target."""
+    pooled: tuple[str, ...]
+    """Planned factors, besides the subject, of which the group contains several levels."""
     subjects: int
     """Number of subjects, if there are two or more and some have several recordings in this group;
     otherwise 0."""
@@ -93,29 +84,26 @@ def compared(
     return Compared(file, dict(factors), result, evaluation.summaries(), tracking)
 
 
-def mean_of(values: Sequence[float], halves: Sequence[float]) -> Mean:
-    """Return the mean of a quantity over recordings, with its 95 % interval.
-
-    Parameters
-    ----------
-    values
-        One finite value per recording.
-    halves
-        Half width of the 95 % interval of each value; NaN if there is no interval.
-
-    Returns
-    -------
-    The mean. For two or more recordings, its interval is computed with Student's t from the spread
-    between the recordings. For one recording, it is the interval of this recording.
-    """
-    if not values:
-        return Mean(math.nan, math.nan, 0)
-    if len(values) == 1:
-        return Mean(values[0], halves[0], 1)
-    spread = float(np.std(values, ddof=1)) / math.sqrt(len(values))
-    return Mean(
-        float(np.mean(values)), float(stdtrit(len(values) - 1, 0.975)) * spread, len(values)
-    )
+def values_of(row: Compared, method: str) -> dict[str, Value]:
+    """Return the values of a method for a recording, by symbol; empty if there are none."""
+    if method != RESULT:
+        one = row.estimates.get(method)
+        return {
+            symbol: Value(getattr(one, symbol), math.nan, kind)
+            for symbol, kind in OF_ESTIMATES.items()
+            if one and math.isfinite(getattr(one, symbol))
+        }
+    result = row.result
+    if not result.identifiable:
+        return {}
+    return {
+        symbol: Value(
+            getattr(result, symbol),
+            0.5 * (getattr(result, f"{symbol}_high") - getattr(result, f"{symbol}_low")),
+            kind,
+        )
+        for symbol, kind in result.kinds.items()
+    }
 
 
 def grouped(
@@ -146,11 +134,23 @@ def grouped(
         members,
         key=lambda levels: [rank[level] for rank, level in zip(ranks, levels, strict=True)],
     )
-    return [group_of(levels, members[levels]) for levels in ordered]
+    return [group_of(levels, members[levels], planned) for levels in ordered]
 
 
-def group_of(levels: tuple[str, ...], rows: Sequence[Compared]) -> Group:
-    """Return the group that consists of `rows`, recordings with the same levels."""
+def group_of(
+    levels: tuple[str, ...], rows: Sequence[Compared], planned: Iterable[str] = ()
+) -> Group:
+    """Return the group that consists of `rows`, recordings with the same levels.
+
+    Parameters
+    ----------
+    levels
+        Levels of the factors by which the recordings are grouped.
+    rows
+        The recordings.
+    planned
+        Names of the factors of a series.
+    """
     missing: dict[str, dict[str, str]] = {}
     for row in rows:
         if not row.result.identifiable:
@@ -159,12 +159,33 @@ def group_of(levels: tuple[str, ...], rows: Sequence[Compared]) -> Group:
             if not math.isfinite(one.k):
                 missing.setdefault(name, {})[row.file] = NEVER_UPDATED
     tracked = [row.tracking for row in rows if row.tracking]
-    followed = ("gain", "phase_deg", "rms_m", "frequency_hz") if tracked else ()
-    blank = [math.nan] * len(tracked)
-    tracking = {name: mean_of([getattr(t, name) for t in tracked], blank) for name in followed}
     subjects = Counter(row.factors[SUBJECT] for row in rows if SUBJECT in row.factors)
-    pooled = len(subjects) > 1 and max(subjects.values()) > 1
-    return Group(levels, means(rows), missing, tracking, len(subjects) if pooled else 0)
+    repeated = len(subjects) > 1 and max(subjects.values()) > 1
+    pooled = tuple(
+        name
+        for name in planned
+        if name != SUBJECT and len({row.factors.get(name) for row in rows}) > 1
+    )
+    means: dict[str, dict[str, Mean]] = {}
+    kinds: dict[str, dict[str, dict[str, int]]] = {}
+    for method in dict.fromkeys([RESULT, *(name for row in rows for name in row.estimates)]):
+        found = [values_of(row, method) for row in rows]
+        symbols = OF_RESULT if method == RESULT else UNITS
+        values = {symbol: [one[symbol] for one in found if symbol in one] for symbol in symbols}
+        means[method] = {symbol: mean_of(each) for symbol, each in values.items()}
+        kinds[method] = {
+            symbol: dict(sorted(Counter(one.kind for one in each).items(), reverse=True))
+            for symbol, each in values.items()
+        }
+    return Group(
+        levels,
+        means,
+        kinds,
+        missing,
+        mean_tracking(tracked),
+        pooled,
+        len(subjects) if repeated else 0,
+    )
 
 
 def ranks_of(planned: Sequence[str], occurring: Iterable[str]) -> dict[str, int]:
@@ -175,30 +196,6 @@ def ranks_of(planned: Sequence[str], occurring: Iterable[str]) -> dict[str, int]
     return {level: rank for rank, level in enumerate([*planned, *others])}
 
 
-def means(rows: Sequence[Compared]) -> dict[str, dict[str, Mean]]:
-    """Return the means of the results and of the estimates of recordings."""
-    results = [row.result for row in rows if row.result.identifiable]
-    found = {RESULT: {symbol: mean_result(results, symbol) for symbol in ("k", "b")}}
-    for name in dict.fromkeys(name for row in rows for name in row.estimates):
-        summaries = [row.estimates[name] for row in rows if name in row.estimates]
-        found[name] = {}
-        for symbol in ("k", "b", "e_f"):
-            values = [getattr(summary, symbol) for summary in summaries]
-            values = [value for value in values if math.isfinite(value)]
-            found[name][symbol] = mean_of(values, [math.nan] * len(values))
-    return found
-
-
-def mean_result(results: Sequence[Result], symbol: str) -> Mean:
-    """Return the mean of k or b (`symbol`) over results, all of which are identifiable."""
-    values = [getattr(result, symbol) for result in results]
-    halves = [
-        0.5 * (getattr(result, f"{symbol}_high") - getattr(result, f"{symbol}_low"))
-        for result in results
-    ]
-    return mean_of(values, halves)
-
-
 def check_factors(rows: Sequence[Compared], by: Sequence[str]) -> None:
     """Raise InputError if a factor is not known for any of the recordings."""
     known = dict.fromkeys(name for row in rows for name in row.factors)
@@ -207,47 +204,39 @@ def check_factors(rows: Sequence[Compared], by: Sequence[str]) -> None:
             raise InputError(f"factor {name!r}: expected one of {', '.join(known)}")
 
 
-def tidy_rows(rows: Iterable[Compared], by: Sequence[str]) -> list[dict[str, Any]]:
+def tidy_rows(rows: Iterable[Compared], factors: Sequence[str]) -> list[dict[str, Any]]:
     """Return one row for each recording and method, for a table file.
 
     The row of the method `result` contains the batch result with its 95 % interval. The row of an
     estimator contains the averages of its estimates over the record.
+
+    Parameters
+    ----------
+    rows
+        The recordings.
+    factors
+        Names of the factors that have a column.
     """
     found = []
     for row in rows:
-        start = {"file": row.file, **dict(zip(by, row.levels(by), strict=True))}
+        start = {"file": row.file, **dict(zip(factors, row.levels(factors), strict=True))}
         tracking = {text: getattr(row.tracking, key, None) for key, text in COLUMNS.items()}
         r = row.result
-        found.append(
-            {
-                **start,
-                "method": RESULT,
-                "kind of k": KIND_OF_K[RESULT],
-                "at force [N]": r.force,
-                "at depth [m]": r.depth,
-                "k [N/m]": r.k,
-                "k low [N/m]": r.k_low,
-                "k high [N/m]": r.k_high,
-                "b [N s/m]": r.b,
-                "b low [N s/m]": r.b_low,
-                "b high [N s/m]": r.b_high,
-                "e_f [N]": None,
-                "reasons": "; ".join(r.reasons),
-                **tracking,
-            }
-        )
-        blank = dict.fromkeys(found[-1])
-        found += [
-            {
-                **blank,
-                **start,
-                "method": name,
-                "kind of k": AVERAGE,
-                "k [N/m]": one.k,
-                "b [N s/m]": one.b,
-                "e_f [N]": one.e_f,
-                **tracking,
-            }
-            for name, one in row.estimates.items()
-        ]
+        for method in (RESULT, *row.estimates):
+            values = values_of(row, method)
+            batch = method == RESULT
+            cells: dict[str, Any] = {"method": method}
+            for symbol in OF_RESULT:
+                kind = values[symbol].kind if symbol in values else None
+                cells[f"kind of {symbol}"] = kind
+            cells["at force [N]"] = r.force if batch else None
+            cells["at depth [m]"] = r.depth if batch else None
+            cells["b at frequency [Hz]"] = r.damping_at_hz if batch else None
+            for symbol, unit in UNITS.items():
+                cells[f"{symbol} [{unit}]"] = values[symbol].value if symbol in values else None
+                for end in ("low", "high") if symbol != "e_f" else ():
+                    value = getattr(r, f"{symbol}_{end}") if batch else None
+                    cells[f"{symbol} {end} [{unit}]"] = value
+            reasons = r.reasons if batch else () if values else (NEVER_UPDATED,)
+            found.append({**start, **cells, "reasons": "; ".join(reasons), **tracking})
     return found

@@ -11,6 +11,8 @@ from estimation.baseline import FEWEST_CYCLES, without_baseline
 from teleop.evaluation.prepared import Prepared
 from teleop.evaluation.turning_points import cycle_frequency, least_stroke, turning_points
 
+FEWEST_STROKES = round(2 * FEWEST_CYCLES) - 1
+"""Smallest number of whole strokes for which a frequency is computed."""
 NOISE = 6.0
 """Least median stroke of a motion, in standard deviations of the noise of the position."""
 
@@ -24,6 +26,9 @@ class Motion(NamedTuple):
     """Half of the median travel between two reversals [m]; NaN for a motion without cycles."""
     travel_m: float
     """Largest minus smallest position [m]."""
+    strokes: int
+    """Number of whole strokes, from one reversal to the next; 0 if they are not larger than the
+    noise."""
 
 
 def motion_of(record: Prepared) -> Motion:
@@ -34,10 +39,9 @@ def motion_of(record: Prepared) -> Motion:
     turns = turning_points(palpation, least_stroke(palpation))[1:-1]
     strokes = np.abs(np.diff(palpation[turns]))
     frequency = cycle_frequency(record.palpation, record.period)
-    if (
-        frequency is None
-        or len(strokes) < 2 * FEWEST_CYCLES - 1
-        or float(np.median(strokes)) < NOISE * record.x_noise
-    ):
-        return Motion(math.nan, math.nan, travel)
-    return Motion(frequency, 0.5 * float(np.median(strokes)), travel)
+    found = len(strokes)
+    if not found or float(np.median(strokes)) < NOISE * record.x_noise:
+        found = 0
+    if frequency is None or found < FEWEST_STROKES:
+        return Motion(math.nan, math.nan, travel, found)
+    return Motion(frequency, 0.5 * float(np.median(strokes)), travel, found)

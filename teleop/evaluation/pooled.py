@@ -1,11 +1,11 @@
 """Test whether a single Kelvin-Voigt body explains several recordings of a specimen.
 
 Cochran's Q compares the values of k of all files, with their intervals. The values of b are
-compared in the same way. If all m files have the same k, Q is chi-squared distributed with m - 1
-degrees of freedom. The size of a difference is stated as the ratio of the largest to the smallest
-value. The interval of the ratio is computed from the intervals of the largest and the smallest
-value. In addition, a single Kelvin-Voigt model is fitted to all files, and its residual is compared
-with the residuals of separate fits to each file.
+compared in the same way if all are of one kind (`teleop.evaluation.kinds`). If all m files have the
+same k, Q is chi-squared distributed with m - 1 degrees of freedom. The size of a difference is
+stated as the ratio of the largest to the smallest value. The interval of the ratio is computed from
+the intervals of the largest and the smallest value. In addition, a single Kelvin-Voigt model is
+fitted to all files, and its residual is compared with the residuals of separate fits to each file.
 
 Equal values are evidence of a single body only if the intervals are narrow. Therefore, the smallest
 ratio that the test would detect with a probability of 80 % is also reported.
@@ -28,6 +28,7 @@ from estimation import least_squares
 from estimation.compiled import Floats
 from estimation.estimator import LEVEL_95
 from teleop.evaluation.evaluation_result import Evaluation
+from teleop.evaluation.kinds import MEANING
 
 POWER_80 = 2.8
 """Difference, in standard deviations, that a test at the 5 % level detects with 80 %
@@ -57,9 +58,9 @@ def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
         file: e.analysis.result for file, e in evaluations.items() if e.analysis.result.identifiable
     }
     ratios: dict[str, dict[str, float]] = {}
-    for symbol in ("k", "b"):
-        if len(results) < 2:
-            break
+    kinds_of_b = {r.kinds["b"] for r in results.values()}
+    symbols = ("k", "b") if len(kinds_of_b) == 1 else ("k",)
+    for symbol in symbols if len(results) > 1 else ():
         values = np.array([getattr(r, symbol) for r in results.values()])
         highest = np.array([getattr(r, f"{symbol}_high") for r in results.values()])
         ratios[symbol] = compare_values(values, (highest - values) / LEVEL_95)
@@ -95,6 +96,8 @@ def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
             f"one Kelvin-Voigt body is consistent with all {len(results)} files; a difference of k "
             f"by {ratios['k']['detectable'] - 1.0:.2%} is detected in 80 % of such tests"
         )
+    if len(kinds_of_b) > 1:
+        reasons.append(f"b is not compared: it is {' or '.join(MEANING.values())}")
     moduli = [(file, e.analysis.modulus()) for file, e in evaluations.items()]
     return {
         "alone": [

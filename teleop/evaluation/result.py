@@ -19,6 +19,7 @@ from typing import Any
 
 from estimation.estimator import LEVEL_95
 from teleop.evaluation.constancy import change_over_cycles
+from teleop.evaluation.kinds import BESIDES_RELAXATION, LOSS, TANGENT
 from teleop.evaluation.local_stiffness import LocalStiffness, merged
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
@@ -69,6 +70,12 @@ class Result:
     """Position at which `depth` is zero: the contact point or the lowest position in contact."""
     damping_at_hz: float | None = None
     """Frequency at which b is k''/omega [Hz]; None if relaxing parts may cause part of the loss."""
+
+    @property
+    def kinds(self) -> dict[str, str]:
+        """Kinds of k and b, by symbol."""
+        loss = self.damping_at_hz is not None
+        return {"k": TANGENT, "b": LOSS if loss else BESIDES_RELAXATION}
 
     @property
     def b_change_per_ms(self) -> float | None:

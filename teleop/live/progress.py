@@ -22,8 +22,14 @@ PLAIN_WIDTH = 100
 """Width of the line if standard error is not a terminal [characters]."""
 SHOWN = 4
 """Largest number of estimators whose estimates the line shows."""
-HEADING, SHORT_HEADING = "  k [N/m], b [N s/m]", "  k, b:"
+HEADING, SHORT_HEADING = "  k [N/m], b [N s/m], * misfit:", "  k, b:"
 """Headings of the estimates, on a wide and on a narrow terminal."""
+K_WIDTH, B_WIDTH = 5, 5
+"""Widths of an estimate of k [N/m] and of b [N s/m] with its sign [characters]. Wider values are
+rare."""
+LONGEST_MODE = "stopping"
+"""Longest name of a mode in which the line shows estimates."""
+NO_CONTACT = "  no contact"
 STDERR = 2
 """File descriptor of standard error."""
 
@@ -100,20 +106,41 @@ class Progress:
         self._due = now + (period if terminal_width() else REDRAW_PLAIN)
         mode, target, position, estimates = status()
         line = f"{self._hint}{mode}  {max(t, 0.0):4.1f} of {self._duration:g} s"
-        if self._cue:
-            line += f"  {self._cue.text(t, target, position)}"
-        self._draw(line, ["  no contact"] if estimates is None else self._texts(estimates))
+        cue = f"  {self._cue.text(t, target, position)}" if self._cue else ""
+        if estimates is None:
+            room = (terminal_width() or PLAIN_WIDTH) - len(line + cue) - 1
+            self._draw(line + cue + (NO_CONTACT if room >= len(NO_CONTACT) else ""))
+            return
+        longest = f"{self._hint}{LONGEST_MODE}  {self._duration:4.1f} of {self._duration:g} s"
+        self._draw(line + cue + self._texts(estimates, max(len(longest), len(line)) + len(cue)))
 
-    def _texts(self, estimates: Sequence[tuple[str, float, float, float]]) -> list[str]:
-        """Return the heading and a text for each estimator; empty if there is no estimator."""
-        shown = [one for one in estimates if not math.isnan(one[2])][:SHOWN]
-        marked = [misfit > self._largest_misfit for *_, misfit in shown]
-        texts = [
-            f"  {name} {k:.0f} {b:+.0f}{'*' if mark else ''}"
-            for (name, b, k, _), mark in zip(shown, marked, strict=True)
-        ]
-        note = ", * misfit" if any(marked) else ""
-        return [f"{HEADING}{note}:", *texts] if texts else []
+    def _texts(self, estimates: Sequence[tuple[str, float, float, float]], used: int) -> str:
+        """Return the heading and the text of each estimator that fits into the line.
+
+        The texts of an estimator always have the same width, so that the same estimators are shown
+        at each update. The result is empty if no estimator fits, or if none has an estimate.
+
+        Parameters
+        ----------
+        estimates
+            Name, b [N s/m], k [N/m] and misfit of each estimator.
+        used
+            Largest number of characters of the text before the heading.
+        """
+        room = (terminal_width() or PLAIN_WIDTH) - 1 - used
+        texts = [self._text(*one) for one in estimates[:SHOWN]]
+        heading = HEADING if len("".join([HEADING, *texts])) <= room else SHORT_HEADING
+        while texts and len("".join([heading, *texts])) > room:
+            texts.pop()
+        if not texts or all(math.isnan(k) for _, _, k, _ in estimates[: len(texts)]):
+            return ""
+        return "".join([heading, *texts])
+
+    def _text(self, name: str, b: float, k: float, misfit: float) -> str:
+        """Return the text of an estimator; dashes without an estimate."""
+        values = ("-", "-") if math.isnan(k) else (f"{k:.0f}", f"{b:+.0f}")
+        mark = "*" if misfit > self._largest_misfit else " "
+        return f"  {name} {values[0]:>{K_WIDTH}} {values[1]:>{B_WIDTH}}{mark}"
 
     def report(self, text: str) -> None:
         """Write a message on a separate line that remains on the terminal."""
@@ -125,16 +152,10 @@ class Progress:
             self._terminal.draw(self._replacing("") + "\r")
         self._terminal.close()
 
-    def _draw(self, line: str, texts: list[str]) -> None:
-        """Draw the line, followed by those texts of estimators that fit into its width."""
+    def _draw(self, line: str) -> None:
+        """Draw the line, of which the part that fits into the terminal is shown."""
         width = terminal_width() or PLAIN_WIDTH
-        if len(texts) > 1 and len(line + "".join(texts)) >= width:
-            texts = [SHORT_HEADING, *texts[1:]]
-        while texts and len(line + "".join(texts)) >= width:
-            texts.pop()
-        if texts == [SHORT_HEADING]:
-            texts = []
-        self._terminal.draw(self._replacing((line + "".join(texts))[: width - 1]))
+        self._terminal.draw(self._replacing(line[: width - 1]))
 
     def _replacing(self, text: str) -> str:
         """Return the text with control characters or spaces that erase the present line."""

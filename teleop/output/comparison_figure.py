@@ -11,7 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from estimation.figure_style import BLUE, legend, new_figure, tidy
-from teleop.evaluation.comparison import RESULT, Compared, Group, Mean
+from teleop.evaluation.comparison import RESULT, Compared, Group
+from teleop.evaluation.kinds import BESIDES_RELAXATION, LOSS
+from teleop.evaluation.means import Mean
 from teleop.evaluation.result import Result
 from teleop.output.comparison_scales import Interval, factor_of_rows, set_scale
 from teleop.output.figure_files import plain
@@ -28,6 +30,9 @@ LONGEST_LEVEL = 24
 LABELS = {"k": "stiffness $k$ [N/m]", "b": "damping $b$ [N s/m]"}
 """Label of each quantity, by its symbol."""
 
+OTHER_KIND = f"recording, b {BESIDES_RELAXATION} (of the others: {LOSS})"
+"""Legend of recordings whose b is of another kind than that of others in the figure."""
+
 
 class Place(NamedTuple):
     """A group of recordings in the figure."""
@@ -40,6 +45,9 @@ class Place(NamedTuple):
     """Means of the results of the group, by symbol."""
     results: list[Result]
     """Results of the recordings that have one."""
+    other: list[bool]
+    """Whether b of each of these recordings is of another kind than that of others in the
+    figure."""
 
     def intervals(self, symbol: str) -> list[Interval]:
         """Return the intervals of k or b (`symbol`) that are drawn."""
@@ -108,8 +116,15 @@ def placed(
         [r.result for r in rows if r.levels(by) == group.levels and r.result.identifiable]
         for group in groups
     ]
+    mixed = len({result.kinds["b"] for found in results for result in found}) > 1
     places = [
-        Place("", group.levels, group.means[RESULT], found)
+        Place(
+            "",
+            group.levels,
+            group.means[RESULT],
+            found,
+            [mixed and result.kinds["b"] == BESIDES_RELAXATION for result in found],
+        )
         for group, found in zip(groups, results, strict=True)
     ]
     factor = factor_of_rows(
@@ -137,7 +152,7 @@ def draw_panel(
     intervals: list[Interval] = []
     for place in places:
         at = names.index(place.name)
-        draw_results(axes, at, place.results, symbol)
+        draw_results(axes, at, place, symbol)
         draw_mean(axes, at, place.means[symbol])
         intervals += place.intervals(symbol)
     set_scale(axes, [pair for pair in intervals if all(map(math.isfinite, pair))])
@@ -159,11 +174,11 @@ def shortened(level: str) -> str:
     return plain(level[:LONGEST_LEVEL])
 
 
-def draw_results(axes: Axes, place: int, results: Sequence[Result], symbol: str) -> None:
-    """Draw k or b (`symbol`) of the recordings of a group side by side, at `place` on the axis."""
-    if not results:
+def draw_results(axes: Axes, at: int, place: Place, symbol: str) -> None:
+    """Draw k or b (`symbol`) of the recordings of a group side by side, around `at` on the axis."""
+    if not place.results:
         axes.text(
-            place,
+            at,
             0.03,
             "no result",
             transform=axes.get_xaxis_transform(),
@@ -173,19 +188,27 @@ def draw_results(axes: Axes, place: int, results: Sequence[Result], symbol: str)
             rotation=90,
         )
         return
-    value = np.array([getattr(one, symbol) for one in results])
-    low, high = np.array([interval(one, symbol) for one in results]).T
-    axes.errorbar(
-        place + np.linspace(*RECORDINGS, len(value)) if len(value) > 1 else [place],
-        value,
-        [value - low, high - value],
-        fmt="o",
-        color=BLUE,
-        markersize=3.5,
-        linewidth=0.8,
-        capsize=2,
-        label="recording, 95 % interval",
-    )
+    value = np.array([getattr(one, symbol) for one in place.results])
+    low, high = np.array([interval(one, symbol) for one in place.results]).T
+    positions = at + np.linspace(*RECORDINGS, len(value)) if len(value) > 1 else np.array([at])
+    other = np.array(place.other) if symbol == "b" else np.zeros(len(value), bool)
+    for part, face, text in (
+        (~other, BLUE, "recording, 95 % interval"),
+        (other, "#ffffff", OTHER_KIND),
+    ):
+        if part.any():
+            axes.errorbar(
+                positions[part],
+                value[part],
+                [(value - low)[part], (high - value)[part]],
+                fmt="o",
+                color=BLUE,
+                markerfacecolor=face,
+                markersize=3.5,
+                linewidth=0.8,
+                capsize=2,
+                label=text,
+            )
 
 
 def draw_mean(axes: Axes, place: int, mean: Mean) -> None:

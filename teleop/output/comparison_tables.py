@@ -1,19 +1,20 @@
-"""Print tables that compare recordings: results, means of groups, and analysis of variance."""
+"""Print tables that compare recordings: results, and means of groups."""
 
 from __future__ import annotations
 
-import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import chain
+from math import isfinite
 from pathlib import Path
 from string import ascii_lowercase
-from typing import Any
 
-from teleop.evaluation.comparison import AVERAGE, KIND_OF_K, RESULT, Compared, Group, Mean
+from teleop.evaluation.comparison import OF_RESULT, RESULT, UNITS, Compared, Group
+from teleop.evaluation.kinds import MEANING
+from teleop.evaluation.means import Mean
 from teleop.evaluation.result import Result
 from teleop.files import RECORDING
-from teleop.output.console import plain_console, print_table
+from teleop.output.console import plain_console, print_table, small
 from teleop.output.result_tables import with_half
 from teleop.output.table_files import TextTable, shortened
 from teleop.printable import one_line
@@ -24,17 +25,23 @@ CAPTION = (
     "estimator over each record, without the count-in of mimic and the ramp at the end of "
     "autonomous; their k is the slope of a line through the datum. The two kinds of k agree only "
     "for a linear specimen. \u00b1: 95 % interval of the mean, from the spread between the "
-    "recordings; for n = 1 that of the result of the recording."
+    "recordings. With n = 1 there is no spread: the \u00b1 of a result is then its own 95 % "
+    "interval, and an estimator has no \u00b1."
 )
 """Note below the table of groups that explains the rows of the table."""
 TRACKING_CAPTION = (
-    "Tracking of the target in mimic: mean of n recordings; \u00b1: 95 % interval of the mean."
+    "Tracking of the target in mimic: mean of n recordings; the mean of the phases is circular. "
+    "\u00b1: 95 % interval of the mean, from the spread between the recordings. It is left out for "
+    "n = 1, and if it exceeds the possible values (half a turn for a phase, at least 0 for the "
+    "others): then more recordings are needed."
 )
 POOLED = (
-    "Recordings of several subjects are pooled: the interval counts the repeats of a subject as "
-    "independent, and is too narrow if the subjects differ."
+    "Recordings of several subjects are pooled: the interval counts the recordings of a subject "
+    "as independent, and is too narrow if the subjects differ."
 )
 """Note below the table of groups, if a group contains several recordings of several subjects."""
+OTHER_KIND = "*"
+"""Mark of a damping of another kind than the others, in the table of the recordings."""
 FILES_NAMED = 3
 """Largest number of files that a note lists for one reason."""
 
@@ -46,33 +53,79 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
     this mark states the reasons.
     """
     rows, notes = [], [("", CAPTION)]
+    if kinds := {kind for group in groups for kind in group.kinds[RESULT]["b"]}:
+        notes.append(("", damping_note(kinds)))
     if any(group.subjects for group in groups):
         notes.append(("", POOLED))
+    if pooled := dict.fromkeys(name for group in groups for name in group.pooled):
+        notes.append(("", pooled_text([*pooled])))
     for group in groups:
         for method, means in group.means.items():
             count = str(means["k"].recordings)
             if missing := group.missing.get(method):
-                text = missing_text(method, missing)
-                known = {note: mark for mark, note in notes}
-                mark = known.get(text) or f"({letters(sum(bool(m) for m, _ in notes))})"
-                if text not in known:
-                    notes.append((mark, text))
-                count = f"{count} {mark}"
-            symbols = ("k", "b", "e_f")
-            values = [mean_text(means[name]) if name in means else "-" for name in symbols]
-            rows.append([*group.levels, method, KIND_OF_K.get(method, AVERAGE), count, *values])
-    headings = [*by, "method", "k is", "n", "k [N/m]", "b [N s/m]", "e_f [N]"]
-    return TextTable(headings, rows, len(by) + 2, notes)
+                count = f"{count} {marked(notes, missing_text(method, missing))}"
+            kinds_of = group.kinds[method]
+            values = []
+            for symbol in UNITS:
+                value = mean_text(means[symbol]) if symbol in means else "-"
+                if len(different := kinds_of.get(symbol, {})) > 1:
+                    value = f"{value} {marked(notes, different_text(symbol, different))}"
+                values.append(value)
+            named = (", ".join(kinds_of[symbol]) or "-" for symbol in OF_RESULT)
+            rows.append([*group.levels, method, *named, count, *values])
+    kind_headings = (f"kind of {symbol}" for symbol in OF_RESULT)
+    units = (f"{symbol} [{unit}]" for symbol, unit in UNITS.items())
+    headings = [*by, "method", *kind_headings, "n", *units]
+    return TextTable(headings, rows, len(by) + 1 + len(OF_RESULT), notes)
 
 
-def without_kind(table: TextTable, by: Sequence[str]) -> TextTable:
-    """Return the table of groups without the kind of k, which the first note states as well.
+def pooled_text(names: Sequence[str]) -> str:
+    """Return what a mean over recordings with different levels of these factors is."""
+    several = ", ".join(names)
+    return (
+        f"Recordings that differ in {several} are pooled: the interval contains the differences "
+        f"between the levels of {several}, as if these levels were a random sample."
+    )
+
+
+def marked(notes: list[tuple[str, str]], text: str) -> str:
+    """Return the mark of the note `text`, which is added to the notes if it is not there."""
+    known = {note: mark for mark, note in notes}
+    if text not in known:
+        known[text] = f"({letters(sum(bool(mark) for mark, _ in notes))})"
+        notes.append((known[text], text))
+    return known[text]
+
+
+def damping_note(kinds: Collection[str]) -> str:
+    """Return a note that states the kinds of the damping of the results."""
+    named = [MEANING[kind] for kind in MEANING if kind in kinds]
+    text = " or ".join(named)
+    if len(named) > 1:
+        text += (
+            ", which depends on the motion. These are different quantities, and are not averaged "
+            "together"
+        )
+    return f"The b of a result is {text}. The b of an estimator is an average over the record."
+
+
+def different_text(symbol: str, kinds: Mapping[str, int]) -> str:
+    """Return why values of several kinds have no mean."""
+    parts = (
+        f"{MEANING[kind]} in {count} recording{'s' if count > 1 else ''}"
+        for kind, count in kinds.items()
+    )
+    return f"No mean of {symbol}: it is {', and '.join(parts)}."
+
+
+def without_kinds(table: TextTable, by: Sequence[str]) -> TextTable:
+    """Return the table of groups without the kinds of k and b, which the notes state as well.
 
     With the usual factors, the table then fits a terminal of 80 columns.
     """
-    kind = len(by) + 1
-    headings, *rows = ([*row[:kind], *row[kind + 1 :]] for row in (table.headings, *table.rows))
-    return TextTable(headings, rows, table.left - 1, table.notes)
+    start, end = len(by) + 1, len(by) + 1 + len(OF_RESULT)
+    headings, *rows = ([*row[:start], *row[end:]] for row in (table.headings, *table.rows))
+    return TextTable(headings, rows, table.left - len(OF_RESULT), table.notes)
 
 
 def tracking_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable | None:
@@ -127,10 +180,8 @@ def letters(index: int) -> str:
 
 def mean_text(mean: Mean) -> str:
     """Return a mean with the half width of its interval; a dash if the mean is not finite."""
-    if not math.isfinite(mean.value):
+    if not isfinite(mean.value):
         return "-"
-    if not math.isfinite(mean.half):
-        return f"{mean.value:.4g}" if abs(mean.value) < 1e4 else f"{mean.value:.0f}"
     return with_half(mean.value, mean.half)
 
 
@@ -138,16 +189,21 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
     """Print the results of the recordings, and the table of groups."""
     console = plain_console()
     pattern, names = common_part([row.file for row in rows])
+    kinds = kinds_of_b(rows)
     print_table(
         console,
         f"{pattern}: results, with 95 % intervals" if pattern else "results, with 95 % intervals",
         ("recording", "k [N/m]", "b [N s/m]", "force [N]", "depth [mm]"),
         [
-            [name, result_text(row, "k"), result_text(row, "b"), *tangent_texts(row.result)]
+            [name, result_text(row, "k"), damping_text(row, kinds), *tangent_texts(row.result)]
             for name, row in zip(names, rows, strict=True)
         ],
     )
     console.print("  k: tangent stiffness at this force and this depth")
+    if kinds:
+        console.print(f"  b: {MEANING[kinds[0]]}")
+    if len(kinds) > 1:
+        console.print(f"  {OTHER_KIND} b: {MEANING[kinds[1]]}, a different quantity")
     for name, row in zip(names, rows, strict=True):
         if not row.result.identifiable:
             reasons = "; ".join(row.result.reasons)
@@ -159,9 +215,22 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
     for hint in dict.fromkeys(hints):
         console.print(f"  hint: {hint}")
     title = f"by {', '.join(by)}" if by else "all"
-    print_text_table(title, without_kind(group_table(groups, by), by))
+    print_text_table(title, without_kinds(group_table(groups, by), by))
     if tracking := tracking_table(groups, by):
         print_text_table("tracking", tracking)
+
+
+def kinds_of_b(rows: Iterable[Compared]) -> list[str]:
+    """Return the kinds of the damping of the results that exist."""
+    found = {row.result.kinds["b"] for row in rows if row.result.identifiable}
+    return [kind for kind in MEANING if kind in found]
+
+
+def damping_text(row: Compared, kinds: Sequence[str]) -> str:
+    """Return b with its interval, and with a mark if it is not of the first of several kinds."""
+    text = result_text(row, "b")
+    other = row.result.identifiable and row.result.kinds["b"] != kinds[0]
+    return f"{OTHER_KIND} {text}" if other else text
 
 
 def shared(texts: Iterable[Iterable[str]]) -> list[tuple[str, int]]:
@@ -208,23 +277,4 @@ def tangent_texts(result: Result) -> list[str]:
     """Return force [N] and depth [mm] of the tangent as text; dashes for no result."""
     if result.force is None or result.depth is None:
         return ["-", "-"]
-    return [f"{result.force:.3g}", f"{result.depth * 1e3:.3g}"]
-
-
-def effect_cells(effects: Iterable[Mapping[str, Any]]) -> list[list[str]]:
-    """Return the cells of the analysis of variance of one response, one row for each effect."""
-    return [
-        [
-            effect["source"].replace(" x ", " \N{MULTIPLICATION SIGN} "),
-            f"{effect['f']:.1f}" if effect["f"] < 1000.0 else f"{effect['f']:.0f}",
-            f"{effect['degrees']}, {effect['error_degrees']}",
-            "< 0.001" if effect["p"] < 0.001 else f"{effect['p']:.3f}",
-            f"{effect['eta_squared']:.3f}",
-            f"{effect['partial_eta_squared']:.3f}",
-        ]
-        for effect in effects
-    ]
-
-
-EFFECT_HEADINGS = ("", "F", "df", "p", "eta^2", "partial eta^2")
-"""Headings of the table of an analysis of variance."""
+    return [small(result.force), small(result.depth * 1e3)]

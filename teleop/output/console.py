@@ -109,11 +109,14 @@ def number(value: float, digits: int) -> str:
     return f"{round(value, digits) + 0.0:.{digits}f}"  # 0 instead of -0
 
 
-def small(value: float) -> str:
-    """Return a number as text with three or more significant digits; a dash if it is not finite."""
+def small(value: float, digits: int = 3) -> str:
+    """Return a number as text with `digits` or more significant digits; a dash if not finite.
+
+    Zeros at the end are kept, so that all numbers of a column have the same precision.
+    """
     if not math.isfinite(value) or value == 0.0:
-        return number(value, 3)
-    return number(value, min(max(2 - math.floor(math.log10(abs(value))), 0), 9))
+        return number(value, digits)
+    return number(value, min(max(digits - 1 - math.floor(math.log10(abs(value))), 0), digits + 6))
 
 
 def print_table(

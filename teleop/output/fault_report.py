@@ -77,7 +77,10 @@ def fault_text(recording: Recording, fault: dict[str, Any]) -> str:
             f"loop in the {t[before][-1] - t[before][0]:.1f} s before",
             f"  {timing['mean_rate_hz']:.1f} Hz, {timing['overruns']} overruns, "
             f"{timing['skipped']} periods skipped",
+            f"  longest time between two ticks: {timing['longest_gap_s'] * 1e3:.1f} ms",
             f"  lateness [us]: p50 {late['p50']:.1f}, p99 {late['p99']:.1f}, max {late['max']:.1f}",
+            "  lateness: from the deadline of a tick to its start. Skipped periods have no tick:",
+            "  the time between two ticks contains them, the lateness does not.",
         ]
     return "\n".join(lines) + "\n"
 

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from estimation.batch_models import BatchFit
-from estimation.figure_style import BLUE, GREY, ORANGE, explain, is_narrow, new_figure, tidy
+from estimation.figure_style import BLUE, GREY, ORANGE, explain, is_narrow, legend, new_figure, tidy
 from teleop.evaluation.evaluation_result import Evaluation
 from teleop.output.figure_files import plain
 
@@ -87,8 +87,9 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
     over_t.set_xlim(t[0], t[-1])
     for axes in (over_x, over_t, residual):
         tidy(axes)
-    over_x.legend(loc="upper left", frameon=False)
-    over_t.legend(loc="upper right", framealpha=0.85, edgecolor="none", ncols=2)
+    drawn = [axes.get_legend_handles_labels() for axes in (over_t, over_x)]
+    unique = {text: one for pair in drawn for one, text in zip(*pair, strict=True)}
+    legend(figure, [*unique.values()], [*unique])
     return figure
 
 
@@ -145,7 +146,7 @@ def draw_fit(
     """
     x, t, force = (values[::every] for values in modelled)
     over_x.plot(x, force, color=MODEL, linewidth=0.6, label=name)
-    over_t.plot(t, force, color=MODEL, linewidth=0.9, linestyle="--", label=name)
+    over_t.plot(t, force, color=MODEL, linewidth=0.6, label=name)
 
 
 def modulus_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from operator import itemgetter
 from typing import Any
 from urllib.parse import quote
 
@@ -14,6 +15,7 @@ from estimation.figures import Truth
 from estimation.model import KELVIN_VOIGT
 from estimation.redundancy import ambiguity
 from teleop.evaluation.evaluation_result import Evaluation
+from teleop.output.console import number
 from teleop.output.estimate_tables import (
     AT_END,
     AVERAGES,
@@ -29,12 +31,14 @@ from teleop.output.feedback_figure import feedback_figure
 from teleop.output.figure_files import plain
 from teleop.output.fit_figures import fit_figure
 from teleop.output.result_tables import motion_line, result_lines, tangent_lines
+from teleop.output.settings_rows import settings_rows
 from teleop.output.tracking_figure import tracking_figure
 from teleop.output.trial_figures import ambiguity_figure, fault_figure, timing_figure
 from teleop.output.trial_tables import tracking_lines
 from teleop.output.web_page import svg, web_page
 from teleop.recording.gaps import missing_text
 from teleop.recording.recording import Recording
+from teleop.recording.sinks import BEGIN
 
 MARGIN = 0.1
 """Candidates of the multi-estimator are tied if their monitoring signals exceed the smallest
@@ -56,6 +60,7 @@ def report_page(
     truth: Truth | None = None,
     link: str = "",
     tracking: Mapping[str, Any] | None = None,
+    motion: Mapping[str, str] | None = None,
 ) -> str:
     """Return the HTML page for one recording.
 
@@ -75,8 +80,11 @@ def report_page(
     tracking
         Gain, phase and error of the slave in a trial of the condition `mimic`; None for any other
         file.
+    motion
+        Depth, and target or excitation signal of a recorded trial as text, by name; None if they
+        are not known.
     """
-    values = of_recording(recording) | of_evaluation(name, evaluation, summary, truth)
+    values = of_recording(recording, motion or {}) | of_evaluation(name, evaluation, summary, truth)
     values["tracking"] = ""
     if recording and tracking:
         values["tracking"] = svg(tracking_figure("", recording, tracking))
@@ -85,8 +93,11 @@ def report_page(
     return web_page("report.html", title=name, link=address, **values)
 
 
-def of_recording(recording: Recording | None) -> dict[str, Any]:
-    """Return the template variables of the page that describe a recorded trial."""
+def of_recording(recording: Recording | None, motion: Mapping[str, str]) -> dict[str, Any]:
+    """Return the template variables of the page that describe a recorded trial.
+
+    `motion` contains depth, and target or excitation signal, see `report_page`.
+    """
     values: dict[str, Any] = {
         "facts": [],
         "estimated_channels": [],
@@ -99,12 +110,9 @@ def of_recording(recording: Recording | None) -> dict[str, Any]:
     }
     if recording is None:
         return values
-    values["facts"] = [*facts(recording)]
-    values["events"] = [
-        [f"{event['time']:.3f}", event.get("mode") or "", event["text"]]
-        for event in recording.events
-    ]
-    values["settings"] = [*flat(recording.settings)]
+    values["facts"] = [*facts(recording, motion)]
+    values["events"] = event_rows(recording.events)
+    values["settings"] = [*settings_rows(recording.settings)]
     values["estimated_channels"] = recording.estimated_channels
     values["missing"] = missing_text(recording.gaps)
     if fault := recording.fault:
@@ -121,8 +129,21 @@ def of_recording(recording: Recording | None) -> dict[str, Any]:
     return values
 
 
-def facts(recording: Recording) -> Iterator[tuple[str, str]]:
-    """Yield the name and value of the date, the rig, each setting in `STATED`, and the software."""
+def event_rows(events: Iterable[Mapping[str, Any]]) -> list[list[str]]:
+    """Return time [s], mode and text of each event, in the order of the times.
+
+    The event that marks the beginning of the recording is omitted: it has the time 0 of the trial,
+    although the recorder was started before the rig was connected.
+    """
+    return [
+        [number(event["time"], 3), event.get("mode") or "", event["text"]]
+        for event in sorted(events, key=itemgetter("time"))
+        if event["text"] != BEGIN
+    ]
+
+
+def facts(recording: Recording, motion: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    """Yield name and value of date, rig, each setting in `STATED`, the motion, and the software."""
     session = recording.session
     yield "date", session.get("created", "not known")
     yield "rig", session.get("rig", "not known")
@@ -132,17 +153,9 @@ def facts(recording: Recording) -> Iterator[tuple[str, str]]:
             yield name.removesuffix("_s"), f"{value:g} s"
         elif value not in (None, ""):
             yield name, str(value)
+    yield from motion.items()
     for name in ("software", "python", "libraries", "machine"):
         yield name, session.get(name, "not known")
-
-
-def flat(settings: Mapping[str, Any], start: str = "") -> Iterator[tuple[str, str]]:
-    """Yield key and value of each setting in a nested document; dots join the nested keys."""
-    for name, value in settings.items():
-        if isinstance(value, Mapping):
-            yield from flat(value, f"{start}{name}.")
-        else:
-            yield f"{start}{name}", "none" if value is None else str(value)
 
 
 def of_evaluation(

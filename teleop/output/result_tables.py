@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from teleop.evaluation.motion import FEWEST_STROKES
 from teleop.output.console import number, plain_console, print_table, small
 
 MOST_DECIMALS = 12
@@ -76,7 +77,11 @@ def motion_line(summary: Mapping[str, Any]) -> str:
     motion = summary["motion"]
     travel = f"travel {motion['travel_m'] * 1e3:.3g} mm"
     if not math.isfinite(motion["frequency_hz"]):
-        return f"motion: no cycles, {travel}"
+        count = motion["strokes"]
+        if not count:
+            return f"motion: no cycles, {travel}"
+        strokes = "1 whole stroke" if count == 1 else f"{count} whole strokes"
+        return f"motion: {strokes}, too few for a frequency (expected {FEWEST_STROKES}), {travel}"
     return (
         f"motion: {motion['frequency_hz']:.3g} Hz, amplitude {motion['amplitude_m'] * 1e3:.3g} mm "
         f"(half of a stroke), {travel}"
@@ -158,7 +163,7 @@ def parameter_text(name: str, one: Mapping[str, Any]) -> str:
 def with_half(value: float, half: float) -> str:
     """Return a value and a half width as text, with two significant digits of the half width."""
     if not math.isfinite(half) or half <= 0.0:
-        return f"{value:.4g}"
+        return small(value, 4)
     return f"{significant(value, half)} \u00b1 {significant(half, half)}"
 
 
@@ -191,7 +196,7 @@ def print_together(together: Mapping[str, Any]) -> None:
             (
                 [
                     Path(row["file"]).name,
-                    f"{row['frequency_hz']:.3g}",
+                    small(row["frequency_hz"]),
                     with_half(row["storage"], row["storage_interval"]),
                     with_half(row["loss"], row["loss_interval"]),
                     f"{row['tan_delta']:.3f} \u00b1 {row['tan_delta_interval']:.1g}",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from estimation.figure_style import (
     BLUE,
     ORANGE,
     draw,
+    is_narrow,
     legend,
     limits,
     new_figure,
@@ -63,8 +65,17 @@ def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
         axes.axvline(0.0, color="#CC0000", linewidth=1.0)
         axes.set_ylabel(label)
         tidy(axes)
-        axes.legend(loc="best", fontsize="small", framealpha=0.8, edgecolor="none")
-    rows[0].set_title(plain(fault["text"]), loc="left", color="#CC0000")
+        axes.legend(
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            ncols=len(names),
+            borderaxespad=0.0,
+            fontsize="small",
+            frameon=False,
+        )
+    figure.suptitle(
+        fill(plain(fault["text"]), 45 if is_narrow() else 90), x=0.01, ha="left", color="#CC0000"
+    )
     rows[-1].set_xlabel(f"time since the fault at {fault['time']:.3f} s [ms]")
     return figure
 

@@ -18,6 +18,7 @@ from foxglove.mcap import MCAPWriteOptions
 
 from teleop.errors import reason
 from teleop.recording.cdr import MESSAGE_NAME
+from teleop.recording.sinks import BEGIN
 
 TICKS, EVENTS = "/tick", "/event"
 """Topics of the MCAP file."""
@@ -209,7 +210,7 @@ class McapFile:
         This method is called before the first tick.
         """
         self._start = start
-        self.event({"time": 0.0, "text": "recording", "mode": "disconnected", "fault": None})
+        self.event({"time": 0.0, "text": BEGIN, "mode": "disconnected", "fault": None})
         self.flush()
 
     def tick(self, message: bytes, t: float) -> None:

@@ -12,6 +12,9 @@ from teleop.safety import Event
 LONGEST_TEXT = 400
 """Largest number of characters in the text of an event."""
 
+BEGIN = "recording"
+"""Text of the event that marks the beginning of a recording."""
+
 
 class Outcome(NamedTuple):
     """State of a recording after its end."""

@@ -131,7 +131,7 @@ def describe(fault: Fault, source: str, value: float, limit: float) -> str:
     if fault is Fault.STALE:
         return (
             f"{name} is stale: last sample {value * 1e3:.1f} ms old, expected at most "
-            f"{limit * 1e3:g} ms"
+            f"{limit * 1e3:g} ms; the device was silent, or other programs delayed the loop"
         )
     if fault is Fault.OUT_OF_RANGE:
         return (
@@ -153,7 +153,7 @@ def describe(fault: Fault, source: str, value: float, limit: float) -> str:
             f"at most {limit * 1e3:.3g} mm"
         )
     if fault is Fault.OVERRUN:
-        return f"the loop overran: {source}"
+        return f"the loop overran: {source}; other programs on the machine can be the cause"
     if fault in (Fault.POSITION_LIMIT, Fault.VELOCITY_LIMIT, Fault.FORCE_LIMIT):
         return f"{fault}: {name} {value:.4g} {unit}, at most {limit:.4g} {unit}"
     return f"{fault}: {source}"

@@ -126,6 +126,39 @@ def analysis_of_variance(
     ]
 
 
+def design_text(
+    effects: Sequence[Effect], pooled: Sequence[str] = (), subject: str | None = None
+) -> str:
+    """Return a text that states the design of an analysis of variance.
+
+    Parameters
+    ----------
+    effects
+        Effects of the factors.
+    pooled
+        Names of the factors in which the trials with the same levels differ, such as a repetition.
+    subject
+        Name of the random factor subject; None for a design without subjects.
+    """
+    between = [e.source for e in effects if " x " not in e.source and e.source != ESTIMATOR]
+    within = [ESTIMATOR] if any(e.source == ESTIMATOR for e in effects) else []
+    differ = f", which differ in {', '.join(pooled)}," if pooled else ""
+    if subject:
+        return (
+            f"Design: repeated measures. {subject} is the random factor; "
+            f"{', '.join([*between, *within])} vary within each {subject}. The trials of a "
+            f"{subject} with the same levels{differ} are averaged. Each effect is tested against "
+            f"its interaction with {subject}."
+        )
+    strata = ["No factor is random."]
+    if between:
+        strata.append(f"Between trials: {', '.join(between)}, tested against the spread of trials.")
+    if within:
+        strata.append(f"Within a trial: {ESTIMATOR}, tested against its interaction with trials.")
+    same = f"Trials with the same levels{differ} count as repetitions."
+    return " ".join(["Design: split plot.", *strata, same])
+
+
 def check_design(frame: Any, factors: Sequence[str], response: str, subject: str | None) -> None:
     """Check that the design is balanced and has enough trials.
 

@@ -105,11 +105,8 @@ def check_rate(settings: TrialSettings) -> float:
         cost = min(cost, tick_cost(settings))
         if cost <= SHARE / settings.rate:
             return cost
-    other = "or fewer programs at the same time" if settings.rig else "or --clock virtual"
-    raise InputError(
-        f"rate {settings.rate:g} Hz: a tick takes {cost * 1e6:.0f} us on this machine, "
-        f"expected a rate of at most {SHARE / cost:.0f} Hz, {other}"
-    )
+    other = "" if settings.rig else ", or --clock virtual"
+    raise InputError(f"{too_slow(settings.rate, cost)}{other}")
 
 
 def check_wire(rig: Rig, clock: Clock, cost: float) -> None:
@@ -143,8 +140,24 @@ def check_wire(rig: Rig, clock: Clock, cost: float) -> None:
         wire.append(time.perf_counter() - start)
     reading = float(np.percentile(wire, 90.0))
     if cost + reading > SHARE * clock.period:
-        raise InputError(
-            f"rate {clock.rate:g} Hz: a tick takes {(cost + reading) * 1e6:.0f} us on this "
-            f"machine, of which {reading * 1e6:.0f} us to read the devices, expected a rate of at "
-            f"most {SHARE / (cost + reading):.0f} Hz, or fewer programs at the same time"
-        )
+        part = f" ({reading * 1e6:.0f} us of it to read the devices)"
+        raise InputError(too_slow(clock.rate, cost + reading, part))
+
+
+def too_slow(rate: float, cost: float, part: str = "") -> str:
+    """Return a message that a tick takes longer than `SHARE` of the period.
+
+    Parameters
+    ----------
+    rate
+        Rate of the loop [Hz].
+    cost
+        Duration of a tick [s].
+    part
+        Text on the parts of this duration.
+    """
+    return (
+        f"rate {rate:g} Hz: a tick takes {cost * 1e6:.0f} us{part} on this machine with the "
+        f"programs that run now, more than {SHARE:.0%} of the period of {1e6 / rate:.0f} us: "
+        f"expected a rate of at most {SHARE / cost:.0f} Hz, or fewer programs at the same time"
+    )

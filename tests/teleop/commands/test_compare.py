@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 
 from estimation.summary import EstimatorSummary
 from teleop.cli import main
-from teleop.evaluation.comparison import Compared, grouped, ranks_of
+from teleop.evaluation.comparison import Compared, grouped, ranks_of, tidy_rows
 from teleop.evaluation.result import Result
-from teleop.output.comparison_tables import print_comparison
+from teleop.output.comparison_tables import group_table, print_comparison
 
 PLAN = """
 name = "short"
@@ -88,6 +88,58 @@ def test_levels_have_the_order_of_the_plan_or_of_their_first_occurrence(
     assert main(["compare", str(copied), "--by", "cube", "--out", str(tmp_path / "a.tex")]) == 0
     table = (tmp_path / "a.tex").read_text()
     assert table.index(f"\n{cubes[0]} ") < table.index(f"\n{cubes[1]} ")
+
+
+def test_the_csv_table_of_a_series_has_all_its_factors_and_the_repetition(series, tmp_path, capsys):
+    table = tmp_path / "table.csv"
+    assert main(["compare", str(series), "--by", "condition", "--out", str(table)]) == 0
+    with table.open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["method"] == "result"]
+    factors = ["subject", "cube", "repetition", "condition"]
+    assert [*rows[0]][: len(factors) + 1] == ["file", *factors]
+    assert {tuple(row[name] for name in factors) for row in rows} == {
+        (subject, cube, repetition, "autonomous")
+        for subject in ("s1", "s2")
+        for cube in ("soft", "medium")
+        for repetition in ("1", "2")
+    }
+
+
+def two_kinds_of_damping():
+    """Return recordings of two groups; the second has two kinds of damping."""
+    return [
+        Compared(f"{i}.mcap", {"cube": cube}, one, {"rls": summarised(900.0, b, 0.1)})
+        for i, (cube, b, frequency) in enumerate(
+            [("soft", 3.0, 1.0), ("soft", 5.0, 1.0), ("hard", 3.0, 1.0), ("hard", 9.0, None)]
+        )
+        for one in [Result(1e3, 990.0, 1010.0, b, b - 1.0, b + 1.0, True, damping_at_hz=frequency)]
+    ]
+
+
+def test_damping_of_two_kinds_has_no_mean_and_a_note(capsys):
+    rows = two_kinds_of_damping()
+    soft, hard = grouped(rows, ["cube"], {})
+    assert soft.means["result"]["b"].value == 4.0
+    assert not np.isfinite(hard.means["result"]["b"].value)
+    assert hard.means["result"]["k"].value == 1e3
+    assert hard.means["rls"]["b"].value == 6.0, "both averages of an estimator are of one kind"
+    table = group_table([soft, hard], ["cube"])
+    cells = {(row[0], row[1]): dict(zip(table.headings, row, strict=True)) for row in table.rows}
+    assert cells["soft", "result"]["kind of b"] == "k''/omega"
+    assert cells["hard", "result"]["kind of b"] == "k''/omega, besides relaxation"
+    assert cells["hard", "result"]["b [N s/m]"] == "- (a)"
+    assert cells["hard", "rls"]["kind of b"] == "average"
+    (note,) = [text for mark, text in table.notes if mark == "(a)"]
+    assert note.startswith("No mean of b: it is the equivalent viscous damping")
+    print_comparison(rows, [soft, hard], ["cube"])
+    marked = [line.split()[0] for line in capsys.readouterr().out.splitlines() if " * 9.0" in line]
+    assert marked == ["3.mcap"]
+
+
+def test_a_tidy_table_states_the_kind_of_damping_and_its_frequency():
+    rows = [row for row in tidy_rows(two_kinds_of_damping(), []) if row["method"] == "result"]
+    found = [(row["kind of b"], row["b at frequency [Hz]"]) for row in rows]
+    assert found == 3 * [("k''/omega", 1.0)] + [("besides relaxation", None)]
 
 
 @given(st.lists(st.text(), unique=True), st.lists(st.text()))
@@ -206,7 +258,9 @@ def test_a_table_is_written_as_csv_latex_and_markdown(series, tmp_path, capsys):
     with (tmp_path / "table.csv").open(newline="") as file:
         rows = [*csv.DictReader(file)]
     assert [row["method"] for row in rows] == 2 * ["result", "rls", "me"]
-    assert [row["kind of k"] for row in rows] == 2 * ["tangent", "average", "average"]
+    averages = ["average", "average"]  # the second recording has no result
+    assert [row["kind of k"] for row in rows] == ["tangent", *averages, "", *averages]
+    assert [row["kind of b"] for row in rows] == ["besides relaxation", *averages, "", *averages]
     assert float(rows[0]["at force [N]"]) > 0.0
     batch = rows[0]
     assert float(batch["k low [N/m]"]) < float(batch["k [N/m]"]) < float(batch["k high [N/m]"])
@@ -217,13 +271,13 @@ def test_a_table_is_written_as_csv_latex_and_markdown(series, tmp_path, capsys):
     assert "$\\pm$" in latex
     assert re.search(r"& \$-\$\d", latex)
     assert not re.search(r"-\d", latex.split("tablenotes")[0])
-    assert latex.splitlines()[2:4] == ["\\begin{tabular}{lllrrrr}", "\\toprule"]
+    assert latex.splitlines()[2:4] == ["\\begin{tabular}{llllrrrr}", "\\toprule"]
     markdown = (tmp_path / "table.md").read_text()
     lines = [line for line in markdown.splitlines() if line.startswith("|")]
     assert len({line.count("|") for line in lines}) == 1
     assert len(lines) == 2 + 2 * 3
-    assert sum("| tangent |" in line for line in lines) == 2
-    assert sum("| average |" in line for line in lines) == 4
+    assert sum("| tangent |" in line for line in lines) == 1
+    assert sum("| average | average |" in line for line in lines) == 4
     assert "\nresult: mean of the results" in markdown
 
 
@@ -326,7 +380,7 @@ def test_a_table_names_the_reason_of_each_value_that_is_missing(
     assert f"(a) No result for 1 recording: {reason} (a_b%c.csv)." in out
     latex = (tmp_path / "table.tex").read_text()
     assert "\\usepackage{booktabs,threeparttable}" in latex
-    assert " & 0 (a) & - & - & - \\\\" in latex
+    assert " & - & - & 0 (a) & - & - & - \\\\" in latex
     assert f"\\item[(a)] No result for 1 recording: {reason} (a\\_b\\%c.csv)." in latex
     assert "\\item[(b)] No estimate for 1 recording: the estimator was never updated" in latex
     assert latex.count("\\begin{") == latex.count("\\end{") == 3
@@ -375,3 +429,37 @@ def test_only_mimic_has_a_table_of_the_tracking(series, capsys):
     assert {one["tracking"] for one in found["recordings"]} == {None}
     assert main(["compare", str(series)]) == 0
     assert "tracking" not in capsys.readouterr().out
+
+
+def test_the_design_of_the_analysis_of_variance_is_stated_and_its_table_is_written(
+    series, tmp_path, capsys
+):
+    for name in ("table.csv", "table.tex"):
+        options = ["--anova", "e_f", "--out", str(tmp_path / name)]
+        assert main(["compare", str(series), *options]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    design = (
+        "Design: repeated measures. subject is the random factor; cube, estimator vary within each "
+        "subject. The trials of a subject with the same levels, which differ in repetition, are "
+        "averaged."
+    )
+    assert design in out
+    with (tmp_path / "table-anova.csv").open(newline="") as file:
+        rows = [*csv.DictReader(file)]
+    assert [row["source"] for row in rows] == ["cube", "estimator", "cube x estimator"]
+    assert {row["response"] for row in rows} == {"e_f"}
+    assert all(row["design"].startswith(design) for row in rows)
+    latex = (tmp_path / "table.tex").read_text()
+    assert design in latex
+    assert "\ncube $\\times$ estimator & " in latex
+
+
+def test_a_mean_over_different_specimens_is_not_called_a_mean_over_repeats(series, capsys):
+    assert main(["compare", str(series), "--by", "subject"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "Recordings that differ in cube are pooled" in out
+    assert "independent" not in out
+    assert main(["compare", str(series), "--by", "condition"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "the interval counts the recordings of a subject as independent" in out
+    assert "repeats" not in out

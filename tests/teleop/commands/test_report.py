@@ -6,9 +6,15 @@ import json
 import re
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from teleop.cli import main
+from teleop.control.excitation_signals import Sine
+from teleop.output.settings_rows import value_text
 from teleop.recording.recording import load
+from teleop.trial.performed import performed
+from teleop.trial.settings import TrialSettings
 
 
 @pytest.fixture(scope="module")
@@ -74,3 +80,39 @@ def test_a_page_in_another_folder_links_to_the_recording(trial, tmp_path):
     assert main(["report", str(trial), "--out", str(page)]) == 0
     (link,) = re.findall(r'<a href="([^"]+)"', page.read_text())
     assert (tmp_path / link.replace("%20", " ")).resolve() == trial.resolve()
+
+
+def test_the_times_of_the_safety_events_increase(trial):
+    (table,) = re.findall(r"Safety events</h2>(.*?)</table>", page_of(trial), re.DOTALL)
+    times = re.findall(r"<td>(.*?)</td>", table)
+    assert "-0.000" not in times
+    assert len(times) == len(load(trial).events) - 1, "the beginning of the recording has no time"
+    assert [float(time) for time in times] == sorted(float(time) for time in times)
+
+
+def test_the_settings_have_rounded_values_with_units_and_the_defaults_in_effect(trial):
+    page = page_of(trial)
+    table = page.split("Settings<")[1]
+    settings = dict(re.findall(r'<tr><td>(.*?)</td><td class="left">(.*?)</td></tr>', table))
+    assert not {"", "None", "False", "True", "Infinity"} & set(settings.values())
+    assert settings["rate_hz"] == "1000 Hz"
+    assert settings["limits.hard_force"].endswith(" N")
+    assert settings["estimators"] == "rls, ai, me"
+    fractions = re.findall(r"\d+\.\d+", str(settings))
+    assert all(len(re.sub(r"\D", "", one).lstrip("0")) <= 5 for one in fractions)
+    assert '<th>signal</th><td class="left">sine of 2 Hz</td>' in page
+    assert re.search(r'<th>depth</th><td class="left">\S+ mm</td>', page)
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_a_value_is_rounded_to_five_digits(value):
+    assert float(value_text(value)) == pytest.approx(value, rel=1e-4)
+
+
+def test_a_report_of_mimic_states_the_target():
+    settings = TrialSettings("mimic", signal=Sine(0.8), depth=5e-3, count_in=3.0)
+    assert performed(settings) == {
+        "depth": "5 mm",
+        "target": "sine of 0.8 Hz, from 0.5 to 5 mm",
+        "count-in": "3 s",
+    }

@@ -11,6 +11,7 @@ from teleop.evaluation.evaluation import evaluate
 from teleop.evaluation.motion import motion_of
 from teleop.evaluation.signals import Signals, periods
 from teleop.evaluation.turning_points import cycle_frequency
+from teleop.output.result_tables import motion_line
 
 RATE = 200.0
 
@@ -42,6 +43,23 @@ def test_a_record_at_rest_has_no_frequency() -> None:
     analysis = analyse(Signals(t, x, f, periods(t), "position"))
     assert np.isnan(motion_of(analysis.record).frequency_hz)
     assert analysis.phases.contact_point is None
+
+
+@pytest.mark.parametrize(("cycles", "strokes"), [(0.5, 0), (0.9, 1), (1.6, 2), (2.6, 4), (3.6, 6)])
+def test_a_motion_of_few_cycles_has_whole_strokes_and_a_frequency_from_five_strokes_on(
+    cycles: float, strokes: int
+) -> None:
+    t = np.arange(round(400.0 * cycles)) / 400.0
+    rng = np.random.default_rng(0)
+    x = 3e-3 + 1e-3 * np.sin(2.0 * np.pi * t + 1.0) + rng.normal(0.0, 1e-6, len(t))
+    f = 5.0 + 2000.0 * (x - 3e-3) + rng.normal(0.0, 0.01, len(t))
+    analysis = analyse(Signals(t, x, f, periods(t), "position"))
+    motion = motion_of(analysis.record)
+    assert motion.strokes == strokes
+    assert np.isfinite(motion.frequency_hz) == (strokes >= 5)
+    line = motion_line({"motion": motion._asdict()})
+    assert ("no cycles" in line) == (strokes == 0)
+    assert (f"{strokes} whole stroke" in line) == (0 < strokes < 5)
 
 
 @settings(deadline=None)

@@ -72,3 +72,21 @@ def test_a_sine_with_outliers_of_the_position_is_a_sine():
     f = 5.0 + 2000.0 * (x - 3e-3) + rng.normal(0.0, 0.01, len(t))
     x[rng.choice(len(t), 5, replace=False)] += 0.02
     assert prepare(Signals(t, x, f, periods(t), "position")).sinusoidal
+
+
+def test_damping_of_two_kinds_is_not_compared_between_files(tmp_path, capsys):
+    sine = relaxing_sine(5)
+    t = np.arange(0.0, 30.0, 0.01)
+    x = np.interp(t, [0.0, 2.0, 4.0], [0.0, 0.0, 4e-3])
+    f = 300.0 * x + 200.0 * relaxed(x, 100.0, 2.0)
+    f += np.random.default_rng(0).normal(0.0, 2e-3, len(t))
+    files = []
+    for name, columns in (("sine", (sine.t, sine.x, sine.f)), ("hold", (t, x, f))):
+        files.append(str(tmp_path / f"{name}.csv"))
+        table = np.column_stack([columns[0], columns[1] * 1e3, columns[2]])
+        header = "Time [s],Position [mm],Force [N]"
+        np.savetxt(files[-1], table, delimiter=",", header=header, comments="")
+    assert main(["estimate", *files, "--json"]) == 0
+    together = json.loads(capsys.readouterr().out)["together"]
+    assert [*together["ratios"]] == ["k"]
+    assert any(reason.startswith("b is not compared") for reason in together["reasons"])

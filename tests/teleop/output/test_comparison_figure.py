@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -127,3 +128,24 @@ def test_the_mean_of_a_group_is_beside_its_recordings_in_one_column():
         for other in set(marked) - {mean}:
             distance = np.abs(points[other][:, 0] - points[mean][0, 0]).min()
             assert distance > 0.5 * (sizes[mean] + sizes[other]) * figure.dpi / 72.0
+
+
+def test_two_kinds_of_damping_have_different_marks_and_the_legend_states_them():
+    rows = [compared("free", "soft"), compared("mimic", "soft")]
+    loss = replace(rows[0].result, damping_at_hz=1.0)
+    rows[0] = replace(rows[0], result=loss)
+    figure = comparison_figure(rows, grouped(rows, BY, {}), BY)
+    faces = [
+        [line.get_markerfacecolor() for line in axes.lines if line.get_marker() == "o"]
+        for axes in figure.axes
+    ]
+    (k, b) = faces
+    assert len(set(k)) == 1
+    assert len(set(b)) == 2
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert any("besides relaxation" in text for text in texts)
+
+
+def test_damping_of_one_kind_has_one_mark():
+    axes = figure_of(["soft", "medium"]).axes[1]
+    assert len({line.get_markerfacecolor() for line in axes.lines if line.get_marker() == "o"}) == 1

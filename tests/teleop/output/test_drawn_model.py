@@ -25,11 +25,19 @@ def test_the_figure_says_that_the_drawn_model_is_not_the_first_of_the_table(
     assert preloaded.models[0].name == "hunt-crossley"
     best = preloaded.batch_summary()["best_model"]
     assert best == "kelvin-voigt"
-    over_x = fit_figure("title", preloaded).axes[0]
-    legend = over_x.get_legend()
-    assert legend is not None
+    (legend,) = fit_figure("title", preloaded).legends
     texts = [text.get_text() for text in legend.get_texts()]
     assert "kelvin-voigt (hunt-crossley: not all parameters identifiable)" in texts
+
+
+def test_the_legend_covers_no_panel(preloaded: Evaluation) -> None:
+    figure = fit_figure("title", preloaded)
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    box = legend.get_window_extent()
+    for axes in figure.axes:
+        assert axes.get_legend() is None
+        assert not box.overlaps(axes.get_window_extent())
 
 
 def test_the_table_says_which_model_is_drawn_and_which_force_is_taken_for_unloaded(

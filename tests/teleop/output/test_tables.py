@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from teleop.cli import main
-from teleop.output.console import number, plain_console, print_table, wrapped
+from teleop.output.console import number, plain_console, print_table, small, wrapped
 from teleop.output.next_command import broken
 from teleop.output.result_tables import with_half
 
@@ -173,3 +173,18 @@ def test_a_number_that_rounds_to_zero_has_no_sign():
     assert number(-0.3, 0) == "0"
     assert number(-0.04, 1) == "0.0"
     assert number(-0.06, 1) == "-0.1"
+
+
+@given(st.floats(1e-4, 1e5), st.integers(3, 4))
+def test_numbers_of_a_column_have_the_same_precision_with_zeros_at_the_end(value, digits):
+    text = small(value, digits)
+    assert float(text) == pytest.approx(value, rel=0.5001 * 10.0 ** (1 - digits))
+    assert len(text.lstrip("0.").replace(".", "")) >= digits
+
+
+def test_a_value_without_interval_keeps_its_zeros():
+    assert [with_half(value, math.nan) for value in (-47.4, 161.0, 1.33)] == [
+        "-47.40",
+        "161.0",
+        "1.330",
+    ]

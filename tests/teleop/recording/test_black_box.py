@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ import pytest
 from sim_backend import SimulatedRig
 from sim_backend.faults import FaultyRig, Replaced, Unplugged
 from teleop.cli import main
+from teleop.output.fault_report import fault_text
 from teleop.recording.recording import load
+from teleop.safety.events import Fault, describe
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
@@ -89,6 +92,22 @@ def test_the_fault_report_names_cause_limit_value_time_and_timing(stopped):
     assert "commanded speed zero after" in text
     drawing = ElementTree.parse(trial.black_box / "channels.svg")
     assert drawing.getroot().tag.endswith("svg")
+
+
+def test_the_fault_report_names_the_longest_time_between_two_ticks(stopped):
+    recording = stopped(Replaced("contact_force", 5000.0))[0].recording
+    fault = recording.fault
+    late = (recording["time"] <= fault["time"]).nonzero()[0][-1]
+    dt = recording["dt"].copy()
+    dt[late] = 0.082
+    text = fault_text(replace(recording, columns={**recording.columns, "dt": dt}), fault)
+    assert "  longest time between two ticks: 82.0 ms\n" in text
+    assert "lateness: from the deadline of a tick to its start" in text
+
+
+@pytest.mark.parametrize("fault", [Fault.STALE, Fault.OVERRUN])
+def test_a_fault_that_a_busy_machine_causes_mentions_other_programs(fault):
+    assert "other programs" in describe(fault, "contact_force", 0.082, 0.02)
 
 
 def test_a_fault_before_any_motion_leaves_a_report_too(stopped):

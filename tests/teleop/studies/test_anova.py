@@ -12,7 +12,7 @@ from statsmodels.formula.api import ols
 from statsmodels.stats.anova import anova_lm
 
 from teleop.errors import InputError
-from teleop.studies.anova import analysis_of_variance, check_available
+from teleop.studies.anova import analysis_of_variance, check_available, design_text
 
 
 def trials(y):
@@ -140,3 +140,12 @@ def test_without_statsmodels_the_extra_is_named(monkeypatch):
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(InputError, match=r"pip install 'teleop\[stats\]'"):
         check_available()
+
+
+def test_the_design_without_subjects_is_a_split_plot():
+    found = analysis_of_variance(trials(responses()), "e_f", ("cube", "condition"), "trial")
+    text = design_text(found, ["repetition"])
+    assert text.startswith("Design: split plot. No factor is random.")
+    assert "Between trials: cube, condition, tested" in text
+    assert "Within a trial: estimator, tested" in text
+    assert "Trials with the same levels, which differ in repetition, count as repetitions." in text

@@ -1,0 +1,39 @@
+"""The table of an analysis of variance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from teleop.output.table_files import TextTable
+
+
+def effects_table(effects: Iterable[Mapping[str, Any]], response: str, design: str) -> TextTable:
+    """Return the table of an analysis of variance, one row for each effect.
+
+    Parameters
+    ----------
+    effects
+        The effects.
+    response
+        Name of the response (dependent variable). It is the heading of the first column.
+    design
+        Text that states the design. It is a note below the table.
+    """
+    headings = (f"effect on {response}", "F", "df", "p", "eta^2", "partial eta^2")
+    return TextTable(headings, effect_cells(effects), 1, [("", design)])
+
+
+def effect_cells(effects: Iterable[Mapping[str, Any]]) -> list[list[str]]:
+    """Return the cells of the analysis of variance of one response, one row for each effect."""
+    return [
+        [
+            effect["source"].replace(" x ", " \N{MULTIPLICATION SIGN} "),
+            f"{effect['f']:.1f}" if effect["f"] < 1000.0 else f"{effect['f']:.0f}",
+            f"{effect['degrees']}, {effect['error_degrees']}",
+            "< 0.001" if effect["p"] < 0.001 else f"{effect['p']:.3f}",
+            f"{effect['eta_squared']:.3f}",
+            f"{effect['partial_eta_squared']:.3f}",
+        ]
+        for effect in effects
+    ]

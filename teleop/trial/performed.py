@@ -1,0 +1,39 @@
+"""State the motion of a trial: depth, target and excitation signal, with their defaults."""
+
+from __future__ import annotations
+
+from teleop.control.excitation_signals import AnySignal, Chirp, Multisine
+from teleop.errors import InputError
+from teleop.recording.recording import Recording
+from teleop.trial.settings import TrialSettings
+from teleop.trial.settings_json import from_document
+
+
+def performed(settings: TrialSettings) -> dict[str, str]:
+    """Return the depth, and the target or the excitation signal, as text by name."""
+    found = {"depth": f"{settings.setup.depth * 1e3:.4g} mm"}
+    if settings.condition == "mimic":
+        target = settings.target
+        low, high = (1e3 * depth for depth in (target.position(0.0), target.depth))
+        found["target"] = f"sine of {target.frequency:g} Hz, from {low:.4g} to {high:.4g} mm"
+        found["count-in"] = f"{target.count_in:g} s"
+    if settings.condition == "autonomous":
+        found["signal"] = signal_text(settings.excitation)
+    return found
+
+
+def signal_text(signal: AnySignal) -> str:
+    """Return an excitation signal as text."""
+    if isinstance(signal, Multisine):
+        return f"multisine of {', '.join(f'{one:g}' for one in signal.frequencies)} Hz"
+    if isinstance(signal, Chirp):
+        return f"chirp from {signal.low:g} to {signal.high:g} Hz and back in {signal.sweep:g} s"
+    return f"sine of {signal.frequency:g} Hz"
+
+
+def recorded_motion(recording: Recording) -> dict[str, str]:
+    """Return the result of `performed` with the recorded settings; empty if they are not valid."""
+    try:
+        return performed(from_document(recording.settings))
+    except InputError:
+        return {}
