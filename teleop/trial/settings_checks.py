@@ -1,10 +1,13 @@
-"""Check the settings of a trial, and report all problems at once."""
+"""Check the settings of a trial, and report all problems at once.
+
+`settings` is a `TrialSettings`. Its type is not imported, because that file imports this one.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import fields
-from typing import TYPE_CHECKING, get_args
+from typing import Any, get_args
 
 from sim_backend import CUBES
 from teleop.control.conditions import CONDITIONS
@@ -12,9 +15,6 @@ from teleop.control.excitation_signals import Sine
 from teleop.errors import InputError
 from teleop.names import ClockName
 from teleop.trial import ranges
-
-if TYPE_CHECKING:
-    from teleop.trial.settings import TrialSettings
 
 RIG_FIELDS = frozenset(("condition", "cube", "depth", "rig", "signal", "tare"))
 """Settings on which the checks against the limits of the rig depend."""
@@ -52,7 +52,7 @@ class SettingsError(InputError):
         return self if RIG_FIELDS.isdisjoint(invalid) else SettingsError(self.own)
 
 
-def check_settings(settings: TrialSettings) -> None:
+def check_settings(settings: Any) -> None:
     """Check all settings of a trial.
 
     If a value is out of its range, the other settings are checked with its default value.
@@ -80,7 +80,7 @@ def check_settings(settings: TrialSettings) -> None:
         raise SettingsError(own, of_rig)
 
 
-def values_out_of_range(settings: TrialSettings) -> Iterator[tuple[tuple[str, ...], str]]:
+def values_out_of_range(settings: Any) -> Iterator[tuple[tuple[str, ...], str]]:
     """Yield the names of the settings that are out of their range, and a message."""
     for name, value, allowed in (
         ("condition", settings.condition, CONDITIONS),
@@ -130,7 +130,7 @@ def values_out_of_range(settings: TrialSettings) -> Iterator[tuple[tuple[str, ..
         )
 
 
-def inconsistent_values(settings: TrialSettings) -> Iterator[str]:
+def inconsistent_values(settings: Any) -> Iterator[str]:
     """Yield a message for each problem of several settings that does not depend on the rig."""
     if settings.condition == "mimic" and not isinstance(settings.excitation, Sine):
         yield f"signal {settings.excitation.kind}: expected a sine, which the operator follows"
@@ -148,7 +148,7 @@ def inconsistent_values(settings: TrialSettings) -> Iterator[str]:
         )
 
 
-def problems_of_rig(settings: TrialSettings) -> Iterator[str]:
+def problems_of_rig(settings: Any) -> Iterator[str]:
     """Yield a message for each problem that depends on the rig and its limits."""
     if (
         settings.condition == "mimic"
