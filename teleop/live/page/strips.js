@@ -158,13 +158,16 @@ export class Strips {
     );
     for (const old of row.plot.querySelectorAll(".level")) old.remove();
     const outside = [];
-    for (const level of levels) {
+    let below = -Infinity; // the last labelled level
+    for (const level of levels.toSorted((one, other) => one.value - other.value)) {
       const value = level.value * factor;
-      const text = `${level.text} ${fixed(value)}`;
+      const text = `${level.text} ${fixed(value, Math.abs(value) < 10 ? 1 : 0)}`;
       if (value > scale.low && value < scale.high) {
         const label = element("span", `level level-${level.colour}`, text);
         label.style.top = place(value);
         label.classList.toggle("below", value > scale.high - 0.25 * (scale.high - scale.low));
+        label.classList.toggle("beside", value - below < 0.3 * (scale.high - scale.low));
+        below = value;
         row.plot.append(label);
       } else if (value >= scale.high) {
         outside.push(`${text} ↑`);

@@ -152,3 +152,18 @@ def test_every_range_covers_its_values_and_has_at_least_two_labels(trial_feed, s
         assert bottom <= low
         assert high <= top
         assert 2 <= labels <= 12
+
+
+def test_labels_of_limits_that_are_close_do_not_overlap_and_have_a_decimal(
+    trial_feed, serve, open_page
+):
+    limits = {"soft_position": [-0.00045, 0.0127], "soft_force": 8.0, "hard_force": 9.0}
+    page = open_page(serve(trial_feed(limits={**limits, "max_velocity": 0.2})).url())
+    wait_for(page, "document.querySelectorAll('.strip-force .level-limit').length === 2")
+    soft, hard = (
+        page.locator(".strip-force .level-limit", has_text=text).bounding_box()
+        for text in ("soft limit 8.0", "hard limit 9.0")
+    )
+    assert hard["x"] + hard["width"] <= soft["x"] or soft["x"] + soft["width"] <= hard["x"]
+    assert "soft limit \u22120.5" in page.locator(".strip-position").inner_text()
+    assert "soft limit 13" in page.locator(".strip-position").inner_text()
