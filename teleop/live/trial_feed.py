@@ -126,9 +126,10 @@ class TrialFeed(Feed):
         else:
             mode = "idle" if self._mode < READY else self._mode.name.lower()
         by_page = self._begin.get("by_page", False)
+        texts = [*self._faults[:1], self._text]
         return {
             "mode": mode,
-            "text": self._faults[0] if self._faults else self._text or self._advice(mode, by_page),
+            "text": "; ".join(dict.fromkeys(filter(None, texts))) or self._advice(mode, by_page),
             "armed_by": ("page" if by_page else "terminal") if self._begin else None,
             "armed_at": self._armed_at,
             "loop": "gone" if self._gone or silent else "running",

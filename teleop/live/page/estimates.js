@@ -19,8 +19,11 @@ export class Estimates {
       head.scope = "row";
       const swatch = document.createElement("i");
       swatch.className = `swatch swatch-${index % 5}`;
-      const parts = estimator.name.split(/(?<=_)/).flatMap((part) => [part, document.createElement("wbr")]);
-      head.append(swatch, ...parts.slice(0, -1)); // a long name breaks after an underscore
+      const [first, ...others] = estimator.name.split(/(?<=_)/);
+      const start = document.createElement("span");
+      start.append(swatch, first);
+      // A long name breaks after an underscore.
+      head.append(start, ...others.flatMap((part) => [document.createElement("wbr"), part]));
       const cells = ["k", "b", "held", "misfit"].map((key) => {
         const cell = document.createElement("td");
         cell.className = `cell-${key}`;

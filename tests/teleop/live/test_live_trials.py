@@ -191,7 +191,7 @@ def test_stop_from_any_page_is_an_emergency_stop(start):
     assert (code, "emergency stop: live page" in err) == (3, True)
 
 
-def test_end_ramps_down_and_next_runs_another_trial_with_other_settings(start):
+def test_after_end_or_stop_next_runs_another_trial_with_other_settings(start):
     async def scenario(command):
         async with command.page() as client, beating(client):
             await arm(client)
@@ -207,8 +207,10 @@ def test_end_ramps_down_and_next_runs_another_trial_with_other_settings(start):
             assert client.latest["trial"]["duration"] == 5.0
             await client.send("choose", specimen="soft")
             await client.until(lambda: len(client.errors) == 2)
-            await client.send("end")
+            await client.send("stop")
             await client.until(client.is_in("ended"))
+            advice = "emergency stop: live page; NEXT prepares another trial"
+            await client.until(lambda: client.latest["state"]["text"] == advice)
             await client.send("repeat")
             await client.until(client.is_in("ready"))
             await client.send("choose", specimen="medium")  # the trial that waits begins again
