@@ -84,7 +84,7 @@ def trial_document(
             "hard_force": limits.hard_force,
             "max_velocity": limits.max_velocity,
         },
-        "truth": true and {"k": true["k_deepest"], "b": true["b"]},
+        "truth": true and shown_truth(true),
         "target": {
             "frequency": target.frequency,
             "depth": target.depth,
@@ -106,4 +106,9 @@ def recorded_document(recording: Recording) -> dict[str, Any]:
     except InputError:
         return {}
     true = recorded_truth(recording)
-    return document | {"truth": true and {"k": true["k_deepest"], "b": true["b"]}}
+    return document | {"truth": true and shown_truth(true)}
+
+
+def shown_truth(true: dict[str, Any]) -> dict[str, float]:
+    """Return the true values that the page shows, from those of `teleop.trial.true_values`."""
+    return {"k_surface": true["k_surface"], "k": true["k_deepest"], "b": true["b"]}

@@ -62,7 +62,10 @@ export function charts(welcome, trial) {
     {
       id: "stiffness", title: "stiffness k", unit: "N/m", factor: 1, digits: 0, share: 1.5, scale: new Scale(100),
       traces: estimated(welcome.estimators, "k", welcome.columns),
-      levels: levels([truth.k], TRUTH, "true"),
+      levels: [
+        ...levels([truth.k_surface], TRUTH, "true at the surface"),
+        ...levels([truth.k], TRUTH, "true at full depth"),
+      ],
       robust: true,
     },
     {

@@ -169,7 +169,7 @@ class TrialFeed(Feed):
                 "hard_force": 60.0,
                 "max_velocity": 0.2,
             },
-            "truth": {"k": 2000.0, "b": 3.0},
+            "truth": {"k_surface": 2060.0, "k": 2000.0, "b": 3.0},
             "target": None,
             "feedback": None,
             "operator": "",

@@ -92,7 +92,8 @@ def test_the_theme_follows_the_system_and_can_be_changed(scheme, trial_feed, ser
 def test_limits_and_true_values_are_labelled(trial_feed, serve, open_page):
     page = open_page(serve(trial_feed()).url())
     wait_for(page, "document.querySelector('.strip-stiffness .level-truth') !== null")
-    assert page.locator(".strip-stiffness .level-truth").inner_text() == "true 2000"
+    truth = page.locator(".strip-stiffness .level-truth")
+    assert truth.all_inner_texts() == ["true at full depth 2000", "true at the surface 2060"]
     force = page.locator(".strip-force").inner_text()
     assert "soft limit 40" in force
     assert "hard limit 60" in force
