@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from sim_backend import CUBES
 from teleop.control.conditions import CONDITIONS
+from teleop.output.effects_table import effect_cells
 from teleop.output.estimate_tables import RMS_RATIO
 from teleop.output.web_page import web_page
 from teleop.studies.anova import Effect
@@ -105,21 +106,6 @@ def slow_cells(slow: Sequence[SlowTrial]) -> list[list[str]]:
     ]
 
 
-def effect_cells(effects: Sequence[Effect]) -> list[list[str]]:
-    """Return the cells of the analysis of variance of one response, one row for each effect."""
-    return [
-        [
-            effect.source.replace(" x ", " \N{MULTIPLICATION SIGN} "),
-            f"{effect.f:.1f}",
-            f"{effect.degrees}, {effect.error_degrees}",
-            "< 0.001" if effect.p < 0.001 else f"{effect.p:.3f}",
-            f"{effect.eta_squared:.3f}",
-            f"{effect.partial_eta_squared:.3f}",
-        ]
-        for effect in effects
-    ]
-
-
 def reproduction_page(
     outcomes: Sequence[Outcome],
     claims: Sequence[Claim],
@@ -163,7 +149,7 @@ def reproduction_page(
         method_headings=METHOD_HEADINGS,
         methods=method_cells(methods),
         study=[
-            (RESPONSES[name], finding(effects), effect_cells(effects))
+            (RESPONSES[name], finding(effects), effect_cells(map(Effect._asdict, effects)))
             for name, effects in study.items()
         ],
         seeds=seeds,
