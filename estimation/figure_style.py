@@ -227,6 +227,13 @@ def legend(
     )
 
 
+def common_legend(figure: Figure, panels: Sequence[Axes]) -> None:
+    """Draw one legend above the panels, in which each name of their lines occurs once."""
+    drawn = [axes.get_legend_handles_labels() for axes in panels]
+    unique = {name: handle for pair in drawn for handle, name in zip(*pair, strict=True)}
+    legend(figure, [*unique.values()], [*unique])
+
+
 def columns_width(names: Sequence[str], columns: int, font: float) -> float:
     """Return the approximate width [in] of a legend with this size of the font [pt]."""
     rows = -(-len(names) // columns)

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from estimation.figure_style import BLUE, legend, new_figure, tidy
+from estimation.figure_style import BLUE, common_legend, new_figure, tidy
 from teleop.evaluation.comparison import RESULT, Compared, Group
 from teleop.evaluation.kinds import BESIDES_RELAXATION, LOSS
 from teleop.evaluation.means import Mean
@@ -29,7 +29,6 @@ LONGEST_LEVEL = 24
 """Number of characters to which the name of a level is shortened."""
 LABELS = {"k": "stiffness $k$ [N/m]", "b": "damping $b$ [N s/m]"}
 """Label of each quantity, by its symbol."""
-
 OTHER_KIND = f"recording, b {BESIDES_RELAXATION} (of the others: {LOSS})"
 """Legend of recordings whose b is of another kind than that of others in the figure."""
 
@@ -95,23 +94,24 @@ def comparison_figure(
             column[0].set_title(label, fontsize="medium")
     if factor is not None:
         for axes, level in zip(columns[0], levels, strict=True):
-            axes.set_ylabel(f"{plain(by[factor])}: {shortened(level)}")
+            axes.set_ylabel(f"{plain(by[factor])}: {level_text(level)}")
         figure.align_ylabels(columns[0])
     below = [columns[-1][-1]] if factor is None else [column[-1] for column in columns]
     for axes in below:
         label_groups(axes, names, figure.get_figwidth() / len(below))
         if others := [name for i, name in enumerate(by) if i != factor]:
             axes.set_xlabel(plain(", ".join(others)))
-    drawn = [axes.get_legend_handles_labels() for axes in figure.axes]
-    unique = {text: one for pair in drawn for one, text in zip(*pair, strict=True)}
-    legend(figure, [*unique.values()], [*unique])
+    common_legend(figure, figure.axes)
     return figure
 
 
 def placed(
     rows: Sequence[Compared], groups: Sequence[Group], by: Sequence[str]
 ) -> tuple[list[Place], int | None]:
-    """Return the groups with their results, and the index of the factor that has rows of panels."""
+    """Return the place of each group in the figure, and which factor has rows of panels.
+
+    The factor is an index of `by`. It is None if all groups are in the same panels.
+    """
     results = [
         [r.result for r in rows if r.levels(by) == group.levels and r.result.identifiable]
         for group in groups
@@ -161,7 +161,7 @@ def draw_panel(
 
 def label_groups(axes: Axes, names: Sequence[tuple[str, ...]], width: float) -> None:
     """Write the names of the groups below axes of this width [in]."""
-    texts = ["\n".join(map(shortened, name)) for name in names]
+    texts = ["\n".join(map(level_text, name)) for name in names]
     axes.set_xticks(range(len(names)), texts or [""])
     longest = max((len(part) for text in texts for part in text.split("\n")), default=0)
     if longest * len(names) > CHARACTERS * width:
@@ -169,7 +169,7 @@ def label_groups(axes: Axes, names: Sequence[tuple[str, ...]], width: float) -> 
     axes.set_xlim(-0.6, len(names) - 0.4)
 
 
-def shortened(level: str) -> str:
+def level_text(level: str) -> str:
     """Return the name of a level, which has at most `LONGEST_LEVEL` characters."""
     return plain(level[:LONGEST_LEVEL])
 

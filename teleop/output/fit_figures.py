@@ -11,7 +11,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from estimation.batch_models import BatchFit
-from estimation.figure_style import BLUE, GREY, ORANGE, explain, is_narrow, legend, new_figure, tidy
+from estimation.figure_style import (
+    BLUE,
+    GREY,
+    ORANGE,
+    common_legend,
+    explain,
+    is_narrow,
+    new_figure,
+    tidy,
+)
 from teleop.evaluation.evaluation_result import Evaluation
 from teleop.output.figure_files import plain
 
@@ -87,9 +96,7 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
     over_t.set_xlim(t[0], t[-1])
     for axes in (over_x, over_t, residual):
         tidy(axes)
-    drawn = [axes.get_legend_handles_labels() for axes in (over_t, over_x)]
-    unique = {text: one for pair in drawn for one, text in zip(*pair, strict=True)}
-    legend(figure, [*unique.values()], [*unique])
+    common_legend(figure, (over_t, over_x))
     return figure
 
 
