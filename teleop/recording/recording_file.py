@@ -34,8 +34,7 @@ class RecordingFile:
 
     def __init__(self, path: Path) -> None:
         stream = RecordingStream(path)
-        for _ in stream.intact_blocks(lambda name: False):
-            pass
+        stream.read_through()
         self.path = path
         self.units = stream.units
         """Unit of each column, by its name."""
@@ -104,10 +103,12 @@ class RecordingFile:
 def recorded_ticks(path: Path) -> Recording | RecordingFile | None:
     """Return the intact ticks of a recording; None if no part of the file can be read.
 
-    The ticks are in memory if they have at most `IN_MEMORY` values.
+    The ticks are in memory if the file is not larger than `IN_MEMORY` values of 8 bytes.
     """
     try:
-        file = RecordingFile(path)
-        return file if file.values > IN_MEMORY else file.load()
-    except InputError:
+        if path.stat().st_size > 8 * IN_MEMORY:
+            return RecordingFile(path)
+        stream = RecordingStream(path)
+        return stored(stream, stream.intact_blocks())
+    except (OSError, InputError):
         return None

@@ -56,8 +56,7 @@ def recover_recording(file: Path, out: Path) -> Recovery:
         new file exists or cannot be written.
     """
     stream = RecordingStream(file)
-    for _ in stream.intact_blocks(lambda name: False):
-        pass
+    stream.read_through()
     if not stream.ticks:
         raise InputError(f"{file}: no tick is intact: nothing can be recovered")
     contents = stream.contents

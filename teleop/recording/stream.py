@@ -132,6 +132,11 @@ class RecordingStream:
                 self._gaps.add(*(columns[name] for name in OF_GAPS))
             yield {name: columns[name] for name in wanted}
 
+    def read_through(self) -> None:
+        """Read all intact ticks without their values: `events`, `gaps` and `ticks` are complete."""
+        for _ in self.intact_blocks(lambda name: False):
+            pass
+
     def _joined(self, columns: Sequence[int]) -> Iterator[Floats]:
         """Yield columns of successive ticks, joined to blocks of at least `BLOCK` ticks."""
         values: list[Floats] = []
