@@ -5,9 +5,10 @@ A configuration file has the same keys as the JSON document of the settings (`se
 
 from __future__ import annotations
 
+import contextlib
 import textwrap
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -136,16 +137,11 @@ def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
             except (InputError, ValueError) as error:
                 problems += str(error).splitlines()
                 del named[key]
-    try:
-        settings = from_document(named)
-    except SettingsError as error:
-        problems += str(error.known(document.keys() - named.keys())).splitlines()
-    except InputError as error:
-        problems += str(error).splitlines()
-    else:
-        if not problems:
-            return settings
-    raise InputError("\n".join(problems))
+    with raised_together(problems):
+        try:
+            return from_document(named)
+        except SettingsError as error:
+            raise error.known(document.keys() - named.keys()) from error
 
 
 def complete_settings(
@@ -171,15 +167,21 @@ def complete_settings(
         for key, what in NEEDED_ON_RIG.items()
         if document.get("rig") and not document.get(key)
     ]
-    try:
+    with raised_together(problems):
         settings = settings_from(document, folder)
         check_feedback(settings)
+    return settings
+
+
+@contextlib.contextmanager
+def raised_together(problems: list[str]) -> Iterator[None]:
+    """Context manager that raises the given problems together with those of its body."""
+    try:
+        yield
     except InputError as error:
         problems += str(error).splitlines()
-    else:
-        if not problems:
-            return settings
-    raise InputError("\n".join(problems))
+    if problems:
+        raise InputError("\n".join(problems))
 
 
 def write_configuration(settings: TrialSettings) -> str:
