@@ -119,7 +119,9 @@ class Bank(Mapping[str, Estimator]):
     ) -> Iterator[tuple[str, Estimates]]:
         """Process n samples with one estimator after another; yield name and estimates of each.
 
-        Arguments and errors are those of `Estimator.run`. All estimators must be used.
+        Arguments and errors are those of `Estimator.run`. Each estimator processes the samples only
+        when the caller asks for its result. The caller must therefore iterate to the end. Otherwise
+        the remaining estimators miss these samples.
         """
         samples = checked_samples(x, v, f, dt, further)
         self._check_further(samples.phi.shape[1] - 2)

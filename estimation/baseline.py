@@ -71,7 +71,7 @@ def cosines(t: Floats, start: float, seconds: float, order: int) -> Floats:
 
 
 def baseline_regressors(t: Floats, start: float, seconds: float, order: int) -> Floats:
-    """Return the regressors of a baseline. Other regressors of the fit describe the palpation.
+    """Return the regressors of a baseline, for a fit that also has regressors of the palpation.
 
     Parameters
     ----------
@@ -80,8 +80,8 @@ def baseline_regressors(t: Floats, start: float, seconds: float, order: int) -> 
 
     Returns
     -------
-    Array of shape (n, order + 3), with the cosines and then the parabola. If `order` is 0, the
-    shape is (n, 1).
+    Array of shape (n, order + 3), with the constant, the cosines and two columns for the parabola.
+    If `order` is 0, the only column is the constant.
     """
     columns = cosines(t, start, seconds, order)
     if order == 0:

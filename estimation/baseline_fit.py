@@ -112,7 +112,8 @@ class Inverse:
 class FitWithBaseline(RobustFit):
     """A fit that `BaselineFits` returns.
 
-    `inverse` is an `Inverse`. `regressors` is the part of X that is orthogonal to the baseline.
+    The field `inverse` is an `Inverse`. The field `regressors` contains only the part of X that is
+    orthogonal to the baseline.
     """
 
     __slots__ = ()

@@ -29,7 +29,7 @@ def is_valid(dt: float, size: float) -> bool:
 
 
 def sample_error(dt: float, further: Sequence[float] = (), **values: float) -> ValueError:
-    """Return a ValueError for an invalid sample. The message has the name of each value."""
+    """Return a ValueError for an invalid sample. The message has the names and the values."""
     values |= {f"further[{i}]": value for i, value in enumerate(further)}
     got = ", ".join(f"{name}={value!r}" for name, value in values.items())
     return ValueError(

@@ -34,8 +34,8 @@ from estimation.compiled import Floats
 TAPERS = 6
 """Number of tapers.
 
-It is the number 2 NW of orthogonal tapers minus 2, because the last tapers leak: with one taper
-more, the ends of a single slow stroke appear as power at all frequencies.
+There are 2 NW orthogonal tapers (`BANDWIDTH` is NW). The last two of them are not used, because
+they leak: with one taper more, the ends of a single slow stroke appear as power at all frequencies.
 """
 BANDWIDTH = 4.0
 """Time-bandwidth product NW of the tapers."""

@@ -56,9 +56,9 @@ class CompilationChoice:
     """Decide whether samples are processed by interpreted or by compiled code.
 
     Compiled code needs numba. numba is loaded when the interpreted samples so far have taken as
-    long as loading numba takes. Short arrays of samples are not counted. The total time is
-    therefore at most twice that of the best decision, which can only be known at the end (ski
-    rental problem).
+    long as loading numba takes. The total time is therefore at most twice that of the best
+    decision, which can only be known at the end (ski rental problem). Short arrays of samples are
+    always interpreted, and are not counted.
     """
 
     def __init__(self) -> None:
@@ -129,7 +129,10 @@ def compiled_sweep(law: Law, state: State, samples: Samples) -> Floats:
 
 
 interpreted = cache(own_copy)
-"""Return the copy of a step that the interpreter uses. Each step is copied only once."""
+"""Return the copy of a step that the interpreter uses. Each step is copied only once.
+
+`estimation.own_copies` explains why a copy is needed.
+"""
 
 
 @cache
@@ -213,7 +216,7 @@ def compiled_loop(loop: Callable[..., None]) -> Callable[..., None]:
 def compiled_below() -> object:
     """Return the object that replaces `step.below` in compiled code.
 
-    The object indexed with n is `range(n)`, as with `step.below`.
+    In compiled code, `below[n]` then is `range(n)`. In interpreted code it is a tuple.
     """
     import operator
 

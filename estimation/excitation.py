@@ -149,7 +149,7 @@ def removals(
     removed: list[int],
     spans: list[float],
 ) -> None:
-    """Compute, for each new sample, how many samples have left the window, and its length [s].
+    """Compute, at each new sample, the length of the window and how many samples have left it.
 
     Parameters
     ----------
@@ -162,7 +162,8 @@ def removals(
     periods
         Time since the previous sample [s], for the samples in the window and the new samples.
     removed, spans
-        The results, which are changed in place.
+        The results at each new sample, which are changed in place: the number of samples that have
+        left the window so far, and the length of the window [s].
     """
     first = 0
     for i in range(len(removed)):

@@ -228,14 +228,14 @@ def legend(
 
 
 def common_legend(figure: Figure, panels: Sequence[Axes]) -> None:
-    """Draw one legend above the panels, in which each name of their lines occurs once."""
+    """Draw one legend above the panels. A name that occurs in several panels is listed once."""
     drawn = [axes.get_legend_handles_labels() for axes in panels]
     unique = {name: handle for pair in drawn for handle, name in zip(*pair, strict=True)}
     legend(figure, [*unique.values()], [*unique])
 
 
 def columns_width(names: Sequence[str], columns: int, font: float) -> float:
-    """Return the approximate width [in] of a legend with this size of the font [pt]."""
+    """Return the approximate width [in] of a legend. `font` is the size of its text [pt]."""
     rows = -(-len(names) // columns)
     longest = [max(map(len, names[i : i + rows])) for i in range(0, len(names), rows)]
     return sum(0.62 * length + 5.0 for length in longest) * font / 72.0

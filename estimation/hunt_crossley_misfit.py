@@ -1,9 +1,9 @@
 """Compute the autocovariance of the force errors of a Hunt-Crossley model over recent blocks.
 
 A block is a number of successive samples (`estimation.misfit`). The force K x^n + B x^n v is not
-linear in n, so sums of products of past samples are not sufficient when the estimate changes.
-Instead, the means over the recent blocks are stored. The force errors of all these blocks are
-computed with the present estimate.
+linear in n. When the estimate of n changes, the force errors of past blocks can therefore not be
+computed from sums of products. Instead, the means over the recent blocks are stored. The force
+errors of all these blocks are computed with the present estimate.
 """
 
 from __future__ import annotations
@@ -41,15 +41,15 @@ class RecentBlocks:
         means
             Means of force [N], velocity [m/s] and displacement [m]. Further values are ignored.
         share
-            Weight of the product of this block and the previous block; 0 if there is no
-            previous block.
+            Weight of the product of two force errors, those of this block and of the previous
+            block; 0 if there is no previous block.
         """
         f, v, x, *_ = means
         self._blocks.append((f, v, x, share))
 
     @property
     def blocks(self) -> list[tuple[float, float, float, float]]:
-        """Means of force, velocity and displacement, and weight of the product, of each block."""
+        """For each block, the means of force, velocity and displacement, and `share`, see `add`."""
         return list(self._blocks)
 
     @property
@@ -60,7 +60,7 @@ class RecentBlocks:
     def autocovariances(
         self, history: Floats, positions: NDArray[np.intp], parameters: Sequence[Floats]
     ) -> Floats:
-        """Return the result of `autocovariance` at the ends of several blocks, shape (ends,).
+        """Return the result of `autocovariance` at the end of each of some blocks, shape (ends,).
 
         Parameters
         ----------
@@ -135,7 +135,11 @@ def window_autocovariances(
     end: Sequence[int],
     found: list[float],
 ) -> None:
-    """Compute the autocovariance of the blocks `first` to `end` with the parameters at each end."""
+    """Compute the results of `RecentBlocks.autocovariances`, and write them to `found`.
+
+    `found[j]` is computed from the blocks first[j] to end[j] - 1, with the parameters K, B and n in
+    `stiffness[j]`, `damping[j]` and `n[j]`.
+    """
     for j in range(len(found)):
         covariance = 0.0
         last = 0.0

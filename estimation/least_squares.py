@@ -35,7 +35,7 @@ class Fit(NamedTuple):
         return float(np.mean(np.abs(self.residual)))
 
     def summary(self, names: Iterable[str]) -> dict[str, Any]:
-        """Return the fit as a dictionary for JSON. `names` are those of the `further` values."""
+        """Return the fit as a dictionary for JSON. `names` contains the names of `further`."""
         return {
             "b": self.b,
             "k": self.k,

@@ -36,12 +36,16 @@ from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, 
 DIFFUSE = 1e4
 """Initial variance of a parameter in C, divided by the initial variance that the method uses.
 
-Before the first sample the noise variance s is unknown, and s = 1 N^2 is assumed.
+Before the first sample the noise variance s is unknown. The standard deviations are then computed
+with s = 1 N^2.
 """
 NOISE_MEMORY = 1.0
 """Time constant [s] of the estimate of the noise variance."""
 CORRELATED = 1.0 - 1e-12
-"""Upper limit of the correlation coefficient of two parameters, in spite of rounding errors."""
+"""Upper limit of the correlation coefficient of two parameters.
+
+Without this limit, rounding errors could cause a coefficient above 1.
+"""
 LEAST = 1e-100
 """A sample with a smaller weight than this does not change the noise variance."""
 

@@ -34,8 +34,10 @@ EXPONENT = (0.5, 5.0)
 PLAUSIBLE = (0.8, 4.5)
 """Range of plausible estimates of n. Outside of this range n is not identifiable."""
 BEFORE = 2.0
-"""Largest distance in the search from the contact point to the smallest fitted position, relative
-to the range of the fitted positions."""
+"""In the search, the contact point is at most this distance before the smallest fitted position.
+
+The unit of the distance is the range of the fitted positions.
+"""
 
 
 def fit_hunt_crossley(data: BatchData) -> BatchFit:

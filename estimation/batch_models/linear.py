@@ -1,8 +1,8 @@
 """Fit models that are linear in their parameters by least squares.
 
-The models are
+The datum is the position and the force that are used as zero of x and f. The models are
 
-- Kelvin-Voigt: f = k x + b v, with x and f relative to the datum;
+- Kelvin-Voigt: f = k x + b v;
 - Kelvin-Voigt with datum: f = k x + b v + f0. The estimates of k and b do not depend on the datum;
 - stiffening: f = k x + k3 x^3 + b v + f0. k is the stiffness at the datum.
 """

@@ -14,20 +14,22 @@ import numpy as np
 from estimation.compiled import Floats
 
 START = 8
-"""Number of samples at the start of a piece from which the value at its start is computed: two
-kernel widths."""
+"""Number of samples from which the value at the start of a piece is computed.
+
+This is about twice the standard deviation of the smoothing kernel.
+"""
 
 
 def relaxing_part(pieces: Iterable[Floats], period: float, tau: float) -> Floats:
     """Return the relaxing part of an elastic force y, shape (n,).
 
-    The relaxing part is the solution z of z' = y' - z / tau, with z = 0 at the start of each piece
-    between gaps.
+    The relaxing part is the solution z of z' = y' - z / tau, with z = 0 at the start of each piece.
+    A piece is a part of the record without gaps.
 
     Parameters
     ----------
     pieces
-        y minus its value at the start of the piece, for the samples of each piece.
+        For each piece, the samples of y minus the value of y at the start of the piece.
     period
         Sample period [s].
     tau
@@ -47,9 +49,10 @@ def relaxing_part(pieces: Iterable[Floats], period: float, tau: float) -> Floats
 
 
 def value_at_start(y: Floats) -> float:
-    """Return the value half a sample before the first, from a line through the first samples.
+    """Return the value of y at the start of a piece, from a line fitted to the first samples.
 
-    This is the value at the start of a piece whose samples are means over a period.
+    Each sample is the mean of y over one sample period. So the piece starts half a sample period
+    before the time of its first sample.
     """
     first = y[:START]
     return float(np.polyfit(np.arange(len(first)) + 0.5, first, 1)[1])
