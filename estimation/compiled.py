@@ -216,7 +216,7 @@ def compiled_loop(loop: Callable[..., None]) -> Callable[..., None]:
 def compiled_below() -> object:
     """Return the object that replaces `step.below` in compiled code.
 
-    In compiled code, `below[n]` then is `range(n)`. In interpreted code it is a tuple.
+    In compiled code, `below[n]` is then `range(n)`. In interpreted code it is a tuple.
     """
     import operator
 

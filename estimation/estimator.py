@@ -258,7 +258,7 @@ class Estimator(ABC):
         )
 
     def step_samples(self, samples: Samples) -> Samples:
-        """Return the samples for `step`. If `constant`, a regressor 1 is added as the last one."""
+        """Return the samples for `step`. If `constant`, the regressor 1 is appended."""
         if not self.constant:
             return samples
         return samples._replace(phi=np.column_stack((samples.phi, np.ones(len(samples.f)))))

@@ -14,7 +14,10 @@ from estimation.estimator import LEVEL_95, UNKNOWN, Estimates
 from estimation.model import SIZES
 
 MOST_EXTREMES = 1 << 15
-"""Largest number of samples that `RisingValue` stores. Of more samples, every second is dropped."""
+"""Largest number of samples that `RisingValue` stores.
+
+If there are more, every second sample is discarded.
+"""
 ACTIVE_STATE = "p"
 """Name of the disturbance force [N] that the active observer estimates besides the model."""
 
@@ -67,8 +70,8 @@ def _force(
     estimates
         The estimates after each sample.
     at_samples
-        Function that takes the selection of a parameter from estimates, and returns the values of
-        this parameter that are used at the samples.
+        Function that returns the values of a parameter that are used at the samples. Its argument
+        is a function that selects the parameter from `Estimates`.
     """
     force: Floats = at_samples(lambda e: e.b) * regression.v
     force = force + at_samples(lambda e: e.k) * regression.x
@@ -141,9 +144,9 @@ def rise_time(t: ArrayLike, estimate: ArrayLike) -> float:
 class RisingValue:
     """Computes the rise time (`rise_time`) of an estimate that is processed in blocks.
 
-    The average is known only at the end. Therefore the samples at which the estimate is larger, or
-    smaller, than at all samples before are stored: an estimate reaches a level for the first time
-    at such a sample.
+    The average is known only at the end. Until then, a sample is stored if its estimate is larger,
+    or smaller, than the estimates of all samples before. Only at such a sample can the estimate
+    reach a level for the first time.
     """
 
     def __init__(self) -> None:

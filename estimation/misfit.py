@@ -280,7 +280,7 @@ class Misfit:
 
 
 def autocovariance(products: Iterable[Iterable[Any]], weights: Sequence[Any]) -> Any:
-    """Return the quadratic form of the weights: the autocovariance of the force error [N^2].
+    """Return the autocovariance of the force error [N^2], a quadratic form of the weights.
 
     Parameters
     ----------
@@ -288,8 +288,8 @@ def autocovariance(products: Iterable[Iterable[Any]], weights: Sequence[Any]) ->
         Mean products of successive block means of force, velocity, displacement and further
         regressors. Each product is a number, or an array of shape (n,).
     weights
-        1, and the negative parameters of the model; numbers, or arrays of shape (n,). There may be
-        fewer weights than rows. The other rows and columns are not used.
+        1, and the negative parameters of the model; numbers, or arrays of shape (n,). If there are
+        fewer weights than rows in `products`, the other rows and columns are not used.
     """
     covariance = 0.0
     for row, weight in zip(products, weights, strict=False):

@@ -38,7 +38,7 @@ def block_sums(
     spans: list[float],
     totals: list[float],
 ) -> None:
-    """Compute duration and integral of values since the beginning of the block at each sample."""
+    """Compute, at each sample, the time since the block began and the integral of the values."""
     for n in range(len(dt)):
         if is_open[n]:
             total += values[n] * dt[n]

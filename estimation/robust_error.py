@@ -13,7 +13,8 @@ For a periodic motion, w oscillates with the frequency f0 of the motion. So the 
 frequency zero is that of the residual at f0. The spectrum of u at the frequency d is that of the
 residual at f0 - d and f0 + d. If B is the number of cycles, the highest frequency of the B cosines
 is half of f0. B is not larger than the number of cycles, because more cosines would contain the
-residual near frequency zero. There, the residual due to a baseline or friction is large.
+residual near frequency zero. There, the residual due to a baseline or friction is large. But B is
+at least `FEWEST_COSINES`, also for fewer cycles.
 
 The residuals of samples with a high leverage h are too small, because the fit follows these
 samples. An example is the few samples at the beginning of a ramp, which determine the damping. As
@@ -66,7 +67,7 @@ class RobustFit(NamedTuple):
         """Return the standard deviation of the linear combination gradient' theta.
 
         The value is scaled such that 1.96 times the value is the half width of the 95 % confidence
-        interval.
+        interval. The variance is at least a quarter of the variance for uncorrelated residuals.
 
         Parameters
         ----------

@@ -36,8 +36,8 @@ The settling time is 0.29 s, and 0.31 s for 0.8 times this value.
 WINDOW = 2.0
 """Length of the window of the method `window`, in units of the memory.
 
-Let w be weights that decay with a memory of N samples. Their noise is that of
-(sum w)^2 / sum w^2 = 2 N samples of equal weight.
+Let w be weights that decay with a memory of N samples. A mean with these weights has as much noise
+as a mean of (sum w)^2 / sum w^2 = 2 N samples of equal weight. So the window has 2 N samples.
 """
 OBSERVER_MEMORY = 0.1
 """Time constant of the disturbance p of `observer`, in units of the memory.

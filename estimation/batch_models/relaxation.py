@@ -16,7 +16,7 @@ from estimation.compiled import Floats
 START = 8
 """Number of samples from which the value at the start of a piece is computed.
 
-This is about twice the standard deviation of the smoothing kernel.
+These samples span about two standard deviations of the smoothing kernel.
 """
 
 

@@ -14,8 +14,8 @@ from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, 
 SINGULAR = 1e-10
 """Smallest ratio of two sums of squares for which the window determines all parameters.
 
-The first sum is that of the part of a regressor that is orthogonal to the regressors before it. The
-second is the largest recent sum of the regressor itself.
+Each regressor has a part that is orthogonal to the regressors before it. The ratio is the sum of
+squares of this part, divided by the largest recent sum of squares of the whole regressor.
 """
 SMALLEST_SQUARES = 1e-60
 """A regressor with a smaller sum of squares is treated as zero."""
@@ -66,8 +66,8 @@ def slide(
     """Replace the oldest sample by z = (phi, f), and update the sums of z z' over the window.
 
     In `sums`, samples are added and subtracted, so rounding errors accumulate. In `fresh`, samples
-    are only added. Each time `place` returns to 0, `fresh` contains all samples of the window and
-    replaces `sums`.
+    are only added. `place` is the index of the oldest sample in the ring buffer. Each time `place`
+    returns to 0, `fresh` contains all samples of the window and replaces `sums`.
     """
     sums, fresh, peak, z = state.sums, state.fresh, state.peak, state.z
     m = len(phi)

@@ -94,10 +94,14 @@ def follow(
     during the time `patience`, the spacing is halved. In both cases the axis is centred at the best
     value.
 
-    There are two lower limits of the spacing. First, the spacing must be at least a quarter of
-    sqrt(spread) / curvature. This is the standard deviation that the parameter would have if the
-    other parameter were known. Second, the monitoring signal must increase by at least `tie` from
-    the middle to the edge of the axis, so that the tie-breaking term does not change the result.
+    At a distance d from its minimum, the monitoring signal is larger by `curvature` d^2. The
+    spacing is not halved if the new spacing would be below one of three limits:
+
+    - `finest`;
+    - a quarter of sqrt(spread) / curvature, which is the standard deviation that the parameter
+      would have if the other parameter were known;
+    - the spacing for which the monitoring signal increases by `tie` from the middle to the edge of
+      the axis. With a smaller spacing, the tie-breaking term could change the result.
     """
     half, spacing = parameters.half, axis.spacing
     if abs(value - axis.middle * spacing) > (half - 0.5) * spacing:

@@ -43,7 +43,7 @@ class CompositeState(State):
     R: Matrix
     """Information matrix P^-1, lower triangle, (m, m)."""
     factor: Matrix
-    """The matrix R + instant s s'. After `solve`: its lower Cholesky factor; (m, m)."""
+    """Matrix of the normal equations. After `solve`: its lower Cholesky factor; (m, m)."""
     s: Vector
     """Regressors of the sample, divided by their typical sizes, (m,)."""
     move: Vector
@@ -105,7 +105,8 @@ def accumulate(
 ) -> None:
     """Update the information matrix R, and compute the normal equations of the implicit Euler step.
 
-    The update is (8.115) of Slotine and Li, see `CompositeAdaptive`.
+    The update is (8.115) of Slotine and Li, see `CompositeAdaptive`. The matrix of the normal
+    equations is R + c s s', where c is `instant` times the weight of the sample.
     """
     s, W, R, factor, move = state.s, state.W, state.R, state.factor, state.move
     kept = math.exp(-parameters.forgetting_rate * dt)
@@ -126,7 +127,10 @@ def accumulate(
 
 
 def solve(parameters: CompositeParameters, state: CompositeState) -> None:
-    """Replace `move` by (R + instant s s')^-1 move, by Cholesky factorisation of `factor`."""
+    """Solve the normal equations with the matrix `factor` and the right-hand side `move`.
+
+    `factor` is replaced by its Cholesky factor, and `move` by the solution.
+    """
     factor, move, floor = state.factor, state.move, parameters.floor
     m = len(move)
     for i in below[m]:

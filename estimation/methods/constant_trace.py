@@ -55,11 +55,11 @@ class ConstantTrace(FactoredEstimator):
 
     After each sample the covariance P is set to c1 P / tr P + c2 I, in units of P0 (K. J. Astrom
     and B. Wittenmark, "Adaptive Control", 2nd edition, Addison-Wesley, 1995, chapter 11). So P does
-    not wind up at rest, and does not decrease to zero in motion. Let q = phi_i^2 P0_i be the scaled
-    square of each of m regressors. Then c1 = m (1 - beta) / q has the same effect as a forgetting
-    factor beta. For a given c1, a larger motion causes faster forgetting. In a direction without
-    excitation, the variance increases up to the whole trace. The estimate in this direction then
-    follows the noise.
+    not wind up at rest, and does not decrease to zero in motion. Let the scaled square
+    q = phi_i^2 P0_i be the same for all m regressors. Then c1 = m (1 - beta) / q has the same
+    effect as a forgetting factor beta. For a given c1, a larger motion causes faster forgetting. In
+    a direction without excitation, the variance increases up to the whole trace. The estimate in
+    this direction then follows the noise.
 
     Parameters
     ----------

@@ -16,7 +16,10 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, below
 
 NO_NEWS = 1e-100
-"""If z' P z is smaller than this, no information is forgotten. 1 / (z' P z) could overflow."""
+"""If z' P z is smaller than this, no information is forgotten.
+
+The reason is that 1 / (z' P z), a factor of the forgetting, could overflow.
+"""
 
 
 def step(

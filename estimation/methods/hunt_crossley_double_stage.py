@@ -155,9 +155,9 @@ class DoubleStage(Estimator):
     stage.
 
     The model is valid in contact, for x > 0 and f > `threshold`, with the surface at x = 0. Stage
-    2 also needs K + B v > 0. Samples without this property update only K and B. The stages converge
-    slowly if x varies little within the memory, because then K and n cannot be distinguished. The
-    estimator `Logarithmic` has no coupled stages.
+    2 also needs K + B v > 0. A sample for which K + B v <= 0 updates only K and B. The stages
+    converge slowly if x varies little within the memory, because then K and n cannot be
+    distinguished. The estimator `Logarithmic` does not have this problem: it has only one stage.
 
     References
     ----------

@@ -207,9 +207,10 @@ class MultiEstimator(Estimator):
         }
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return a warning if the present estimate is at the edge of the grid, otherwise None.
+        """Return a warning if the estimate is at the edge of the grid; None for no warning.
 
-        A warning is also returned if the estimate was at the edge in at least 10 % of the samples.
+        There is a warning if the present estimate is at the edge, or if the estimates of at least
+        10 % of the samples were at the edge.
         """
         shares = {
             name: float(np.mean(np.isin(getattr(estimates, name), edges)))

@@ -166,8 +166,8 @@ class PooledSegments(Estimator):
     Cochran's Q, the weighted sum of the squared deviations from the mean, has a chi-squared
     distribution. If Q exceeds the 99.9 % quantile of this distribution, the segments do not have
     the same b or k. The standard deviation of the estimate then includes the variance between the
-    segments. `misfit` contains the standard deviation between the segments if it is larger than
-    10 %.
+    segments. If the segments disagree, the property `misfit` contains the relative standard
+    deviation between the segments, unless it is 10 % or less.
 
     Parameters
     ----------
@@ -231,7 +231,8 @@ class PooledSegments(Estimator):
     def misfit(self) -> dict[str, float]:
         """Relative standard deviation between segments, by name of the parameter.
 
-        Parameters on which the segments agree are omitted.
+        Parameters on which the segments agree are omitted. So are parameters with a relative
+        standard deviation of at most `SMALLEST_REPORTED`.
         """
         found = {}
         for name, pool in (("b", self.state.b), ("k", self.state.k)):

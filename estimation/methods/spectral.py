@@ -182,7 +182,8 @@ class SpectralRatio(Estimator):
     periods
         Time constant of the window, in periods of the motion. With a short window, the estimate
         follows changes faster. With a long window, the estimate has less noise. For short windows
-        the determinant of the equations is proportional to the sixth power of this parameter.
+        the noise depends strongly on this parameter, because the determinant of the equations is
+        proportional to its sixth power.
     frequency
         Frequency of the motion [Hz]. Default: estimated from the motion.
     motion
