@@ -16,9 +16,10 @@ class DeviceClock:
 
     The port is read after a sample was taken. So the time of the reading minus the newest time
     stamp in the data is the offset between the two clocks, plus the age of the newest sample. This
-    age is positive. In place of single values, means over two successive readings are used: the
-    mean of the times minus the mean of the newest time stamps. This difference is also the offset
-    plus a positive age, even after a delay of the controller or of the device.
+    age is positive. A port gives the mean of the times of two successive readings as the time of
+    arrival. Therefore the newest time stamps of these two readings are also averaged. The mean of
+    the times minus the mean of the time stamps is also the offset plus a positive age, even after a
+    delay of the controller or of the device.
 
     The minimum of these differences over all readings (lower envelope) is the offset plus the
     smallest age. From one reading to the next, the minimum may increase by the largest drift

@@ -179,7 +179,7 @@ def validation_problems(error: ValidationError, where: tuple[str, ...]) -> list[
     error
         Error of pydantic.
     where
-        Names of the sections in which the checked part of the rig file is.
+        Path of the checked section, for example `("devices", NAME)`; empty for the whole file.
     """
     return [
         f"{'.'.join(map(str, where + part['loc']))}: {value_problem(part)}"
@@ -191,7 +191,7 @@ def reference_problems(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
     """Yield the problems of the references between sections of a rig file.
 
     A reference is the name of a bus, device, signal or drive. There are three kinds of problems: no
-    part of the rig has the name, a part is used twice, or a signal has an unexpected unit.
+    part of the rig has the name, a part is used twice, or a signal in another unit has no scale.
 
     Parameters
     ----------

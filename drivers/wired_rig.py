@@ -132,7 +132,7 @@ class WiredRig(Rig):
         return {name: c.device.samples[c.signal].value for name, c in self._channels.items()}
 
     def _sources_of(self, channels: list[str]) -> str:
-        """Return a text with the device of each channel, and the problems of this device."""
+        """Return a text that names the device of each channel and the problems of the device."""
         parts = []
         for name in channels:
             device = self._channels[name].device

@@ -9,8 +9,8 @@ part of the drift remains at the frequency of the palpation. The parabola can ha
 drift at both ends. The cosine coefficients of the rest then decrease as 1 / j^4 (Lanczos).
 
 If the cosines and the parabola are among the regressors of a fit, a slow drift of force and
-position does not affect the other parameters (Frisch and Waugh). The information in the slow part
-of the motion is lost.
+position does not affect the other parameters (Frisch and Waugh). But the information in the slow
+part of the motion is lost.
 
 References
 ----------

@@ -229,7 +229,10 @@ class Board(SerialDevice):
         self.error = self._reset or self._latched or error
 
     def ping(self) -> bool:
-        """If no operation is requested, send DISABLE. A later sample acknowledges this message."""
+        """Send DISABLE, which a later sample acknowledges. Return whether it was sent.
+
+        It is not sent while operation is requested, because DISABLE would stop the axes.
+        """
         if self._wanted:
             return False
         self._pinged, self._ping_answered = self._sequence, False

@@ -263,7 +263,7 @@ class Cia402(CanDevice, VelocityDrive):
         return self._target * self._units.metres_per_second
 
     def transmit(self) -> None:
-        """Send RPDO1 if a drive on the bus was enabled. After the last drive, SYNC is sent."""
+        """Send RPDO1 if any drive on the bus was enabled. For the last drive, also send SYNC."""
         if self._bus and self._running:
             if self._master.armed:
                 self._send()

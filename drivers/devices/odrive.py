@@ -35,7 +35,7 @@ class ODriveSettings(DeviceSettings):
     travel_mm_per_turn: Annotated[FiniteFloat, Field(gt=0)]
     """Displacement of the carriage per turn of the motor [mm]."""
     torque_constant_nm_per_a: Annotated[FiniteFloat, Field(ge=-100, le=100)] | None = None
-    """Torque constant of the motor [N m/A]. It is needed only for firmware 0.5, which reports the
+    """Torque constant of the motor [N m/A], only for firmware 0.5. This firmware reports the
     current but not the torque. If `encoder.config.direction` is -1, the reported current has the
     opposite sign. In this case, give a negative constant."""
     max_velocity_mm_per_s: Annotated[FiniteFloat, Field(gt=0)]

@@ -11,7 +11,7 @@ import time
 import serial
 
 CHUNK = 65_536
-"""Largest number of bytes per read. The operating system stores fewer bytes for a port."""
+"""Largest number of bytes per read. One read returns all waiting bytes, which are always fewer."""
 POLL_PERIOD = 1e-3
 """Time between two checks for bytes [s], for a port without a function that waits for bytes."""
 
