@@ -40,7 +40,7 @@ BOOT = 2.0
 ANSWER = 0.25
 """Longest answer time of an adapter during set-up [s]."""
 QUIET = 0.05
-"""If no byte arrives during this time [s], all bytes that the adapter has sent before are assumed to
+"""If no byte arrives during this time [s], all bytes that the adapter has sent are assumed to
 have arrived. USB adapters can delay bytes by 16 ms."""
 
 
@@ -284,7 +284,7 @@ class SlcanBus(can.BusABC):
             self.unassigned += 1
 
     def _process_refusal(self, line: bytes) -> None:
-        """Process a refusal. As adapters answer in order, it is for the oldest unanswered command."""
+        """Process a refusal. Adapters answer in order: it is for the oldest unanswered command."""
         if not self._in_flight:
             self.unassigned += 1
         else:
