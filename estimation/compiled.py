@@ -57,8 +57,8 @@ class CompilationChoice:
 
     Compiled code needs numba. numba is loaded when the interpreted samples so far have taken as
     long as loading numba takes. The total time is therefore at most twice that of the best
-    decision, which can only be known at the end (ski rental problem). Short arrays of samples are
-    always interpreted, and are not counted.
+    decision, which can only be known at the end (ski rental problem). Arrays of fewer than
+    `WORTH_LOADING_STEP` samples are always interpreted, and are not counted.
     """
 
     def __init__(self) -> None:
