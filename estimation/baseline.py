@@ -32,7 +32,8 @@ BELOW = 0.6
 """Highest frequency of a baseline, divided by the lower end of the frequency band in which the
 force follows the displacement."""
 MOST = 300
-"""Largest number of cosines. In a long record, this number limits the frequency of a baseline."""
+"""Largest number of cosines. In a long record, the highest frequency of a baseline is therefore
+lower than `BELOW` permits."""
 FEWEST_CYCLES = 3.0
 """If a record is shorter than this number of periods of the lower end of the band, no baseline is
 used."""

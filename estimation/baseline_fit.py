@@ -23,7 +23,11 @@ from estimation.compiled import Floats
 from estimation.robust_error import RobustFit, robust_fit
 
 RANK = 1e-10
-"""Singular values below this fraction of the largest singular value are treated as zero."""
+"""Relative limit below which values are treated as zero.
+
+It applies to the singular values of B, relative to the largest one. It also applies to the part of
+a column of X that is orthogonal to B, relative to the norm of the column.
+"""
 
 
 class BaselineFits:

@@ -55,7 +55,7 @@ The noise power is the median power of the upper half of the bins.
 MOST_SAMPLES = 1 << 16
 """If a record has at least twice this number of samples, it is averaged in blocks first."""
 LOWEST, HIGHEST = 0.005, 0.95
-"""Fractions of the power below the lower end and below the upper end of the band."""
+"""Fraction of the power that is below the lower end of the band, and below its upper end."""
 
 
 class CoherentBand(NamedTuple):

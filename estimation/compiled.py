@@ -26,7 +26,7 @@ from estimation.step import State, Step, below
 Floats = NDArray[np.float64]
 
 WORTH_LOADING_NUMBA = 200_000
-"""Number of samples that the interpreter processes in the time of loading numba, about 0.6 s."""
+"""Number of samples that the interpreter processes while numba is loaded, about 0.6 s."""
 WORTH_LOADING_STEP = 3_000
 """Number of samples that the interpreter processes while a compiled step is loaded, about 7 ms."""
 
@@ -247,13 +247,13 @@ def compiled_below() -> object:
 
 @cache
 def package_source() -> str:
-    """Return the source text of all modules of this package."""
+    """Return the source text of all modules of this package, for the names of compiled code."""
     files = sorted(Path(__file__).parent.rglob("*.py"))
     return "".join(file.read_text(encoding="utf-8") for file in files)
 
 
 _regressors = 2
-"""Placeholder for the number of regressors in `_template`."""
+"""Placeholder for the number of regressors; `compiled` replaces it in copies of `_template`."""
 
 
 def _step(parameters: Any, state: Any, phi: Any, f: float, dt: float) -> None:

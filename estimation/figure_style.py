@@ -154,7 +154,7 @@ def shade(axes: Axes, t: Floats, low: Floats, high: Floats, **style: Any) -> Non
 
 
 def extremes(values: Floats) -> NDArray[np.int_]:
-    """Return the indices of the samples with which a long line can be drawn.
+    """Return the indices of a small number of samples that show the same line as all samples.
 
     The samples are divided into `BINS` bins. The indices are those of the first, the smallest and
     the largest sample of each bin, and of the last sample.

@@ -233,7 +233,7 @@ def draw_truth(
     handles: list[Line2D | Patch],
     names: list[str],
 ) -> tuple[list[Line2D | Patch], list[str]]:
-    """Draw the true values as lines. Return the legend entries, extended by these lines.
+    """Draw the true values as lines. Return the given legend entries and one for these lines.
 
     The values are the stiffness at the surface and at the greatest depth, and the damping.
     """

@@ -11,7 +11,7 @@ SIZES: dict[str, Callable[[float, float, float], float]] = {
     "k3": lambda x, v, f: x**3,
     "tau": lambda x, v, f: f * v / x,
 }
-"""Functions that return a typical size of a regressor besides v and x.
+"""For each regressor besides v and x, a function that returns the typical size of the regressor.
 
 The arguments are a typical displacement x [m], velocity v [m/s] and force f [N], in this order. The
 key is the name of the parameter that is multiplied by the regressor.
@@ -30,7 +30,7 @@ UNITS = {
 }
 """Unit of each quantity that an estimator may estimate, by the name of the quantity."""
 POWERS_OF_X = ("k3", "n")
-"""Parameters that only models nonlinear in x have. These models need x = 0 at the contact point."""
+"""Parameters of models that are nonlinear in x. Such a model needs x = 0 at the contact point."""
 REGRESSOR_UNITS = {"f0": "-", "m": "m/s^2", "k3": "m^3", "tau": "N/s"}
 """Unit of each regressor besides v and x, by the name of the parameter that is multiplied by it."""
 

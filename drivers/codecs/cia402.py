@@ -99,7 +99,7 @@ TOWARDS_OPERATION: dict[State | None, Control] = {
     State.OPERATION_ENABLED: Control.ENABLE_OPERATION,
     State.FAULT: Control.FAULT_RESET,
 }
-"""Controlword that changes a state to the next state on the way to operation.
+"""Controlword that a drive needs in each state, so that it goes into operation and remains there.
 
 In all other states, the drive changes to a next state without a command.
 """

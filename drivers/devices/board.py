@@ -17,7 +17,8 @@ from drivers.rig import RigError
 from drivers.transports.serial_port import SerialPort
 
 PATIENCE = 4.0
-"""Longest wait for an answer [s]. Many boards reset when their port is opened."""
+"""Longest wait for an answer [s]. Many boards reset when their port is opened, and answer only
+after their start."""
 ASKING = 0.25
 """If a request has no answer after this time [s], the request is repeated."""
 STOPPED: dict[int, str] = {

@@ -124,8 +124,8 @@ class FittedParameter(NamedTuple):
     may_vanish: bool = False
     """Whether the parameter can be identifiable although its confidence interval contains zero.
 
-    In this case, the half width of the interval must change the force by less than the range of the
-    force.
+    In this case, the parameter is identifiable if a change of its value by the half width of the
+    interval changes the force by less than the range of the force.
     """
 
 

@@ -30,10 +30,10 @@ from estimation.compiled import Floats
 
 
 def relaxing(data: BatchData, tau: float) -> tuple[Floats, Floats]:
-    """Return z and exp(-t / tau), each of shape (n,).
+    """Return the stretch z of the spring k1, and exp(-t / tau), each of shape (n,).
 
-    A piece is a part of the record without gaps. t is the time since the start of the piece. z is
-    computed with the initial value 0 for each piece.
+    A piece is a part of the record without gaps. t is the time since the start of the piece. At the
+    start of each piece, z is 0.
     """
     pieces = [piece - piece[0] for piece in np.split(data.x, data.starts[1:])]
     z = relaxing_part(pieces, float(data.t[1] - data.t[0]), tau)

@@ -27,7 +27,8 @@ This is the root of |1 - z + z^2/2 - z^3/6 + z^4/24| = 1.
 GUESS = 1.0
 """Initial variance of a parameter, divided by the adaptation gain of the parameter [s].
 
-The variance is for force noise with a variance of 1 N^2.
+The initial variance affects only the standard deviations. It is for force noise with a variance of
+1 N^2.
 """
 
 

@@ -75,7 +75,8 @@ def filter_errors(
 ) -> tuple[float, float]:
     """Filter phi and f. Return the force error and the filtered prediction error, both [N].
 
-    The force error is f - phi' theta. The filtered prediction error is f_W - W' theta.
+    The force error is f - phi' theta. The filtered prediction error is f_W - W' theta, where W and
+    f_W are the filtered phi and f.
     """
     per_size, theta, s, W = parameters.per_size, state.theta, state.s, state.W
     square = 0.0

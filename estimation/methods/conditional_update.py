@@ -34,7 +34,8 @@ def step(
 ) -> None:
     """Update by recursive least squares if z' P z > c (1 - beta); otherwise set `held`.
 
-    z contains the scaled regressors (`ud_factors`).
+    z contains the scaled regressors (`ud_factors`), c is the threshold, and beta is the forgetting
+    factor.
     """
     beta = forgetting_factor(parameters, state, dt)
     if predicted_variance(parameters, state, phi) > parameters.c * (1.0 - beta):

@@ -37,8 +37,8 @@ def step(
 ) -> None:
     """Set P <- P - P z z' P / (1 + z' P z), then P <- c1 P / tr P + c2 I, and update theta.
 
-    z contains the scaled regressors (`ud_factors`). The gain is P z / (1 + z' P z), with P before
-    this sample.
+    z contains the scaled regressors (`ud_factors`). c1 is the setting `trace`, and c2 is
+    c1 / `ratio`. The gain is P z / (1 + z' P z), with P before this sample.
     """
     spread = update_covariance(parameters, state, phi, 1.0)
     D, c2 = state.D, parameters.c2

@@ -27,9 +27,10 @@ def step(
 ) -> None:
     """Set P^-1 <- P^-1 + (beta - (1 - beta) / r) z z' with r = z' P z, and update theta.
 
-    z contains the scaled regressors (`ud_factors`). The gain is P z / (1 + r). P is updated in two
-    steps. First, P is updated without forgetting. Second, with this new P, the forgetting is
-    P <- P + (1 - beta) / beta P z z' P / (z' P z). The added term is positive.
+    z contains the scaled regressors (`ud_factors`), and beta is the forgetting factor. The gain is
+    P z / (1 + r). P is updated in two steps. First, P is updated without forgetting. Second, with
+    this new P, the forgetting is P <- P + (1 - beta) / beta P z z' P / (z' P z). The added term is
+    positive.
     """
     m = len(phi)
     beta = forgetting_factor(parameters, state, dt)

@@ -26,7 +26,7 @@ LARGEST = 1e100
 FARTHEST = 20.0
 """Upper limit of ln(x / x0)."""
 LEAST_RELATIVE = 1e-30
-"""Stage 2 does not use a sample if (K x0^n + B x0^n v) / f is not larger than this value."""
+"""Stage 2 uses a sample only if (K x0^n + B x0^n v) / f is larger than this value."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,7 +41,7 @@ def scale(parameters: SubspaceParameters, state: FactoredState, phi: Regressors)
 
 
 def information(state: FactoredState) -> float:
-    """Return z' P^-1 z = |D^-1/2 U^-1 z|^2 for z = y. The gain L is overwritten."""
+    """Return z' P^-1 z = |D^-1/2 U^-1 z|^2 for z = y. The field L is overwritten."""
     U, D, y, L = state.U, state.D, state.y, state.L
     m = len(D)
     total = 0.0
