@@ -34,9 +34,9 @@ class PlannedFault(NamedTuple):
 
 
 LATEST = 0.1
-"""Largest delay of the emulator [s]. If the delay is larger, the emulator omits steps."""
+"""Largest delay that the emulator makes up for [s]. Steps overdue for longer are omitted."""
 ACTIONS = ("unplug", "replug", "reset")
-"""Kinds of faults that do not change frames or bytes."""
+"""Further kinds of faults: a bus is disconnected or connected again, or a device restarts."""
 
 
 class Emulator:

@@ -153,7 +153,7 @@ class Progress:
         self._terminal.close()
 
     def _draw(self, line: str) -> None:
-        """Draw the line, of which the part that fits into the terminal is shown."""
+        """Draw the part of the line that fits into the terminal."""
         width = terminal_width() or PLAIN_WIDTH
         self._terminal.draw(self._replacing(line[: width - 1]))
 
