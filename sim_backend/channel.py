@@ -130,7 +130,7 @@ class Direction(Generic[T]):
         self._queue: list[tuple[float, int, float, T]] = []
 
     def exchange(self, now: float, value: T) -> T:
-        """Send a value at the time `now` [s]; return the value that `receive` returns then."""
+        """Send a value at the time `now` [s]; return the value that the receiver uses then."""
         if self._perfect and not self.cut:
             self.due = self.sent = now
             self.value = value

@@ -215,7 +215,7 @@ def host_ports(file: RigFile, folder: Path) -> dict[str, str]:
 def host_file(file: RigFile, folder: Path) -> str:
     """Return the text of the rig file for a host, with the ports of the emulator.
 
-    Paths of files are absolute. `folder` is the folder of the pseudo-terminals.
+    Paths of files in this text are absolute. `folder` is the folder of the pseudo-terminals.
     """
     import tomlkit
 

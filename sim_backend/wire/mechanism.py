@@ -31,7 +31,7 @@ class Source(NamedTuple):
     channel: str
     """Name of the channel."""
     gain: float
-    """SI unit of the channel per unit of the signal."""
+    """Gain, in the SI unit of the channel per unit of the signal."""
     offset: float
     """Offset, in the SI unit of the channel."""
 

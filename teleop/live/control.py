@@ -9,7 +9,7 @@ from collections.abc import Callable
 from teleop.live.clients import ALIVE, Client
 
 UNLOCKED = 2.0
-"""Time after UNLOCK within which START is accepted [s]."""
+"""Time for which START is accepted after a person pressed UNLOCK [s]."""
 
 
 class Control:

@@ -158,7 +158,7 @@ class Progress:
         self._terminal.draw(self._replacing(line[: width - 1]))
 
     def _replacing(self, text: str) -> str:
-        """Return the text with control characters or spaces that erase the present line."""
+        """Return the text, with control characters or spaces that erase the old line."""
         drawn, self._drawn = self._drawn, len(text)
         return f"\r{text}\x1b[K" if terminal_width() else f"\r{text:<{drawn}}"
 

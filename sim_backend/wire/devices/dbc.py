@@ -62,7 +62,7 @@ class Sender:
         The message.
     every
         Names of the signals in all messages of the device. A name that occurs more than once is
-        replaced by `message.signal`.
+        replaced by the form MESSAGE.SIGNAL.
     """
 
     def __init__(self, message: Message, every: Sequence[str]) -> None:
