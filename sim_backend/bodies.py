@@ -17,14 +17,17 @@ from sim_backend.body import Body, Law
 from sim_backend.cube import Cube
 
 SHORTEST_RELAXATION = 0.01
-"""Shortest relaxation time [s]. With a shorter time, the branch would only act as a damper."""
+"""Shortest relaxation time of a `Relaxing` body [s]. A faster branch would only act as a damper."""
 LIFTED = 0.05
-"""Shortest time between two contacts [s]. A shorter gap, caused by tremor, ends no contact."""
+"""Shortest time between two contacts [s].
+
+If the slave is outside of the body for a shorter time (because of tremor), the contact continues.
+"""
 
 
 @dataclass(frozen=True)
 class PreloadedLaw(Law):
-    """Law of the contact force with a given preload, for a body that is not relaxed."""
+    """Law of the contact force with given parameters, including the preload."""
 
     k1: float
     k3: float
@@ -59,8 +62,8 @@ class Relaxing(Body):
     the branch acts as a damper with the coefficient k tau. If the displacement changes in a much
     shorter time than tau, the branch acts as a spring with the stiffness k.
 
-    If the body is not glued, its surface recovers after the slave has left it. The surface then has
-    the displacement at which the static force of body and branch together is zero.
+    If the body is not glued to the slave, its surface recovers after the slave has left it. The
+    surface then has the displacement at which the static force of body and branch together is zero.
 
     Parameters
     ----------
@@ -101,7 +104,7 @@ class Relaxing(Body):
         return Branch(self.body.initial)
 
     def law(self, state: Branch) -> Law:
-        """Return the law of the body and the parallel spring k, for a constant dashpot position."""
+        """Return the law while the dashpot is fixed. The spring k is then parallel to the body."""
         law = self.body.law(state.body)
         preload = law.preload + self.k * state.dashpot
         return PreloadedLaw(law.k1 + self.k, law.k3, law.b, law.glued, preload)
@@ -252,4 +255,4 @@ AnyBody = Annotated[
     | Annotated[Changing, Tag("Changing")],
     Discriminator(kind_of_body),
 ]
-"""Bodies that a configuration can contain; the keys of a body determine its class."""
+"""Bodies that a configuration can contain. The keys of an entry determine the class of the body."""

@@ -125,12 +125,12 @@ class Direction(Generic[T]):
         self.cut = False
         """Whether the connection is interrupted. All packets sent during this time are lost."""
         self.due = now + self._expected
-        """Time at which the last packet arrived, or the first one is expected [s]."""
+        """Time at which the last packet arrived; before, latest time of the first arrival [s]."""
         self._sequence = self._newest = 0
         self._queue: list[tuple[float, int, float, T]] = []
 
     def exchange(self, now: float, value: T) -> T:
-        """Send a value at the time `now` [s]; return the value that `receive` returns then."""
+        """Send a value at the time `now` [s]; return the value that the receiver uses then."""
         if self._perfect and not self.cut:
             self.due = self.sent = now
             self.value = value

@@ -74,7 +74,7 @@ class Frozen(RigFault):
         Name of the channel.
     ageing
         Whether the age of the value increases, as after a cable was disconnected. If not, the age
-        is not changed, as for a sensor that continues to send the same value.
+        of the new measurements is used, as for a sensor that sends the same value again and again.
     """
 
     def __init__(self, channel: str, ageing: bool) -> None:

@@ -12,9 +12,9 @@ After each poke, s changes by a fraction of the difference between the felt stif
 divided by displacement) and s. In the first poke s = 0, so that p is the depth.
 
 During a movement, a person reacts to a felt force after a simple reaction time [4], here 175 ms.
-The planned movement continues, and a second minimum-jerk movement is added to it [5]. Here the
-second movement returns the intended position to its value at the time when the force, or the depth,
-reached the intended value.
+The planned movement continues, and a second minimum-jerk movement is added to it [5]. Let p1 be the
+intended position at the time when the force, or the depth, reached the intended value. Here the
+second movement returns the intended position to p1.
 
 The fraction by which s is corrected, and the duration of the second movement, are assumptions
 without a source.

@@ -56,6 +56,6 @@ class OperatorModel:
 
     @property
     def arm(self) -> Arm:
-        """Impedance of the arm, with the damping ratio of `ARM`."""
+        """Impedance of the arm, with the same damping ratio as the default arm `operators.ARM`."""
         ratio = self.arm_stiffness / ARM.stiffness
         return Arm(self.arm_stiffness, ARM.damping * math.sqrt(ratio))

@@ -7,8 +7,8 @@ Pokes are minimum-jerk movements [1]. The stiffness of the arm, 400 N/m, and its
 are in the range measured at the hand [2, 3]. Physiological tremor has frequencies of 8 to 12 Hz. At
 the tool of a surgeon, the amplitude of the tremor is about 0.1 mm [4]. Here the standard deviation
 is 0.12 mm. The following values are assumptions without a source. Depth and timing vary by 10 to
-15 % from one poke or cycle to the next. After a poke, the hand does not return to the start
-position, but only by a part of the depth. The first movement starts after 0.2 s.
+15 % from one poke or cycle to the next. After a poke, the hand moves back by only a part
+of the depth, and does not reach the start position. The first movement starts after 0.2 s.
 
 [1] T. Flash, N. Hogan, J. Neurosci. 5(7), 1985.
 [2] F. A. Mussa-Ivaldi, N. Hogan, E. Bizzi, J. Neurosci. 5(10), 1985.
@@ -34,8 +34,9 @@ TREMOR_AMPLITUDE = 0.1e-3
 MOVED = 0.35
 """Largest handle position, divided by the depth, that a waiting hand can cause.
 
-At a larger position, the rig moves the handle. The hand waits at 0.1 of the depth. Its tremor moves
-the handle by at most 0.1 mm, less than a tenth of the smallest depth of the condition `mimic`.
+If the position is larger, the rig has moved the handle. A waiting hand is at 0.1 of the depth. Its
+tremor moves the handle by at most 0.1 mm. This is less than a tenth of the smallest depth of the
+condition `mimic`.
 """
 REACTION = 0.2
 """Time from the start of the trial to the first movement [s]."""

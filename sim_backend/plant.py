@@ -25,7 +25,7 @@ class PlantParameters:
     """
 
     handle_bandwidth: float = 40.0
-    """Bandwidth of the handle's velocity servo [Hz]. The hand's force does not move the handle."""
+    """Bandwidth of the handle's velocity servo [Hz]. The hand's force does not disturb it."""
     slave_bandwidth: float = 80.0
     """Bandwidth of the proportional part of the slave's velocity servo [Hz]."""
     slave_integral: float = 25.0

@@ -35,7 +35,8 @@ class PointerOperator(Hand):
     Attributes
     ----------
     time
-        Time since the drives were enabled at which the pointer was last read [s]; NaN before.
+        Time of the last reading of the pointer, counted from when the drives were enabled [s]; NaN
+        before the first reading.
     depth
         Position of the pointer at `time` [m].
     grip

@@ -34,9 +34,9 @@ class PlannedFault(NamedTuple):
 
 
 LATEST = 0.1
-"""Largest delay of the emulator [s]. If the delay is larger, the emulator omits steps."""
+"""Largest delay that the emulator makes up for [s]. Steps overdue for longer are omitted."""
 ACTIONS = ("unplug", "replug", "reset")
-"""Kinds of faults that do not change frames or bytes."""
+"""Further kinds of faults: a bus is disconnected or connected again, or a device restarts."""
 
 
 class Emulator:
@@ -215,7 +215,7 @@ def host_ports(file: RigFile, folder: Path) -> dict[str, str]:
 def host_file(file: RigFile, folder: Path) -> str:
     """Return the text of the rig file for a host, with the ports of the emulator.
 
-    Paths of files are absolute. `folder` is the folder of the pseudo-terminals.
+    Paths of files in this text are absolute. `folder` is the folder of the pseudo-terminals.
     """
     import tomlkit
 

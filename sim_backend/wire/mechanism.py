@@ -31,7 +31,7 @@ class Source(NamedTuple):
     channel: str
     """Name of the channel."""
     gain: float
-    """SI unit of the channel per unit of the signal."""
+    """Gain, in the SI unit of the channel per unit of the signal."""
     offset: float
     """Offset, in the SI unit of the channel."""
 
@@ -148,8 +148,8 @@ class DeviceMount(Mount):
     def sense(self, signal: str) -> float:
         """Return the value of a signal of the device.
 
-        A signal that the rig file uses is computed from its channel. Another signal is computed
-        from the axis of the first drive. If the device has no drive, the result is 0.
+        A signal that the rig file uses is computed from its channel. Any other signal is computed
+        from the axis of the device's first drive. If the device has no drive, the result is 0.
         """
         if source := self.sources.get(signal):
             value: float = getattr(self._mechanism.measurement, source.channel)

@@ -104,7 +104,7 @@ class Delayed(WireFault):
         self._queue: list[tuple[float, object]] = []
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """Return the frames that were sent at least the delay ago and not returned before."""
+        """Return the frames whose delay has ended since the last call."""
         self._queue += [(now + self._delay, frame) for frame in frames]
         due = [frame for time, frame in self._queue if time <= now]
         self._queue = [(time, frame) for time, frame in self._queue if time > now]

@@ -16,9 +16,9 @@ MOST_CLIENTS = 8
 MOST_REQUESTS = 400
 """Largest number of messages that a client may send in a second."""
 MOST_UNSENT = 64_000
-"""If more bytes to a client are unsent, no further frames are sent to this client."""
+"""Largest number of unsent bytes to a client. If there are more, no further frames are sent."""
 MOST_UNSENT_TEXT = 4 * MOST_UNSENT
-"""If more bytes to a client are unsent, the connection to this client is aborted."""
+"""Largest number of unsent bytes to a client. If there are more, the connection is aborted."""
 ALIVE = 2.0
 """Longest time between two heartbeats of the live page that has control [s]."""
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from teleop.live.clients import ALIVE, Client
 
 UNLOCKED = 2.0
-"""Time after UNLOCK within which START is accepted [s]."""
+"""Time for which START is accepted after a person pressed UNLOCK [s]."""
 
 
 class Control:
@@ -51,7 +51,7 @@ class Control:
         return True
 
     def beat(self, client: Client) -> bool:
-        """Store the time of a heartbeat, if the client has control; return whether it has."""
+        """Return whether the client has control. If it has, store the time of this heartbeat."""
         if self.holder is client:
             self._beat = self._now()
         return self.holder is client

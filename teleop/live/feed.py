@@ -35,8 +35,7 @@ NAMES = (
 )
 """Columns of a tick that are sent to the live page, in addition to those of the estimators."""
 PARTS = ("k", "b", "k_std", "b_std", "held", "misfit")
-"""Columns that every estimator has and that are sent to the live page, by the end of their names.
-"""
+"""Ends of the names of the columns that are sent to the live page for every estimator."""
 FURTHER = tuple(name for name in UNITS if name not in PARTS)
 """Parameters besides b and k, which are sent if the model of the estimator has them."""
 

@@ -31,7 +31,7 @@ def decimation(rate: float) -> int:
 
 
 def decimated(first: int, end: int, last: int, step: int) -> list[int]:
-    """Return the ticks of a batch to send: the newest tick, and every `step`-th tick before it.
+    """Return the ticks of a batch that are sent: the newest, and every `step`-th one before it.
 
     Parameters
     ----------

@@ -153,12 +153,12 @@ class Progress:
         self._terminal.close()
 
     def _draw(self, line: str) -> None:
-        """Draw the line, of which the part that fits into the terminal is shown."""
+        """Draw the part of the line that fits into the terminal."""
         width = terminal_width() or PLAIN_WIDTH
         self._terminal.draw(self._replacing(line[: width - 1]))
 
     def _replacing(self, text: str) -> str:
-        """Return the text with control characters or spaces that erase the present line."""
+        """Return the text, with control characters or spaces that erase the old line."""
         drawn, self._drawn = self._drawn, len(text)
         return f"\r{text}\x1b[K" if terminal_width() else f"\r{text:<{drawn}}"
 

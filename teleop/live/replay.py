@@ -109,7 +109,7 @@ class Replay(Feed):
         return [self._welcome, *filter(None, [self._trial]), self._position()]
 
     def state(self) -> dict[str, Any]:
-        """Return the fields of the message `state`, with the latest fault before this time."""
+        """Return the fields of the message `state`, with the latest fault until the shown time."""
         faults = [e for e in self._events if e.get("fault") and e["time"] <= self._at]
         text = str(faults[-1]["text"]) if faults else ""
         return {

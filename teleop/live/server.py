@@ -25,7 +25,7 @@ from teleop.live.security import HEADERS, Gate, is_token
 PERIOD = 1.0 / 60.0
 """Time between two frames of data [s]."""
 GREETING = 2.0
-"""Time within which a client must open the connection, and then must send its token [s]."""
+"""Time limit for opening a connection, and a second time limit for sending the token [s]."""
 MOST_CONNECTIONS = 64
 """Largest number of open connections, including clients that have not sent a token yet."""
 REPEAT = 1.0

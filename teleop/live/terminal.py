@@ -14,8 +14,8 @@ class Terminal:
     """Writes to a terminal without blocking the caller.
 
     While a terminal is stopped (Ctrl-S), or while its output is not read, a write to the terminal
-    blocks. A separate thread therefore writes the text. A non-blocking file descriptor is not a
-    solution, because the shell uses the same descriptor.
+    blocks. A separate thread therefore writes the text. The file descriptor is not made
+    non-blocking, because it would then be non-blocking for the shell, too.
 
     Parameters
     ----------

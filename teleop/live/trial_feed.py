@@ -34,7 +34,7 @@ IN_CONDITION = {
 OUTSIDE_TRIALS = {"next", "repeat", "skip", "notes"}
 """Requests that the control process carries out only between two trials."""
 SENT = {"name": "sent", "unit": "s", "meaning": "time at which the loop wrote the tick"}
-"""Additional column, which is the last column of each row."""
+"""Description of an additional column, which is the last column of each row."""
 
 
 class TrialFeed(Feed):
@@ -172,7 +172,7 @@ class TrialFeed(Feed):
         self._cells.count(PAGE)
 
     def lost(self) -> None:
-        """Release the handle. The loop then stops a trial that the page has armed."""
+        """Release the handle. Without heartbeats, the loop stops a trial that the page armed."""
         self._cells.point(0.0, False)
 
     def _start(self) -> None:

@@ -15,7 +15,7 @@ from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Event
 
 BEFORE, AFTER = 5.0, 1.0
-"""Time before a fault, and time after the fault, from which the ticks are stored [s]."""
+"""Length of the stored part of a trial before a fault, and after the fault [s]."""
 
 
 class BlackBox(Sink):

@@ -22,7 +22,7 @@ def machine_memory() -> int:
 
 LARGEST_TICKS = machine_memory() // 4
 """Largest total size of ticks that are stored in memory [bytes]. The columns that are computed from
-the ticks need the same size again."""
+the ticks need the same amount of memory again."""
 
 
 def check_memory(path: Path | str, size: int) -> None:

@@ -10,6 +10,6 @@ import struct
 CDR = b"\0\1\0\0"
 """First bytes of a little-endian CDR message."""
 TIME = struct.Struct("<4xd")
-"""Layout of the start of a tick's message: the four bytes `CDR`, then the time [s]."""
+"""Layout of the start of a tick's message: the bytes of the constant `CDR`, then the time [s]."""
 MESSAGE_NAME = "teleop/msg/Tick"
 """Name of the ROS 2 message type of a tick."""

@@ -29,7 +29,8 @@ from teleop.recording.mcap_writer import EVENT_SCHEMA, EVENTS, TICKS
 MAGIC = b"\x89MCAP"
 """First bytes of an MCAP file."""
 HEAD = struct.Struct("<BQHIQQ")
-"""Layout of the start of a message record: opcode, length, channel, sequence number, two times."""
+"""Layout of the start of a message record: opcode, length, channel, sequence number, log time and
+publish time."""
 MOST_EVENTS = 100_000
 """Largest number of events that are read."""
 LATEST_START = 1 << 62
@@ -113,8 +114,8 @@ def read_ticks(path: Path, contents: Contents) -> Iterator[NDArray[np.uint8]]:
         The recording.
     contents
         Object to which the other content is added while the ticks are read. `contents.messages`
-        remains empty. When the first ticks are yielded, `contents` has the definition, and the
-        metadata at the beginning of the file.
+        remains empty. When the first ticks are yielded, `contents` already contains the
+        definition, and the metadata at the beginning of the file.
 
     Yields
     ------

@@ -53,8 +53,8 @@ class Layout:
     columns
         Name, unit and meaning of each double in the message.
     first_of_estimates
-        Index of the first column of the regressors besides v and x, which precede the estimates
-        and the misfit.
+        Index of the first column that depends on the estimators. These columns are the regressors
+        besides v and x, the estimates, and the misfits, in this order.
     size
         Size of the message [bytes].
     """

@@ -12,8 +12,8 @@ from estimation.compiled import Floats
 MOST = 1 << 18
 """Largest number of different values that are stored exactly."""
 DIGITS = 12
-"""Number of binary digits of the values that are stored if there are more different values. The
-relative rounding error is at most 2^-12, which is 0.024 %."""
+"""Number of binary digits to which the values are rounded if there are more than `MOST` different
+values. The relative rounding error is at most 2^-12, which is 0.024 %."""
 MERGED = 1 << 16
 """Number of new values after which equal values are counted together."""
 

@@ -33,7 +33,7 @@ NAP = 0.02
 """Time between two reads of the pipe [s].
 
 The recorder sleeps for this time instead of waiting for data. Otherwise, each write of the control
-process to the pipe would have to wake the recorder, which takes time.
+process to the pipe would have to wake the recorder, which would delay the control process.
 """
 FLUSH = 0.05
 """Time between two flushes of the file [s]."""

@@ -86,15 +86,15 @@ class Recording:
         return [] if names == "none" else names.split(", ")
 
     def blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[Recording]:
-        """Yield this recording, as `RecordingFile.blocks` yields parts of a longer recording."""
+        """Yield this whole recording. `RecordingFile.blocks` yields a recording in parts."""
         yield self
 
     def evenly_spaced(self) -> Recording:
-        """Return this recording, as `RecordingFile.evenly_spaced` returns some of its ticks."""
+        """Return this whole recording. `RecordingFile.evenly_spaced` returns only some ticks."""
         return self
 
     def load(self) -> Recording:
-        """Return this recording, as `RecordingFile.load` returns a recording in a file."""
+        """Return this recording, which is in memory. `RecordingFile.load` reads it from a file."""
         return self
 
     def estimated(self) -> Recording:

@@ -60,7 +60,7 @@ class RecordingFile:
         return self._ticks * len(self.units)
 
     def blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[Recording]:
-        """Yield recordings of successive ticks, which have the columns `is_wanted`."""
+        """Yield recordings of successive ticks, with the columns that `is_wanted` accepts."""
         for columns in RecordingStream(self.path).intact_blocks(is_wanted):
             yield replace(self._empty, columns=columns)
 
@@ -76,7 +76,7 @@ class RecordingFile:
         return stored(stream, stream.intact_blocks())
 
     def evenly_spaced(self) -> Recording:
-        """Return evenly spaced ticks with updated estimators, and the last such tick.
+        """Return evenly spaced ticks at which the estimators were updated, and always the last one.
 
         The result has about `IN_MEMORY` values or fewer.
         """

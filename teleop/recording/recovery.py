@@ -82,7 +82,7 @@ def write_contents(out: Path, contents: Contents, ticks: Iterable[bytes]) -> Non
     contents
         Intact content of the incomplete recording.
     ticks
-        Message of each tick. They are written one after another, so that they need no memory.
+        Message of each tick. Each one is written before the next one is requested.
 
     Raises
     ------

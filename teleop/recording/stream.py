@@ -133,7 +133,7 @@ class RecordingStream:
             yield {name: columns[name] for name in wanted}
 
     def read_through(self) -> None:
-        """Read all intact ticks without their values: `events`, `gaps` and `ticks` are complete."""
+        """Read all intact ticks without their values, to complete `events`, `gaps` and `ticks`."""
         for _ in self.intact_blocks(lambda name: False):
             pass
 

@@ -19,8 +19,10 @@ from teleop.safety import ChannelLimits
 from teleop.safety.rig_limits import rig_limits
 
 NEAR_END = 0.98
-"""Distance of a sample from the middle of the range, as a fraction of half the range, above which
-the sample is treated as saturated."""
+"""Largest distance of a valid sample from the middle of the range, as a fraction of half the range.
+
+A sample with a larger distance is treated as saturated.
+"""
 PINGS = 20
 """Number of round-trip times that are measured for each device."""
 TIMEOUT = 0.5

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 ANY = "any"
 """Name that stands for every condition. The simulated operator is then an `AttentiveOperator`."""
 DEPTH = re.compile(r"(\d+\.?\d*|\.\d+)mm")
-"""Depth in a typed line."""
+"""Pattern of a depth in a typed line, for example `5mm`."""
 
 
 def read_fault(text: str, rig: RigFile) -> PlannedFault:
@@ -115,7 +115,7 @@ def make_emulator(
 
 @dataclass(frozen=True)
 class Palpation:
-    """Settings of a simulated palpation, which the emulated devices measure and move."""
+    """A simulated palpation, to which the emulated devices are connected."""
 
     settings: TrialSettings
     """Settings of the simulated telemanipulator."""

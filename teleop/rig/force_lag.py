@@ -36,8 +36,8 @@ MOST_SAMPLES = 1_000_000
 """Largest number of samples of a file that is measured. All samples are in memory, and the fit
 processes all of them many times."""
 SPEEDS = 1.3
-"""Smallest ratio of the 90 % quantile of the stroke speeds to the 10 % quantile with which lag and
-lost motion can be separated."""
+"""Smallest ratio of the 90 % to the 10 % quantile of the stroke speeds. With a smaller ratio, lag
+and lost motion cannot be separated."""
 STROKE = 0.02
 """Half width of the play operator that removes small motions before strokes are detected, as a
 fraction of the range of x."""
@@ -137,8 +137,8 @@ class SpringRecord:
     def slope(self, lag: float, lost_motion: float, lag_step: float, lost_step: float) -> Floats:
         """Return the derivative of the residual with respect to lag [N/s] or lost motion [N/m].
 
-        The derivative is taken for the parameter whose step is not 0. The result has the shape
-        (m,).
+        One of the two steps is 0. The derivative is with respect to the other parameter, and has
+        the shape (m,) of `SpringFit.residual`.
         """
         ahead = self.fit(lag + lag_step, lost_motion + lost_step).residual
         return (ahead - self.fit(lag, lost_motion).residual) / (lag_step + lost_step)

@@ -36,7 +36,7 @@ class PausableRig(Rig):
         """Do nothing: the caller that opened the rig closes it."""
 
     def read(self) -> Measurement:
-        """Return the measurement of the rig, without the errors of the drives while paused."""
+        """Return the measurement of the rig. While paused, it contains no errors of the drives."""
         measurement = self._rig.read()
         if not self.paused:
             return measurement

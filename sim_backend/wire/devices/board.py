@@ -20,7 +20,7 @@ LENGTHS = {HELLO: 0, CONFIGURE: 4, ENABLE: 1, COMMAND: 8, DISABLE: 0}
 IDLE, ENABLED, WATCHDOG, EMERGENCY_STOP, DRIVE_FAULT = range(5)
 LONGEST = 32
 BACKLOG = 5
-"""Largest number of samples that are sent with a delay; older samples are omitted."""
+"""Largest number of overdue samples that are sent at once; older samples are omitted."""
 WIDEST = (1 << 31) - 1
 
 

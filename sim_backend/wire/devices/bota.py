@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 FASTEST = 51200 / 64
 """Largest sample rate [Hz]: one sample per 64 conversions."""
 BACKLOG = 5
-"""Largest number of frames that are sent with a delay; older frames are omitted."""
+"""Largest number of overdue frames that are sent at once; older frames are omitted."""
 RANGES = {"fx": 500.0, "fy": 500.0, "fz": 1200.0, "mx": 15.0, "my": 15.0, "mz": 12.0}
 """Measuring ranges of a Rokubi sensor [N, N m]. Values outside of the range are limited."""
 OVERRANGE = 2
@@ -79,7 +79,7 @@ class EmulatedBota(EmulatedSerialDevice):
 
 
 def shifted(byte: int) -> int:
-    """Return the register of CRC-16/X.25 after one byte, with the initial value 0."""
+    """Return the register of CRC-16/X.25 after one byte, if the register was 0 before it."""
     for _ in range(8):
         byte = byte >> 1 ^ 0x8408 * (byte & 1)
     return byte

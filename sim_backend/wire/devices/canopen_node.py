@@ -28,7 +28,7 @@ INITIALISING, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
 BOOTING = 20e-3
 """Time from power-up or a reset to the boot-up message [s]."""
 BACKLOG = 5
-"""Largest number of heartbeats that are sent with a delay; older heartbeats are omitted."""
+"""Largest number of overdue heartbeats that are sent at once; older heartbeats are omitted."""
 INVALID = 1 << 31
 MISSED_HEARTBEAT, PDO_TOO_SHORT, MISSED_PDO = 0x8130, 0x8210, 0x8250
 COMMUNICATION_ERROR = 0x11

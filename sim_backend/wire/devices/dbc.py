@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 CYCLE = 1e-3
 """Period of a message without `GenMsgCycleTime` in the DBC file [s]."""
 BACKLOG = 5
-"""Largest number of frames of a message that are sent with a delay; older frames are omitted."""
+"""Largest number of overdue frames of a message that are sent at once; older ones are omitted."""
 
 Selection = dict[str, int]
 """Value of each multiplexer in a frame, by name."""
@@ -62,7 +62,7 @@ class Sender:
         The message.
     every
         Names of the signals in all messages of the device. A name that occurs more than once is
-        replaced by `message.signal`.
+        replaced by the form MESSAGE.SIGNAL.
     """
 
     def __init__(self, message: Message, every: Sequence[str]) -> None:

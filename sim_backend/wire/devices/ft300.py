@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 PERIOD = 10e-3
 """Time between two frames [s]."""
 BACKLOG = 5
-"""Largest number of frames that are sent with a delay; older frames are omitted."""
+"""Largest number of overdue frames that are sent at once; older frames are omitted."""
 RANGES = {"fx": 300.0, "fy": 300.0, "fz": 300.0, "mx": 30.0, "my": 30.0, "mz": 30.0}
 """Measuring ranges, at which the sensor saturates [N, N m]."""
 COUNTS = {"f": 100, "m": 1000}

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 HEARTBEAT_PERIOD = 10e-3
 BACKLOG = 5
-"""Largest number of frames of a kind that are sent with a delay; older frames are omitted."""
+"""Largest number of overdue frames of a kind that are sent at once; older ones are omitted."""
 BOOT = 0.3
 """Time after a reset during which the axis neither sends nor receives frames [s]."""
 
@@ -60,7 +60,7 @@ class EmulatedODrive(EmulatedCanDevice):
         self._reset()
 
     def _reset(self) -> None:
-        """Set the state at power-up."""
+        """Reset the axis to its state at power-up."""
         self._state, self._result = IDLE, SUCCESS
         self._errors = 0
         """Bits of all errors (firmware 0.5), or of the errors that disarmed the axis (0.6)."""
@@ -124,7 +124,8 @@ class EmulatedODrive(EmulatedCanDevice):
     def _shown_errors(self, now: float) -> int:
         """Return the error bits in the heartbeat.
 
-        With firmware 0.6, an expired watchdog is included only while it is expired.
+        With firmware 0.6, the error of an expired watchdog is stored only in closed-loop control.
+        In other states, its bit is set until the next set-point.
         """
         active = WATCHDOG_EXPIRED["0.6"] if not self._old and self._expired(now) else 0
         return self._errors | active
