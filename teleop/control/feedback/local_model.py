@@ -2,8 +2,8 @@
 
 The estimator is recursive least squares with the stiffening model f = b v + k x + k3 x^3. An
 estimate is accepted if its misfit is small, and if it predicts the force at the deepest recent
-position with a narrow 95 % interval. The model is the stiff prior until an estimate is accepted, and
-again if the misfit becomes too large.
+position with a narrow 95 % interval. The model is the stiff prior until an estimate is accepted,
+and again if the misfit becomes too large.
 """
 
 from __future__ import annotations
