@@ -102,7 +102,7 @@ class PageRequests(NoPage):
             self._lose(f"the page was silent for {PAGE_SILENCE:g} s")
 
     def _lose(self, cause: str) -> None:
-        """If heartbeats are missing: end a trial that waits for START, stop a trial that is armed."""
+        """If heartbeats are missing, end a trial that waits for START, or stop an armed trial."""
         if not self.arms:
             self.reason = self.reason or cause
         elif not self.faults:

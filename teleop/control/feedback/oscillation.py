@@ -3,8 +3,9 @@
 Tremor and an oscillation of the loop have similar frequencies. They differ in the direction of the
 energy, see `teleop.evaluation.rendering`. With the force f of the hand, the velocity v of the
 virtual mass and the displayed impedance Z, the mean power from the hand at one frequency is
-Re{Z} |V|^2 / 2. In tremor the hand moves Z, and the power is positive if Z is passive. In an
-oscillation of the loop, the arm is moved and dissipates energy, and the power is negative.
+Re{Z} |V|^2 / 2. In tremor the hand causes the motion, and the power is positive if Z is passive. In
+an oscillation of the loop, the loop moves the arm, which dissipates energy. The power is then
+negative.
 
 Here f and v pass the same filters, which do not change the sign of the power at a frequency. A high
 pass removes the voluntary motion. A second filter then divides the motion into the bands below and
