@@ -1,4 +1,4 @@
-"""Pair each force sample with the position of the slave at the time of this sample.
+"""Pair the force samples with the positions of the slave at the times of these samples.
 
 The estimators need force and displacement at the same time. A time difference of 1 ms between force
 and displacement causes a damping error of k * 1 ms, where k is the stiffness. Therefore the

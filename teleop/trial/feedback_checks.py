@@ -16,9 +16,9 @@ LOOP_DELAY = 1.5
 PASSIVITY_OFFERED = {"soft": (0.05, 0.5)}
 """Shortest and longest round trip [s] for which passivity control is permitted, by cube.
 
-All trials of the benchmark with a round trip in this range were stable. They were made with 20
-seeds, with arms of 150, 400 and 1500 N/m, and with operators who reverse at a force or at a depth
-(`benchmarks/results/feedback-passivity.csv`).
+All trials of the benchmark on the cube with a round trip in this range were stable. They were made
+with 20 seeds, with arms of 150, 400 and 1500 N/m, and with operators who reverse at a force or at a
+depth (`benchmarks/results/feedback-passivity.csv`).
 """
 
 

@@ -25,7 +25,7 @@ STOPPED = DetectedFault(Fault.EMERGENCY_STOP, "live page", math.nan, math.nan, m
 
 
 class NoPage:
-    """Replaces `PageRequests` without a live page: no request is made, and arming is permitted."""
+    """Requests if there is no live page: nobody makes a request, and the drives may be armed."""
 
     reason = ""
     """Reason why the live page ended the trial; empty if the page did not end it."""

@@ -154,7 +154,7 @@ def too_slow(rate: float, cost: float, part: str = "") -> str:
     cost
         Duration of a tick [s].
     part
-        Text that states which part of this duration the devices take; empty if unknown.
+        Text that states how much of this duration the devices take; empty without devices.
     """
     return (
         f"rate {rate:g} Hz: a tick takes {cost * 1e6:.0f} us{part} on this machine with the "

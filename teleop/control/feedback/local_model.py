@@ -89,7 +89,7 @@ class LocalModel:
         self._reach = 0.0
         self._position = self._force = self._span = 0.0
         self.model = self._prior
-        """The latest accepted estimate; the stiff prior before it, or if the misfit was large."""
+        """The latest accepted estimate; the stiff prior at the start and after a large misfit."""
 
     def update(self, pair: Pair) -> None:
         """Update the estimate with a pair of position and force."""
