@@ -1,1 +1,4 @@
-"""Define the subcommands of `teleop`, one per file. Slow libraries are imported when one runs."""
+"""Define the subcommands of `teleop`, one per file.
+
+A subcommand imports slow libraries only when it runs.
+"""

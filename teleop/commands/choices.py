@@ -71,7 +71,7 @@ def make_channel(text: str) -> ChannelSettings:
 
 
 def choose_estimators(names: str) -> tuple[str, ...]:
-    """Return the estimator names in a comma-separated list; all estimator names for `all`.
+    """Split a comma-separated list of estimator names; return all names for the text `all`.
 
     Raises
     ------

@@ -85,8 +85,8 @@ def compare(
         a LaTeX or Markdown file. For table.csv it is written to table-anova.csv.
     plot
         Plot the stiffness and damping of each recording, and the mean of each group, to a .png,
-        .svg or .pdf file. If the values differ by more than a factor of ten, each level of one
-        factor has its own row of panels.
+        .svg or .pdf file. If the largest stiffness or damping is more than ten times the smallest,
+        each level of one factor has its own row of panels.
     width
         Width of the figure: for a screen (screen), one column (single) or two columns (double) of
         an IEEE paper, or an A4 page (a4).
@@ -212,7 +212,7 @@ def effects_of(
     factors
         Names of the factors by which the recordings are grouped.
     planned
-        Names of the factors of the series, and the repetition.
+        Names of the factors of the series, including `repetition`.
     response
         Result of the estimators that is analysed: k, b, e_f or rise_time_s.
 

@@ -230,7 +230,7 @@ def estimate(
 def chosen(
     recording: Recording | None, datum: str, cube: str, given: Mapping[str, Any]
 ) -> EstimateSettings:
-    """Return the settings of the run, or the default settings, with the changes by options.
+    """Return the settings of the run, or the defaults, changed as the options state.
 
     Parameters
     ----------

@@ -134,9 +134,12 @@ class LiveOptions:
 
 
 NOT_LIVE = LiveOptions()
-"""The defaults: there is no live page."""
+"""The default options, with which no live page is served."""
 Live = Annotated[LiveOptions, Parameter(name="*")]
-"""Type of a command's parameter that holds these options. The option names get no prefix."""
+"""Type of the parameter with which a command receives `LiveOptions`.
+
+The names of the options get no prefix.
+"""
 NO_CHOICES: dict[str, list[Any]] = {"condition": [], "specimen": [], "duration": []}
 
 
@@ -163,7 +166,7 @@ def choices_of(settings: TrialSettings) -> dict[str, list[Any]]:
 
 
 def free_port(port: int) -> int:
-    """Return the port, or 0 if another program uses this port."""
+    """Return the port, or 0 (for any free port) if another program uses this port."""
     with socket.socket() as probe:
         try:
             probe.bind(("127.0.0.1", port))

@@ -69,8 +69,8 @@ def next_settings(
 ) -> TrialSettings | None:
     """Wait for a request from the live page, and return the settings of the next trial.
 
-    If the page changes the settings of a trial that still waits for START, these settings are
-    returned at once. The result is None if the session must end.
+    If the page changes the settings of a trial that still waits for START, the changed settings
+    are returned at once. The result is None if the session must end.
     """
     waiting = link.trial is not None and not link.trial.armed
     why = f"{link.trial.ticks.events[-1]['text']}; " if link.trial and waiting else ""
@@ -89,7 +89,7 @@ def next_settings(
 
 
 def chosen(settings: TrialSettings, request: dict[str, Any]) -> TrialSettings:
-    """Return the settings with the values that were chosen, and checked, in the live page."""
+    """Return the settings with the values from the live page, which have been checked before."""
     changes: dict[str, Any] = {
         name: request[name] for name in ("condition", "duration") if name in request
     }
@@ -99,7 +99,7 @@ def chosen(settings: TrialSettings, request: dict[str, Any]) -> TrialSettings:
 
 
 class PageOfSeries:
-    """Asks the person at the live page what to do before each trial, and after it for a note.
+    """Asks the person at the live page before each trial what to do, and after it for a note.
 
     Parameters
     ----------

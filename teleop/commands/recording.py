@@ -59,7 +59,7 @@ class Columns:
             A recording of `teleop run`, or a file of another program.
         is_wanted
             Function that takes the name of a column of a recording, and returns whether the column
-            is in the returned recording. By default, all columns.
+            is in the returned recording. By default, the recording contains all columns.
 
         Returns
         -------
@@ -132,6 +132,9 @@ class Columns:
 OF_TABLES = ("position", "force", "time", "block", "topic", "rate", "lever", "invert")
 """Options that are invalid for a recording of `teleop run`."""
 ColumnOptions = Annotated[Columns, Parameter(name="*")]
-"""Type of a command's parameter that holds these options. The option names get no prefix."""
+"""Type of the parameter with which a command receives `Columns`.
+
+The names of the options get no prefix.
+"""
 BY_NAME = Columns()
-"""The default options: columns are found by their usual names."""
+"""The default options, with which columns are found by their usual names."""

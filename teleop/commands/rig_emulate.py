@@ -37,9 +37,10 @@ def emulate(
     command prints a `teleop run` command, which you enter in another terminal. A little more than
     one second after the drives were disabled, the simulated plant returns to its initial state.
 
-    The simulated operator presses to the depth of this command, not to that of the trial. To change
-    the operator, the cube or the depth between two trials, type the name of a condition, the name
-    of a cube, a depth, or several of them, such as `mimic medium 5mm`, and press Enter.
+    The simulated operator presses to the depth that is given to this command, not to the depth that
+    is given to `teleop run`. To change the operator, the cube or the depth between two trials, type
+    the name of a condition, the name of a cube, a depth, or several of them, such as
+    `mimic medium 5mm`, and press Enter.
 
     Example: `teleop rig emulate rigs/serial-board.toml --cube hard`
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def resuming_command(plan: Path, options: Mapping[str, Any], live: LiveOptions) -> list[str]:
-    """Return the command that resumes a series: the command that started it.
+    """Return the command that resumes a series, which is also the command that started it.
 
     Parameters
     ----------

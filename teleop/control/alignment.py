@@ -1,4 +1,4 @@
-"""Compute pairs of position and force at the same time, from samples taken at different times.
+"""Pair the force samples with the positions of the slave at the times of these samples.
 
 The estimators need force and displacement at the same time. A time difference of 1 ms between force
 and displacement causes a damping error of k * 1 ms, where k is the stiffness. Therefore the

@@ -143,7 +143,7 @@ class BilateralLink(Link):
     def _detected(
         self, now: float, silence: float, energy: float, share: float
     ) -> tuple[DetectedFault, ...]:
-        """Return the faults: a silent channel, generated energy, a sustained oscillation."""
+        """Return a fault for a silent channel, for generated energy, and for an oscillation."""
         faults = []
         if silence > (most := self._max_silence):
             source = f"silent for {silence * 1e3:.0f} ms, at most {most * 1e3:g} ms"

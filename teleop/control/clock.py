@@ -26,7 +26,7 @@ class Tick(NamedTuple):
 
 
 ON_TIME = Tick(0.0, False, 0)
-"""Timing of a tick in virtual time."""
+"""Timing of each tick in virtual time, in which no tick is late."""
 
 
 class Clock(ABC):

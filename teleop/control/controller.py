@@ -38,8 +38,8 @@ class Controller:
     """Runs the ticks of the control loop: measurement, velocities, limits, commands and estimates.
 
     An exception within a tick becomes a fault for the supervisor, which stops the drives. The first
-    exception is stored in `error`. `tick` itself raises only KeyboardInterrupt, and an exception
-    while the first measurement is read.
+    exception is stored in `error`. `tick` itself raises only KeyboardInterrupt, and any exception
+    that occurs while the first measurement is read.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ class Controller:
         return measurement, measurement.time - last.time
 
     def _complete(self, request: Request, tick: Tick, measurement: Measurement) -> Request:
-        """Return the request with the other data that the supervisor needs, such as the faults."""
+        """Return the request, completed with data of the loop and the link, such as faults."""
         elapsed = (1 + tick.skipped) * self._period + tick.lateness - self._lateness
         self._lateness = tick.lateness
         trips = (*request.faults, *self._faults)
@@ -232,7 +232,8 @@ class Controller:
         """Send the command to the drives, or disable the drives, and return the applied command.
 
         Before the drives are disabled, zero velocity is commanded once. If `Rig.idle` fails, it is
-        called again at each tick. No command is sent then, so that the watchdogs stop the drives.
+        called again at each tick until it succeeds. Until then no command is sent, so that the
+        watchdogs stop the drives.
         """
         applied = STANDSTILL
         operating = (verdict.enabled or verdict.arm) and not self._faults

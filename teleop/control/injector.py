@@ -12,17 +12,18 @@ RAMP = 0.5
 
 
 def ramp_time(duration: float, ramp: float = RAMP) -> float:
-    """Return the duration of a ramp [s] in a trial: `ramp`, but at most half of the trial [s]."""
+    """Return the duration of each ramp [s]: `ramp`, or half of the trial if that is shorter."""
     return min(ramp, 0.5 * duration)
 
 
 class Injector:
     """Computes the force that moves the slave along an excitation signal.
 
-    The displacement of the slave is x(t) = ramp(t) (mean + half signal(t)). Between the ramp at the
-    start and the ramp at the end, x varies between `touch` times the depth and the depth, so that
-    the slave stays in contact. The computed force is the force that the virtual mass of the
-    admittance needs for this motion.
+    The displacement of the slave is x(t) = ramp(t) (mean + half signal(t)). ramp(t) increases from
+    0 to 1 at the start of the trial, and decreases to 0 at the end. Between the two ramps, x varies
+    between `touch` times the depth and the depth, so that the slave stays in contact. `mean` is the
+    middle of this range, and `half` is half of its width. The computed force is the force that the
+    virtual mass of the admittance needs for this motion.
 
     Parameters
     ----------

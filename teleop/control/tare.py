@@ -15,7 +15,7 @@ from teleop.json_documents import dumps
 LARGEST_ZERO = 15.0
 """Largest accepted zero offset of a force sensor [N]. A larger value indicates a loaded sensor."""
 FARTHEST = 1.0
-"""Largest accepted magnitude of the contact datum [m]."""
+"""Largest accepted magnitude of the slave position at which contact begins [m]."""
 LONGEST_TEXT = 1000
 """Largest number of characters of the date and of the rig's name in a tare file."""
 
@@ -29,7 +29,7 @@ class Tare:
     contact_force: float = 0.0
     """Reading of the contact force sensor without load [N]."""
     slave_position: float = 0.0
-    """Reading of the slave's encoder at which contact begins, the contact datum [m]."""
+    """Reading of the slave's encoder when contact begins: the contact datum [m]."""
     date: str = ""
     """Date of the measurement, ISO 8601."""
     rig: str = ""

@@ -116,7 +116,7 @@ def invalid_sample(
 ) -> DetectedFault | None:
     """Return the fault of a sample that is out of range or too old.
 
-    None if the value is NaN because the rig does not have the channel.
+    The result is None if the value is NaN because the rig does not have the channel.
 
     Parameters
     ----------

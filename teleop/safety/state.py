@@ -45,7 +45,7 @@ class Supervision(NamedTuple):
     since: float = math.nan
     """Time at which the present mode was entered [s].
 
-    Before arming, it is the latest time at which the rig was not at rest, if this time is later.
+    Before arming, it is set to the time of each tick at which the rig is not at rest.
     """
     time: float = math.nan
     """Time of the tick [s]."""

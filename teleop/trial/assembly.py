@@ -39,7 +39,7 @@ RigMaker = Callable[[Callable[[], float]], Rig]
 
 
 def make_clock(settings: TrialSettings) -> Clock:
-    """Return a new clock: real or virtual time, as in the settings."""
+    """Return a new clock in real or virtual time, as the settings state."""
     return RealClock(settings.rate) if settings.clock == "real" else VirtualClock(settings.rate)
 
 

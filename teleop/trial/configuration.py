@@ -175,7 +175,7 @@ def complete_settings(
 
 @contextlib.contextmanager
 def raised_together(problems: list[str]) -> Iterator[None]:
-    """Context manager that raises the given problems together with those of its body."""
+    """Context manager that raises the given problems together with those of its `with` block."""
     try:
         yield
     except InputError as error:

@@ -16,9 +16,9 @@ LOOP_DELAY = 1.5
 PASSIVITY_OFFERED = {"soft": (0.05, 0.5)}
 """Shortest and longest round trip [s] for which passivity control is permitted, by cube.
 
-At each measured round trip in this range, all trials were stable: 20 seeds, arms of 150, 400 and
-1500 N/m, operators who reverse at a force or at a depth
-(`benchmarks/results/feedback-passivity.csv`).
+All trials of the benchmark on the cube with a round trip in this range were stable. They were made
+with 20 seeds, with arms of 150, 400 and 1500 N/m, and with operators who reverse at a force or at a
+depth (`benchmarks/results/feedback-passivity.csv`).
 """
 
 
@@ -73,7 +73,7 @@ def lag(settings: TrialSettings) -> float:
 
 
 def sensor_lag(settings: TrialSettings) -> float:
-    """Return the lag of the contact force [s]; on a hardware rig, only what the settings state."""
+    """Return the lag of the contact force [s]; on a hardware rig, from settings and rig file."""
     if settings.rig is None:
         return settings.plant_parameters.contact_force_lag
     return settings.force_lag + settings.rig.sections.channels.contact_force.lag_ms * 1e-3
@@ -138,7 +138,7 @@ def present_stiffness(settings: TrialSettings) -> float:
 
 
 def check_offered(settings: TrialSettings, trip: float) -> None:
-    """Raise an error if the law passivity was not stable in all trials of the benchmark.
+    """Raise an error unless `PASSIVITY_OFFERED` permits passivity control for this trial.
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """Estimates that are computed after the ticks, in blocks, for trials in virtual time.
 
-A block of samples takes much less time than the same samples one by one, and the results are equal
-to the bit. In real time, the estimates are computed within each tick, because they are shown while
-the trial runs.
+The estimators process a block of samples much faster than the same samples one by one, with exactly
+the same results. In real time, the estimates are computed within each tick, because they are shown
+while the trial runs.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class LaterEstimates(Estimation, Sink):
         self._first = layout.first_of_estimates
 
     def update(self, pair: Pair) -> Estimated:
-        """Return no estimates; raise the exception of an estimator, if there was one."""
+        """Return NaN for the estimates; raise the exception of an estimator, if there was one."""
         if self.error:
             raise self.error
         return self.unknown

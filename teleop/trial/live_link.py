@@ -26,7 +26,7 @@ from teleop.trial.result import Trial
 from teleop.trial.settings import TrialSettings
 
 EVENT_SLOTS, EVENT_SIZE = 128, 4096
-"""Largest number of events in the event ring, and largest size of an event [bytes]."""
+"""Largest number of events in the ring buffer of events, and largest size of an event [bytes]."""
 START_TIME = 20.0
 """Longest wait for the start of the live process [s]."""
 END_TIME = 3.0

@@ -18,14 +18,14 @@ WAITING_SILENCE = 5.0
 nothing moves [s]. It is longer than `PROCESS_SILENCE`, because a busy machine may delay the live
 process. It is finite, because a trial that nobody can start must end."""
 PAGE_SILENCE = 2.0
-"""Longest time between two heartbeats of the live page in control, if a page armed the drives
-[s]."""
+"""Longest time between two heartbeats of the live page that controls the trial, if a page armed the
+drives [s]."""
 STOPPED = DetectedFault(Fault.EMERGENCY_STOP, "live page", math.nan, math.nan, math.nan)
 """Fault that is reported when STOP is pressed in the live page."""
 
 
 class NoPage:
-    """Requests without a live page: there are none, and the drives may be armed."""
+    """Requests if there is no live page: nobody makes a request, and the drives may be armed."""
 
     reason = ""
     """Reason why the live page ended the trial; empty if the page did not end it."""
@@ -102,7 +102,7 @@ class PageRequests(NoPage):
             self._lose(f"the page was silent for {PAGE_SILENCE:g} s")
 
     def _lose(self, cause: str) -> None:
-        """End a trial that waits to be armed; stop a trial that the live page has armed."""
+        """If heartbeats are missing, end a trial that waits for START, or stop an armed trial."""
         if not self.arms:
             self.reason = self.reason or cause
         elif not self.faults:

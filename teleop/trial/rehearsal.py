@@ -154,7 +154,7 @@ def too_slow(rate: float, cost: float, part: str = "") -> str:
     cost
         Duration of a tick [s].
     part
-        Text on the parts of this duration.
+        Text that states how much of this duration the devices take; empty without devices.
     """
     return (
         f"rate {rate:g} Hz: a tick takes {cost * 1e6:.0f} us{part} on this machine with the "

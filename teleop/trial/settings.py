@@ -81,7 +81,7 @@ class TrialSettings:
     bandwidth: float = BANDWIDTH
     """Bandwidth of the filter in the signal conditioning [Hz]."""
     force_lag: float = 0.0
-    """Lag of the force channel that the conditioning matched compensates [s]."""
+    """Lag of the force channel [s], which matched conditioning compensates."""
     preset: Preset | None = None
     """All settings of the estimators. Default: those of the paper, with the adaptation gain for the
     cube. On a hardware rig, this gain is that for the soft cube times (d / depth)^2, where d is the

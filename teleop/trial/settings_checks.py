@@ -1,6 +1,7 @@
 """Check the settings of a trial, and report all problems at once.
 
-`settings` is a `TrialSettings`. Its type is not imported, because that file imports this one.
+In this file, `settings` is always a `TrialSettings`. This class is not imported, because its file
+imports this file.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ class SettingsError(InputError):
     own
         Problems that do not depend on the rig.
     of_rig
-        Problems that depend on the rig and its limits. They are not known if one of `RIG_FIELDS`
-        is invalid.
+        Problems that depend on the rig and its limits. They cannot be determined if one of
+        `RIG_FIELDS` is invalid.
 
     Attributes
     ----------
@@ -42,7 +43,7 @@ class SettingsError(InputError):
         self.own, self.of_rig = tuple(own), tuple(of_rig)
 
     def known(self, invalid: set[str]) -> SettingsError:
-        """Return the error without the problems that are not known.
+        """Return the error, without the problems of the rig if they cannot be determined.
 
         Parameters
         ----------

@@ -23,7 +23,7 @@ def tracking_of(recording: Recording, settings: TrialSettings) -> Tracking | Non
 
 
 def tracked_ticks(ticks: Recording | RecordingFile) -> Recording:
-    """Return the ticks from which the tracking is computed: of a long trial, the last ticks."""
+    """Return the ticks from which the tracking is computed; for a long trial, the last ticks."""
     if isinstance(ticks, Recording):
         return ticks
     names = [name for name in ("time", "target", "slave_position") if name in ticks.units]

@@ -1,4 +1,4 @@
-"""Statistics of a trial, computed from its ticks in blocks, so that long trials need no memory."""
+"""Statistics of a trial, computed in blocks of ticks, so that a long trial needs little memory."""
 
 from __future__ import annotations
 
@@ -47,13 +47,14 @@ class TrialStatistics:
     pairs
         Number of ticks at which the estimators were updated.
     end
-        Time of the last such tick [s]; NaN if there was none.
+        Time of the last tick at which the estimators were updated [s]; NaN if there was none.
     depth
-        Greatest absolute position of the slave at these ticks [m].
+        Greatest absolute position of the slave at the ticks with updated estimators [m].
     contact_time
         Time in contact in the averaged part of the trial [s].
     limited
-        Number of ticks at which each soft limit reduced the command, by the name of the limit.
+        Number of ticks with updated estimators at which each soft limit reduced the command, by the
+        name of the limit.
     left_out
         Description of the samples outside the averaged part; empty if there are none.
     """
@@ -105,7 +106,7 @@ class TrialStatistics:
 
     @property
     def contact(self) -> float:
-        """Fraction of the samples in contact; NaN if there is no sample or no such column."""
+        """Fraction of the samples in contact; NaN if there is no sample or no column `contact`."""
         return self._contact / self._averages.samples if self._averages.samples else math.nan
 
     @property
@@ -144,7 +145,7 @@ class TrialStatistics:
 
 
 def rendering_of(ticks: Recording | RecordingFile, settings: TrialSettings) -> RunningRendering:
-    """Return an object that computes what the hand felt in a trial with a link."""
+    """Return an object that computes what the hand felt, with a channel or force feedback."""
     end = 0.0
     for block in ticks.blocks(("time", "mode").__contains__):
         t = block["time"][block["mode"] == ACTIVE]

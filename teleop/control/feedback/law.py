@@ -20,7 +20,10 @@ STIFF_PRIOR = 20e3
 """Stiffness that is assumed for an unknown environment [N/m]. Soft tissue is less stiff."""
 
 PASSIVE = 6e-3
-"""Tolerated energy of a passive law [J]: the energy in the tank at the start, plus 1 mJ."""
+"""Energy [J] that a passive law may give out before the drives are stopped.
+
+It is the energy in the energy tank at the start, plus 1 mJ.
+"""
 
 
 PRIOR = Environment(STIFF_PRIOR)

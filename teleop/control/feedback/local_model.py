@@ -2,7 +2,8 @@
 
 The estimator is recursive least squares with the stiffening model f = b v + k x + k3 x^3. An
 estimate is accepted if its misfit is small, and if it predicts the force at the deepest recent
-position with a narrow 95 % interval. Until an estimate is accepted, the model is the stiff prior.
+position with a narrow 95 % interval. The model is the stiff prior until an estimate is accepted,
+and again if the misfit becomes too large.
 """
 
 from __future__ import annotations
@@ -34,17 +35,19 @@ MEMORY = 1.0
 REACH = 2.0
 """Time constant with which the deepest recent position decreases to zero [s]."""
 VARIANCE = (1e4, 1e9, 1e24)
-"""Initial variances of b [N^2 s^2/m^2], k [N^2/m^2] and k3 [N^2/m^6], relative to `DIFFUSE` times
-the variance of the force noise. With a noise of 2 mN, the standard deviation of k3 is 2e11 N/m^3,
-which is twice the k3 of the hard cube. A smaller variance would state that k3 is near 0 after a
-motion that is too small to show it. The interval would then be too narrow, and a model without
-stiffening would be accepted."""
+"""Initial variances of b [N^2 s^2/m^2], k [N^2/m^2] and k3 [N^2/m^6] for a force noise with a
+variance of 1 N^2. The estimator multiplies them by the variance of the force noise [N^2] and by
+`DIFFUSE`, which is 1e4 (see `estimation.linear_gain`). With a noise of 2 mN, the initial standard
+deviation of k3 is 2e11 N/m^3, which is twice the k3 of the hard cube. If the initial variance were
+smaller and the motion too small to determine k3, the estimate of k3 would stay near 0, with an
+interval that is too narrow. A model without stiffening would then be accepted."""
 ROUNDING = 1e-6
 """Tolerance for rounding errors of times [s]."""
 PERIOD = 5e-3
-"""Time over which position and force are averaged to one sample of filter and estimator [s]. The
-same average of both causes no bias. A shorter time is not needed for signals that are filtered at
-20 Hz, and an update at each tick would take a quarter of the computing time of a tick."""
+"""Time over which position and force are averaged to one sample of filter and estimator [s]. Both
+are averaged in the same way, so that the average causes no bias. A shorter time is not needed for
+signals that are filtered at 20 Hz, and an update at each tick would take a quarter of the computing
+time of a tick."""
 
 CONFIRMED = 1.0
 """Contact force [N] above which a measured force can confirm the model."""
@@ -86,7 +89,7 @@ class LocalModel:
         self._reach = 0.0
         self._position = self._force = self._span = 0.0
         self.model = self._prior
-        """The latest accepted estimate; the stiff prior if there is none."""
+        """The latest accepted estimate; the stiff prior at the start and after a large misfit."""
 
     def update(self, pair: Pair) -> None:
         """Update the estimate with a pair of position and force."""

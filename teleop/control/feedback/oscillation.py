@@ -3,8 +3,9 @@
 Tremor and an oscillation of the loop have similar frequencies. They differ in the direction of the
 energy, see `teleop.evaluation.rendering`. With the force f of the hand, the velocity v of the
 virtual mass and the displayed impedance Z, the mean power from the hand at one frequency is
-Re{Z} |V|^2 / 2. In tremor the hand moves Z, and the power is positive if Z is passive. In an
-oscillation of the loop, the arm is moved and dissipates energy, and the power is negative.
+Re{Z} |V|^2 / 2. In tremor the hand causes the motion, and the power is positive if Z is passive. In
+an oscillation of the loop, the loop moves the arm, which dissipates energy. The power is then
+negative.
 
 Here f and v pass the same filters, which do not change the sign of the power at a frequency. A high
 pass removes the voluntary motion. A second filter then divides the motion into the bands below and
@@ -18,9 +19,9 @@ gives out less than c |V|^2 / 2 amplifies the tremor, but cannot sustain an osci
 is the mean square velocity of the bands that oscillate, divided by the mean square velocity of the
 whole motion. Both means are exponential averages over `MEMORY`.
 
-The energy of the port (`port_energy`) detects an oscillation that gives out much energy, within a
-fraction of a second. This observer detects an oscillation of small amplitude, which is limited, for
-example by the stiffening of the body, and then gives out little energy at any time.
+A large oscillation gives out much energy. The observer in `port_energy` detects it within a
+fraction of a second. The observer in this file detects an oscillation whose amplitude stays small,
+for example because the body stiffens. Such an oscillation gives out little energy at any time.
 
 Source of the filter: V. Zavalishin, "The Art of VA Filter Design", 2012, chapter 4 (state-variable
 filter with the trapezoidal rule).
@@ -33,22 +34,26 @@ import math
 SLOWEST = 4.0
 """Frequency above which motion is not voluntary, but tremor or an oscillation of the loop [Hz]."""
 SPLIT = 14.0
-"""Frequency between the two bands [Hz]. The tremor of the hand is below it, 8 to 12 Hz."""
+"""Frequency between the two bands [Hz]. The tremor of the hand, at 8 to 12 Hz, is in the lower
+band."""
 LEAST_DAMPING = 2.0
-"""Damping c that any arm has at least [N s/m]. The simulated arms, of 150 to 1500 N/m, have 7 to 23
-N s/m, of which the lag of the handle leaves 4 N s/m at the frequencies of the oscillations."""
+"""Damping c that any arm has at least [N s/m]. The simulated arms, with stiffnesses of 150 to
+1500 N/m, have a damping of 7 to 23 N s/m. The lag of the handle reduces this damping, but at least
+4 N s/m remain at the frequencies of the oscillations."""
 AVERAGING = 0.08
-"""Time constant of each of the two averages that give the mean power of a band [s]. One average
-would leave a ripple, with which the power of a stiff spring were negative half of the time."""
+"""Time constant of each of the two averages that give the mean power of a band [s]. After only
+one average, the mean power would still have a ripple. For a stiff spring, it would then be negative
+half of the time, although a spring generates no energy."""
 MEMORY = 4.0
-"""Time constant of the mean square velocities, and time after arming without a result [s]. It
-contains some pokes, so that the oscillation may pause between them."""
+"""Time constant of the mean square velocities, and time after arming without a result [s]. It is
+longer than several presses on the body, so that an oscillation that pauses between the presses is
+also detected."""
 LEAST_SPEED = 1e-3
 """Root mean square velocity of an oscillation below which the result is 0 [m/s]. At 40 Hz, it is an
 amplitude of 6 um."""
 MOST_SHARE = 0.75
-"""Largest share of the mean square velocity that the loop may sustain. The threshold of the
-evaluation, which resolves the frequencies, is 0.8."""
+"""Largest share of the mean square velocity that the loop may sustain. After the trial,
+the share is computed from spectra, with the threshold 0.8 (`teleop.evaluation.rendering`)."""
 PERIOD = 5e-3
 """Time over which force and velocity are averaged to one sample [s]."""
 ROUNDING = 1e-6
@@ -106,7 +111,7 @@ class Band:
         motion
             Velocity [m/s] as real part, and force [N] as imaginary part, in the band.
         weight
-            Weight of this sample in the mean power, which is an average of an average.
+            Weight of this sample in each of the two averages that give the mean power.
         """
         velocity = motion.real
         first, power = self._first, self._power

@@ -13,9 +13,10 @@ motion scale. If a condition is violated, the passivity controller dissipates th
 master, it adds a damping force proportional to the velocity. At the slave, it adds a velocity
 proportional to the contact force.
 
-The ports are those at the hand and at the environment, so that E_in and E_out contain the energy
-that the passivity controllers dissipate. Ryu et al. observe the ports of the network, and add the
-energy of the controllers separately. Both methods are valid.
+In this file, the two ports are at the hand and at the environment, so that E_in and E_out contain
+the energy that the passivity controllers dissipate. Ryu et al. observe the ports of the
+communication network itself, and add the energy of the controllers separately. Both methods are
+valid.
 
 The damping at the master is limited to `MOST_DAMPING`. At a speed below |f| / MOST_DAMPING, which
 is 5 mm/s for a force f of 10 N, the damping cannot dissipate the power |f v| that leaves the port.
@@ -51,8 +52,8 @@ from teleop.control.feedback.law import (
 
 MOST_DAMPING = 2000.0
 """Largest damping of the passivity controller at the master [N s/m]. This damping is part of the
-admittance. The discretisation of the admittance is exact, so that large damping does not make the
-loop unstable."""
+admittance. The discretisation of the admittance is exact, so that it stays stable with large
+damping."""
 MOST_ADMITTANCE = 5e-3
 """Largest ratio of velocity to force of the passivity controller at the slave [m/(s N)]. The
 controller may always use the velocity that stops the slave, even if this ratio is then larger."""
