@@ -116,8 +116,9 @@ class Rows:
     def relaxation(self) -> bool:
         """Whether the candidates may have relaxing parts.
 
-        They have none for a sine with a baseline or in contact throughout: then elastic force and
-        velocity describe any linear body, and k and b are k' and k''/omega.
+        They have none if the motion is a sine, and the force has a baseline or the record is in
+        contact throughout. In a steady sine, elastic force and velocity describe any linear body,
+        and k and b are k' and k''/omega.
         """
         constant = self.order == 0 and self.phases.free_force is not None
         return constant or not self.record.sinusoidal

@@ -182,7 +182,9 @@ def evaluate(
 
 
 def comparisons(bank: Bank, regression: Regression, fit: Fit) -> list[RunningComparison]:
-    """Return the comparisons of the estimators with least squares; none for the paper's three.
+    """Return the comparisons of the estimators with least squares.
+
+    There are none if the bank contains only the three estimators of the paper.
 
     Parameters
     ----------

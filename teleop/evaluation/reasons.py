@@ -15,7 +15,7 @@ from teleop.evaluation.unsuited import no_contact, too_few_per_cycle, unsuited
 WIDEST = 0.5
 """Half width of the interval of k, as a fraction of k, above which k is not identifiable."""
 MOTION = 10.0
-"""Smallest travel in contact, as a multiple of 2.5 standard deviations of the position noise."""
+"""Smallest travel in contact, in units of 2.5 standard deviations of the position noise."""
 DEPTH = 0.02
 """Smallest travel in contact, as a fraction of the travel of the record."""
 POOR = 0.9

@@ -148,7 +148,7 @@ def interval(result: Result, symbol: str) -> Interval:
 def draw_panel(
     axes: Axes, places: Iterable[Place], names: Sequence[tuple[str, ...]], symbol: str
 ) -> None:
-    """Draw k or b (`symbol`) of groups, at the positions of their names in `names`."""
+    """Draw k or b (`symbol`) of groups, each at the index of its name in `names`."""
     intervals: list[Interval] = []
     for place in places:
         at = names.index(place.name)

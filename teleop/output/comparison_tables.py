@@ -80,7 +80,7 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
 
 
 def pooled_text(names: Sequence[str]) -> str:
-    """Return what a mean over recordings with different levels of these factors is."""
+    """Return a note that explains means over recordings with different levels of these factors."""
     several = ", ".join(names)
     return (
         f"Recordings that differ in {several} are pooled: the interval contains the differences "
