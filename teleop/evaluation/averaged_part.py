@@ -14,8 +14,8 @@ from estimation.compiled import Floats
 class AveragedPart(NamedTuple):
     """The part of a record over which the estimates are averaged.
 
-    The estimates that are printed as those at the end are the estimates at the end of this part.
-    The estimators process all samples of the record, also those outside this part.
+    Final estimates are the estimates at the end of this part. The estimators process all samples of
+    the record, also those outside this part.
     """
 
     start: float = -math.inf

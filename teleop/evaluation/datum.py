@@ -31,6 +31,8 @@ OWN_ZERO = Datum(0.0, 0.0, "the file's own zero")
 def find_datum(signals: Signals, wanted: str, phases: Phases | None = None) -> Datum:
     """Return the position and force that are treated as zero.
 
+    `wanted` is one of these, or states a position and a force:
+
     - `contact`: the contact point and the force out of contact.
     - `mean`: the mean of the moving part. The force of a preloaded specimen is approximately linear
       about the mean position.

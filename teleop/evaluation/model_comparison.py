@@ -192,7 +192,8 @@ class RunningComparison:
 def cost(estimator: Estimator, regression: Regression) -> float:
     """Measure the computing time per sample on this machine [s], the shortest of three runs.
 
-    The code is measured as interpreted Python. The result is different in each call.
+    For this measurement, the estimator runs as interpreted Python, which is slower than compiled
+    code. The result is different in each call.
     """
     part = regression.part(slice(TIMED))
     further = part.further if estimator.model.further else None

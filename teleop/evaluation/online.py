@@ -60,7 +60,7 @@ class OnlineRun:
     bank, misfit, measure
         The estimators, their misfit and the excitation measure, which have processed no sample.
     comparisons
-        Comparisons of estimators with a reference. Each comparison is of some of the estimators.
+        Comparisons of estimators with a reference. Each is a comparison of some of the estimators.
     period
         Usual sample period [s].
     count

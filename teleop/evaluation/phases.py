@@ -58,7 +58,7 @@ APPROACHES, MOST_POINTS = 10, 300
 each approach."""
 SHORT = 4
 """Samples within one guard of the start and the end of a record are not fitted. Exception: they are
-fitted if the record has few usable samples, at most `SHORT` guards for its start, each gap and its
+fitted if the record has few usable samples: at most `SHORT` guards for each of start, gaps and
 end."""
 GUARD = 3.5
 """Guard: samples within this number of kernel widths from the beginning or end of a contact are not

@@ -48,7 +48,7 @@ frequencies at which the hand receives more than `LEAST_DAMPING` |V|^2."""
 SEGMENT = 1.0
 """Duration of the segments of the motion of which the spectra are averaged [s]."""
 FIRST = 1 << 14
-"""Number of samples from which the duration of a segment in samples is computed."""
+"""Number of samples whose mean period gives the number of samples in a segment."""
 OLDEST = 10.0
 """Time for which the motion of the hand is kept [s], to compare it with the delayed motion of the
 slave. No communication channel delays a motion by this time."""
@@ -217,7 +217,7 @@ class RunningSpectra:
     """Spectra of velocity and force, from which oscillations of the loop are detected.
 
     The spectra are averages over overlapping segments (P. D. Welch, IEEE Trans. Audio
-    Electroacoust. 15(2), 1967). The period of the samples is the mean of the first `FIRST` samples
+    Electroacoust. 15(2), 1967). The sample period is the mean period of the first `FIRST` samples
     or more.
     """
 

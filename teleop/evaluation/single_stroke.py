@@ -27,8 +27,8 @@ LEAST_RISE = 4.0
 """Least change of the force, in standard deviations of its scatter about a parabola over the
 position."""
 HIGHEST = 5.0
-"""Upper end of the band, as a multiple of the inverse of the duration of the motion. It gives the
-fit of the models about 80 independent samples in a stroke that is in contact throughout."""
+"""Upper end of the band, as a multiple of the inverse of the duration of the motion. With this
+value, about 80 independent samples are fitted in a stroke that is in contact throughout."""
 WIDEST = 3.0
 """Largest upper end of the coherent band, as a multiple of the upper end of the stroke band. The
 limit is necessary because the tapers of the coherent band leak a little power from the ends of a

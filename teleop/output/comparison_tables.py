@@ -221,7 +221,7 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
 
 
 def kinds_of_b(rows: Iterable[Compared]) -> list[str]:
-    """Return the kinds of the damping of the results that exist."""
+    """Return the kinds of b that occur in the results, in the order of `MEANING`."""
     found = {row.result.kinds["b"] for row in rows if row.result.identifiable}
     return [kind for kind in MEANING if kind in found]
 
