@@ -29,8 +29,8 @@ it, noise is assumed."""
 CONSTANT_SPEED = 1e-9
 """Relative standard deviation of the speed below which it is constant."""
 SLIGHT = 0.02
-"""Residual of the Kelvin-Voigt model, as a fraction of the force, below which this model is
-sufficient."""
+"""Residual of the Kelvin-Voigt model below which this model is sufficient, as a fraction of 0.35
+times the force range. For a sine, this is the root mean square of the force."""
 SMALL_BASELINE = 0.05
 """Size of the baseline below which it is not reported, as a fraction of the force range."""
 FEWEST_INDEPENDENT = 35
