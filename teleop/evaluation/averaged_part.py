@@ -14,8 +14,8 @@ from estimation.compiled import Floats
 class AveragedPart(NamedTuple):
     """The part of a record over which the estimates are averaged.
 
-    Final estimates are the estimates at the end of this part. The estimators process all samples of
-    the record, also those outside this part.
+    The batch evaluation uses only this part. The estimators process all samples of the record, and
+    their final estimates are those at the end of this part.
     """
 
     start: float = -math.inf
