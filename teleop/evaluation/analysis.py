@@ -31,7 +31,8 @@ WIDER_BAND = 1.6
 """Ratio of a second smoothing bandwidth to the first. The change of k between the two bandwidths
 widens the interval of k."""
 FEWEST_HOLD = 10
-"""Smallest number of independent samples in contact for a model, and in a hold for a relaxation."""
+"""Smallest number of independent samples for a fit: in contact for a model, and in a hold for the
+relaxation."""
 
 
 @dataclass(frozen=True)

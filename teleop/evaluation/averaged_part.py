@@ -14,7 +14,8 @@ from estimation.compiled import Floats
 class AveragedPart(NamedTuple):
     """The part of a record over which the estimates are averaged.
 
-    The estimates at the end are those at the end of this part. The estimators process all samples.
+    The batch evaluation uses only this part. The estimators process all samples of the record, and
+    their final estimates are those at the end of this part.
     """
 
     start: float = -math.inf
@@ -25,7 +26,7 @@ class AveragedPart(NamedTuple):
     """Description of the samples outside the part; empty if it is the whole record."""
 
     def after(self, time: float) -> AveragedPart:
-        """Return the same part, if its times are measured from a given time [s]."""
+        """Return this part with start and end later by `time` [s]."""
         return self._replace(start=self.start + time, end=self.end + time)
 
     def contains(self, t: Floats) -> NDArray[np.bool_]:

@@ -44,7 +44,7 @@ class RunningAverages:
         return self._excitation / self.samples if self.samples else math.nan
 
     def begin(self, t: Floats, regression: Regression, excitation: Floats) -> None:
-        """Add samples.
+        """Begin a block, and add its samples and their excitation.
 
         Parameters
         ----------
@@ -63,7 +63,7 @@ class RunningAverages:
             self.last_excitation = float(excitation[part][-1])
 
     def add(self, name: str, estimates: Estimates, misfit: Floats) -> None:
-        """Add the estimates of one estimator, and its misfit, after each of the samples."""
+        """Add the estimates and the misfit of one estimator after each sample of the block."""
         self._summaries[name].add(*self._block, estimates.part(self._part), misfit[self._part])
 
     def summaries(

@@ -16,10 +16,11 @@ BAND = 0.08
 """Samples are used for the slope if the distance of their force from half of the force range is
 less than this fraction of the range."""
 SLOPE_SAMPLES = 3
-"""Smallest number of samples, on average, in a pass through half of the force range."""
+"""Samples for the slope in each pass through half of the force range. If there are fewer on
+average, neighbouring samples are used in addition (`with_neighbours`)."""
 SLOPE_NOISE = 50.0
-"""Least distance for a slope in one pass, in standard deviations of the smoothed position's
-noise."""
+"""Smallest distance between two positions from which a slope is computed (`surroundings`), in
+standard deviations of the noise of the smoothed position."""
 
 FINEST = 0.0005
 """Relative standard deviation of k that smoothing and grid cause if the force of the body relaxes.

@@ -47,7 +47,7 @@ class Compared:
     target."""
 
     def levels(self, by: Sequence[str]) -> tuple[str, ...]:
-        """Return the levels of the factors `by`."""
+        """Return the level of each factor in `by`, for this recording."""
         return tuple(self.factors.get(name, NO_LEVEL) for name in by)
 
 
@@ -189,7 +189,10 @@ def group_of(
 
 
 def ranks_of(planned: Sequence[str], occurring: Iterable[str]) -> dict[str, int]:
-    """Return the position of each level of a factor in the order of `grouped`."""
+    """Return the rank of each level of a factor, from 0. The function `grouped` sorts by ranks.
+
+    The levels in `planned` are first, in their order. The other levels that occur follow.
+    """
     others = [level for level in dict.fromkeys(occurring) if level not in planned]
     with contextlib.suppress(ValueError):
         others = sorted(others, key=lambda level: math.inf if level == NO_LEVEL else float(level))

@@ -30,7 +30,7 @@ class Conditioned(NamedTuple):
     used: NDArray[np.intp]
     """Index of each sample in the record, shape (n,)."""
     apart: NDArray[np.intp]
-    """Index of each sample that follows omitted samples."""
+    """Index, in the conditioned samples, of each sample that follows omitted samples."""
 
 
 def conditioned(
@@ -73,7 +73,7 @@ class ConditionedBlocks:
         self._last: tuple[int, float] | None = None
 
     def add(self, signals: Signals) -> Conditioned:
-        """Condition the next samples. `used` and `apart` are indices in these samples."""
+        """Condition the next samples. In the result, `used` contains indices in these samples."""
         t, datum = signals.t, self._datum
         whole, settled = self._pieces.run(
             t, signals.x - datum.x, signals.f - datum.f, signals.dt, signals.gaps

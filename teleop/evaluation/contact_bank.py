@@ -13,8 +13,9 @@ from teleop.evaluation.masks import hysteresis
 from teleop.evaluation.phases import level_width
 
 FARTHEST = 1.0
-"""Time [s] to the next sample of the analysis above which a sample is between two sections, if the
-samples of the analysis are not further apart."""
+"""The analysis of a long record contains only sections of the record. A time is between two
+sections if it is farther than this [s], and than two sample periods of the analysis, from the next
+sample of the analysis."""
 
 
 class ContactBank(Bank):
@@ -44,9 +45,9 @@ class ContactBank(Bank):
 def contact_at(analysis: Analysis, t: Floats, f: Floats) -> NDArray[np.bool_]:
     """Return whether there is contact at each time.
 
-    Between the sections of a long record, which the analysis does not contain, there is contact if
-    the force differs from its level out of contact. Before the analysed part, the contact is that
-    at the start of this part.
+    The analysis of a long record contains only sections of the record. Between two sections, there
+    is contact if the force is above its level out of contact. Before the first analysed sample, the
+    contact is the same as at this sample.
 
     Parameters
     ----------

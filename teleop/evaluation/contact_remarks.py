@@ -17,7 +17,7 @@ CONSTANT = 0.02
 PULL = 0.05
 """Smallest adhesion that is reported, as a fraction of the force range."""
 PULL_NOISE = 6.0
-"""Least pull that is reported, in standard deviations of the noise of the smoothed force."""
+"""Smallest adhesion that is reported, in standard deviations of the noise of the smoothed force."""
 
 
 def adhesion(record: Prepared) -> float | None:

@@ -28,8 +28,8 @@ This number limits memory and computing time for a record of more than about ten
 intervals of such a record are narrow, even with this number of samples.
 """
 CORNER = 5.0
-"""Least difference between measured and smoothed values that is a corner, in standard deviations of
-the noise."""
+"""Smallest difference between measured and smoothed values that counts as a corner, in standard
+deviations of the noise."""
 SPEED_NOISE = 4.0
 """Least speed in loading, in standard deviations of the noise of the smoothed velocity."""
 SPARE = 6
@@ -77,7 +77,7 @@ class Rows:
         self.fine_powers = self.normalised(self.fine_x)[:, None] ** np.arange(1, DEGREES[-1] + 1)
 
     def normalised(self, x: Floats) -> Floats:
-        """Return positions [m] scaled such that positions in contact range from -1 to 1."""
+        """Scale positions x [m] such that the positions in contact range from -1 to 1."""
         return (x - self.origin) / self.scale
 
     def polynomial(self, theta: Floats) -> Floats:
@@ -116,8 +116,9 @@ class Rows:
     def relaxation(self) -> bool:
         """Whether the candidates may have relaxing parts.
 
-        They have none for a sine with a baseline or in contact throughout: then elastic force and
-        velocity describe any linear body, and k and b are k' and k''/omega.
+        They have none if the motion is a sine, and the force has a baseline or the record is in
+        contact throughout. In a steady sine, elastic force and velocity describe any linear body,
+        and k and b are k' and k''/omega.
         """
         constant = self.order == 0 and self.phases.free_force is not None
         return constant or not self.record.sinusoidal

@@ -31,10 +31,16 @@ OWN_ZERO = Datum(0.0, 0.0, "the file's own zero")
 def find_datum(signals: Signals, wanted: str, phases: Phases | None = None) -> Datum:
     """Return the position and force that are treated as zero.
 
-    With `contact`, the datum is the contact point and the force out of contact. With `auto`, the
-    datum is the same if the record has a contact point. Otherwise, the datum is the mean of the
-    moving part, because the force of a preloaded specimen is approximately linear about the mean
-    position. The names of the columns have no influence.
+    `wanted` is one of these, or states a position and a force:
+
+    - `contact`: the contact point and the force out of contact.
+    - `mean`: the mean of the moving part. The force of a preloaded specimen is approximately linear
+      about the mean position.
+    - `auto`: as `contact` if the record has a contact point, otherwise as `mean`.
+    - `file`: the zero of the file.
+    - `start`: the first sample.
+
+    The names of the columns do not influence the choice.
 
     Parameters
     ----------

@@ -42,7 +42,8 @@ from teleop.evaluation.signals import Signals
 from teleop.evaluation.smallest_step import smallest_step
 
 KEPT = 1 << 18
-"""Number of samples, multiplied by the number of estimators, whose estimates the commands keep."""
+"""Largest product of the number of kept samples and the number of estimators, for the commands. See
+the parameter `most` of `evaluate`."""
 
 
 def evaluate(
@@ -67,8 +68,8 @@ def evaluate(
     settings
         Settings of the evaluation.
     most
-        Approximate largest number of samples, multiplied by the number of estimators, whose
-        estimates are kept. If there are more, evenly spaced samples and the last sample are kept.
+        Approximate largest product of the number of samples whose estimates are kept and the number
+        of estimators. For a longer record, evenly spaced samples and the last sample are kept.
     write
         Function that is called with the columns and units of each block of samples.
 
@@ -182,7 +183,9 @@ def evaluate(
 
 
 def comparisons(bank: Bank, regression: Regression, fit: Fit) -> list[RunningComparison]:
-    """Return the comparisons of the estimators with least squares; none for the paper's three.
+    """Return the comparisons of the estimators with least squares.
+
+    There are none if the bank contains only the three estimators of the paper.
 
     Parameters
     ----------

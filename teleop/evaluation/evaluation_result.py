@@ -71,7 +71,7 @@ class Evaluation(Presented):
     """Fraction of the variance of the force that the conditioning keeps, from 0 to 1."""
     filter_note: Reason | None
     """How the delay of the force filter was compensated, or why it was not; None if the file states
-    no filter."""
+    no filter with delay, or if the settings state the lag."""
     gaps: tuple[tuple[float, float], ...] = ()
     """Time of the last sample before each gap, and of the first sample after the gap [s]."""
     averaged: AveragedPart = WHOLE

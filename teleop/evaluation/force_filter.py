@@ -44,7 +44,7 @@ class Compensated(NamedTuple):
 
     signals: Signals
     note: Reason | None
-    """How the delay was compensated, or why it was not; None if no filter is stated."""
+    """How the delay was compensated, or why it was not; None if no filter with delay is stated."""
 
 
 def stated_delay(text: str) -> float | None:

@@ -21,8 +21,9 @@ the stiffness permits."""
 LAG = 1.5
 """Safety factor on the travel between a peak of the force and the later peak of the position."""
 MOVED = 0.5
-"""Smallest travel of the position with its baseline, relative to the travel that is required
-without the baseline. At rest, only the baseline that is removed changes."""
+"""The travel is computed from the position without its baseline. The position with its baseline
+must travel at least this fraction of the required travel. Otherwise the tip is at rest, and only
+the removed baseline changes."""
 PEAKED = 0.3
 """Smallest height (`peak_height`) of a smooth peak of the force, as a fraction of the width of the
 level. A force with a smaller height counts as constant."""

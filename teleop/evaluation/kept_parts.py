@@ -25,8 +25,8 @@ class Sections:
     """Evenly spaced sections of samples that arrive in blocks.
 
     There are at most `SECTIONS` sections of `SECTION` s. If there are more, every second section is
-    dropped. The number of samples in a
-    section is computed from the median sample period of the first block.
+    dropped. The number of samples in a section is computed from the median sample period of the
+    first block.
     """
 
     def __init__(self) -> None:
@@ -59,7 +59,7 @@ class Sections:
 
     @property
     def starts(self) -> Sequence[int]:
-        """Index of the first sample of each section that does not follow the previous section."""
+        """Index of the first sample of each section that is preceded by a dropped section."""
         size = self._size
         return [] if self._every == 1 else list(range(size, len(self._kept) * size, size))
 
@@ -85,7 +85,7 @@ class Last:
         return len(next(iter(self._blocks[0].values()), ()))
 
     def columns(self, names: Iterable[str]) -> dict[str, Floats]:
-        """Return the columns, and release the blocks, one column after another."""
+        """Return the columns. Each column is removed from the blocks, to save memory."""
         return {
             name: np.concatenate([np.empty(0), *(block.pop(name) for block in self._blocks)])
             for name in names

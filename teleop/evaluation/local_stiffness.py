@@ -48,11 +48,11 @@ from teleop.evaluation.prepared import Prepared
 from teleop.evaluation.resampled import measurement_noise
 
 TIMES = 10
-"""Number of relaxation time constants that are tried, from 4 widths of the smoothing kernel to
-twice the length of the record, or to the time that the baseline describes."""
+"""Number of relaxation time constants that are tried. They are between 4 widths of the smoothing
+kernel and `Rows.longest_time`."""
 EXPLAINED = 0.9
-"""Least R^2 without relaxing parts for which these are fitted besides a baseline. A larger misfit
-is no relaxation: the part of it that is slow is in the baseline."""
+"""If the model has a baseline, relaxing parts are fitted only if R^2 without them exceeds this
+value. A larger misfit is not caused by relaxation, because slow relaxation is in the baseline."""
 REFINEMENTS = 3
 """Number of times that the step of log tau is halved in the search around the best time
 constant."""

@@ -20,8 +20,8 @@ from estimation.model import KELVIN_VOIGT
 WINDOW = 1.0
 """Window of batch least squares [s]. The one-step error of this method is the reference."""
 ROUNDING = 1e-9
-"""If the error of batch least squares is less than this fraction of the force, the ratio of the
-errors is NaN."""
+"""An error of batch least squares below this fraction of the force is a rounding error. Then the
+ratio of the errors is NaN."""
 TIMED = 2000
 """Number of samples over which the computing time of an estimator is measured."""
 
@@ -29,7 +29,8 @@ TIMED = 2000
 class Comparison(NamedTuple):
     """Errors of one estimator relative to a reference (b, k).
 
-    The first second is omitted; of a record shorter than two seconds, the first half.
+    The first second of the record is omitted. If the record is shorter than two seconds, its first
+    half is omitted.
     """
 
     one_step_ratio: float
@@ -75,7 +76,7 @@ def compare(
 
 
 class Errors(NamedTuple):
-    """Sums of one estimator over the samples after the first second."""
+    """Sums from which the `Comparison` of one estimator is computed, over the same samples."""
 
     force: float = 0.0
     """Sum of the squares of the error of the force prediction one step ahead [N^2]."""
@@ -103,7 +104,8 @@ class RunningComparison:
     names
         Names of the estimators that are compared.
     dt
-        Time since the previous sample [s], for all samples or some part of them, shape (n,).
+        Time since the previous sample [s], shape (n,). The usual sample period and the time that is
+        omitted are computed from it. A part of the samples is sufficient.
     b, k
         The reference, see `compare`.
     """
@@ -190,7 +192,8 @@ class RunningComparison:
 def cost(estimator: Estimator, regression: Regression) -> float:
     """Measure the computing time per sample on this machine [s], the shortest of three runs.
 
-    The code is measured as interpreted Python. The result is different in each call.
+    For this measurement, the estimator runs as interpreted Python, which is slower than compiled
+    code. The result is different in each call.
     """
     part = regression.part(slice(TIMED))
     further = part.further if estimator.model.further else None

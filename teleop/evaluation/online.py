@@ -20,7 +20,7 @@ from teleop.evaluation.conditioned import Conditioned
 from teleop.evaluation.model_comparison import Comparison, RunningComparison
 
 MISFIT, FURTHER = "misfit", "further"
-"""Keys of the kept arrays of an estimator."""
+"""Parts of the keys in `KeptArrays`: the misfit and the further parameters of an estimator."""
 Table = tuple[dict[str, Floats], dict[str, str]]
 """Columns of shape (n,) by name, and the unit of each column."""
 
@@ -60,7 +60,7 @@ class OnlineRun:
     bank, misfit, measure
         The estimators, their misfit and the excitation measure, which have processed no sample.
     comparisons
-        Comparisons with a reference; each has some of the estimators.
+        Comparisons of estimators with a reference. Each is a comparison of some of the estimators.
     period
         Usual sample period [s].
     count
@@ -103,7 +103,8 @@ class OnlineRun:
         samples
             The conditioned samples.
         recorded
-            Recorded b and k of each estimator after each sample, see `Block`.
+            Recorded b and k of each estimator after each sample, see
+            `teleop.evaluation.samples.Block`.
         """
         t, regression, used, apart = samples
         if not len(t):
@@ -196,7 +197,7 @@ class KeptArrays:
         self._arrays[key][start : start + len(values)] = values
 
     def put_estimates(self, start: int, name: str, estimates: Estimates) -> None:
-        """Store the estimates of one estimator, as `put`."""
+        """Store the estimates of one estimator in the same way as `put`."""
         for field, values in zip(Estimates._fields, estimates[:5], strict=False):
             self.put(start, (name, field), np.asarray(values))
         for parameter, series in estimates.further.items():

@@ -20,9 +20,9 @@ the median of the contact points is reported. The half width of the interval is 
 two values: the median half width, and Student's t times the standard deviation between approaches.
 
 **Phases.** In contact, loading and unloading are the monotone parts between turning points. A
-reversal counts as a turning point if it exceeds 5 % of the travel. A hold is a part in which the
-position stays within 2 % of its range for longer than a third of the median duration of the
-monotone parts.
+reversal counts as a turning point if it exceeds 5 % of the travel. A hold is the beginning or the
+end of a monotone part, in which the position changes by less than 2 % of its range in this part. A
+hold is longer than a third of the median duration of the motion in the monotone parts.
 """
 
 from __future__ import annotations
@@ -50,15 +50,16 @@ TURN = 0.05
 """Smallest reversal of the motion that separates loading from unloading, as a fraction of the
 travel."""
 STILL = 0.02
-"""Largest range of the position within a hold, as a fraction of the range of the monotone part."""
+"""Largest change of the position in a hold, as a fraction of the range of the monotone part."""
 HOLD = 0.33
-"""Shortest duration of a hold, as a fraction of the median duration of the monotone parts."""
+"""Shortest hold, as a fraction of the median duration of the motion in the monotone parts."""
 APPROACHES, MOST_POINTS = 10, 300
 """Approximate largest number of approaches to which the contact point is fitted, and of samples in
 each approach."""
 SHORT = 4
-"""If a record has fewer usable samples than `SHORT` guards for each end, no samples at its first
-and last end are omitted."""
+"""Samples within one guard of the start and the end of a record are not fitted. Exception: they are
+fitted if the record has few usable samples: at most `SHORT` guards for each of start, gaps and
+end."""
 GUARD = 3.5
 """Guard: samples within this number of kernel widths from the beginning or end of a contact are not
 fitted."""

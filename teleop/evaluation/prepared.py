@@ -32,12 +32,14 @@ from teleop.evaluation.turning_points import cycle_frequency, turning_points
 CORNER = 5.0
 """Corner frequency of the kernel, as a multiple of the upper end of the coherent band."""
 FINENESS = 4.0
-"""Smallest number of grid points per standard deviation of the kernel, if the record has enough."""
+"""Smallest number of grid points per standard deviation of the kernel, if the sampling rate of the
+record is high enough."""
 LARGEST_SHAPE = 1.2
 """Shape factor below which a motion counts as a sine. The shape factor (see `Prepared.sinusoidal`)
 is 1 for a sine, and about 1.4 for a triangle wave."""
 OUTLIERS = 5
-"""Number of samples of the median filter before the shape of a motion is computed."""
+"""Length of the median filter that removes outliers before the shape of a motion is computed
+[samples]."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from teleop.evaluation.unsuited import no_contact, too_few_per_cycle, unsuited
 WIDEST = 0.5
 """Half width of the interval of k, as a fraction of k, above which k is not identifiable."""
 MOTION = 10.0
-"""Smallest travel in contact, as a multiple of 2.5 standard deviations of the position noise."""
+"""Smallest travel in contact, in units of 2.5 standard deviations of the position noise."""
 DEPTH = 0.02
 """Smallest travel in contact, as a fraction of the travel of the record."""
 POOR = 0.9
@@ -29,8 +29,8 @@ it, noise is assumed."""
 CONSTANT_SPEED = 1e-9
 """Relative standard deviation of the speed below which it is constant."""
 SLIGHT = 0.02
-"""Residual of the Kelvin-Voigt model, as a fraction of the force, below which this model is
-sufficient."""
+"""Residual of the Kelvin-Voigt model below which this model is sufficient, as a fraction of 0.35
+times the force range. For a sine, this is the root mean square of the force."""
 SMALL_BASELINE = 0.05
 """Size of the baseline below which it is not reported, as a fraction of the force range."""
 FEWEST_INDEPENDENT = 35

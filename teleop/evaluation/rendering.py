@@ -37,7 +37,7 @@ SETTLING = 4.0
 """Time at the start of a trial that is omitted, because the local model has not converged [s]. At
 most half of the trial is omitted."""
 LEAST_FORCE = 0.5
-"""Contact force above which a tick is evaluated [N]."""
+"""Contact force, multiplied by the force gain, above which a tick is evaluated [N]."""
 FASTEST = 4.0
 """Frequency above which motion is not voluntary, but tremor or an oscillation of the loop [Hz]."""
 LEAST_DAMPING = 2.0
@@ -48,9 +48,10 @@ frequencies at which the hand receives more than `LEAST_DAMPING` |V|^2."""
 SEGMENT = 1.0
 """Duration of the segments of the motion of which the spectra are averaged [s]."""
 FIRST = 1 << 14
-"""Number of samples from which the duration of a segment in samples is computed."""
+"""Number of samples whose mean period gives the number of samples in a segment."""
 OLDEST = 10.0
-"""Longest age of a motion that the slave executes [s], more than a channel can delay it."""
+"""Time for which the motion of the hand is kept [s], to compare it with the delayed motion of the
+slave. No communication channel delays a motion by this time."""
 
 
 class Rendering(NamedTuple):
@@ -66,7 +67,8 @@ class Rendering(NamedTuple):
     motion, multiplied by force gain and motion scale."""
     felt_force_error: float
     """Root mean square difference between the felt force and the contact force of the same motion,
-    divided by the root mean square contact force."""
+    divided by the root mean square contact force. The contact force is multiplied by the force
+    gain."""
     energy_min_j: float
     """Lowest energy that the hand had given to the displayed environment up to any time [J];
     negative if the environment gave energy to the hand. The energy in the virtual damping and mass
@@ -215,7 +217,7 @@ class RunningSpectra:
     """Spectra of velocity and force, from which oscillations of the loop are detected.
 
     The spectra are averages over overlapping segments (P. D. Welch, IEEE Trans. Audio
-    Electroacoust. 15(2), 1967). The period of the samples is the mean of the first `FIRST` samples
+    Electroacoust. 15(2), 1967). The sample period is the mean period of the first `FIRST` samples
     or more.
     """
 

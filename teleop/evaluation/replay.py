@@ -22,7 +22,7 @@ def is_replayed(column: str) -> bool:
 
 
 def is_reported(column: str) -> bool:
-    """Return whether a column may be shown in a report: all but those of the estimators."""
+    """Return whether a report may show a column. It shows no columns of the estimators."""
     return not column.endswith(("_b", "_k", "_std", "_held", "_misfit"))
 
 

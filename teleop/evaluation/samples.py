@@ -22,7 +22,7 @@ from teleop.recording.stream import RecordingStream
 BLOCK = 1 << 14
 """Number of samples in a block of a long record."""
 WHOLE = 1 << 16
-"""Largest number of samples in a single block, if the record has no more samples."""
+"""Largest number of samples of a record that is processed in a single block."""
 NEEDED = ("time", "dt", "dropped", "x", "paired_position", "paired_force", "paired_dt")
 """Columns that are needed to evaluate a recorded trial."""
 
@@ -79,16 +79,17 @@ class Samples:
 class RecordedSamples(Samples):
     """Samples of a recorded trial, which are read from the file twice.
 
-    The file is read when the object is made, and again by `blocks`. Of a long
-    recording, `signals` contains evenly spaced sections (see `Sections`). So the memory does not
-    depend on the duration; it increases with the rate.
+    The file is read when the object is made, and again by `blocks`. If the recording is long,
+    `signals` contains only evenly spaced sections (see `Sections`). Therefore, the required memory
+    does not depend on the duration; it increases with the sampling rate.
 
     Parameters
     ----------
     path
         The recording.
     is_wanted
-        Function that takes the name of a column, and returns whether `recording` has it.
+        Function that takes the name of a column, and returns whether the attribute `recording`
+        contains this column.
 
     Raises
     ------
@@ -120,7 +121,7 @@ class RecordedSamples(Samples):
             settings=stream.settings,
             gaps=stream.gaps,
         )
-        """The recording. It has the columns `is_wanted`, and of a long recording only `Last`."""
+        """The recording with the wanted columns. Of a long one, only the end is kept (`Last`)."""
         t, x, f, dt = sections.samples()
         gaps = with_gaps(t, dt, ends_of(stream.gaps), sections.starts)
         super().__init__(Signals(t, x, f, dt, "slave_position", gaps))

@@ -27,11 +27,12 @@ LEAST_RISE = 4.0
 """Least change of the force, in standard deviations of its scatter about a parabola over the
 position."""
 HIGHEST = 5.0
-"""Upper end of the band, as a multiple of the inverse of the duration of the motion. It gives the
-fit of the models about 80 independent samples in a stroke that is in contact throughout."""
+"""Upper end of the band, as a multiple of the inverse of the duration of the motion. With this
+value, about 80 independent samples are fitted in a stroke that is in contact throughout."""
 WIDEST = 3.0
-"""Largest ratio of the upper end of the coherent band to that of the band of the stroke. The tapers
-of the coherent band leak a little power from the ends of a slow stroke to all frequencies."""
+"""Largest upper end of the coherent band, as a multiple of the upper end of the stroke band. The
+limit is necessary because the tapers of the coherent band leak a little power from the ends of a
+slow stroke to all frequencies."""
 
 
 def block_length(x: Floats) -> int:
@@ -90,8 +91,9 @@ def stroke_band(x: Floats, f: Floats, period: float, noise: float) -> CoherentBa
 def combined(band: CoherentBand, stroke: CoherentBand) -> CoherentBand:
     """Return the band of a motion that never reverses, from its coherent band and its stroke band.
 
-    It is the coherent band, if that is significant: a hold or a step within the stroke has a wider
-    spectrum than the stroke.
+    If the coherent band is significant, it is used, because a hold or a step within the stroke has
+    a wider spectrum than the stroke. `WIDEST` limits its upper end. Otherwise, the stroke band is
+    used.
     """
     if band.coherence < COHERENT[0]:
         return stroke

@@ -10,7 +10,8 @@ from estimation.compiled import Floats
 def typical_speed(v: Floats) -> float:
     """Return the speed above which half of the distance is travelled.
 
-    A percentile of the speed over time is that of the noise if the record is mostly at rest.
+    This speed is used instead of a percentile over time: in a record that is mostly at rest, such a
+    percentile is the speed of the noise.
 
     Parameters
     ----------

@@ -11,16 +11,18 @@ from estimation.compiled import Floats
 STROKE = 0.2
 """Least stroke in a record that is mostly at rest, as a fraction of the range of the position."""
 WHOLE = 0.7
-"""Least stroke of a cycle, relative to the median. A motion that begins at its middle has less."""
+"""Smallest inward stroke that is used, relative to the median stroke. The first stroke is smaller
+if the motion begins in the middle of its range."""
 FEWEST_INNER = 5
-"""Number of cycles above which the first and the last are not used: the baseline moves them."""
+"""If there are more inward strokes, the first and the last are not used, because the removal of the
+baseline shifts them."""
 REGULAR = 0.5
 """Largest relative difference of the duration of a cycle from the median. A longer cycle contains a
 rest."""
 
 
 def least_stroke(x: Floats) -> float:
-    """Return the smallest stroke that counts, whatever part of the record is at rest [m]."""
+    """Return the smallest stroke that counts [m], also if the record is mostly at rest."""
     low, high = np.percentile(x, [1.0, 99.0])
     return max(float(np.std(x)), STROKE * float(high - low))
 

@@ -68,7 +68,7 @@ def unsuited(record: Prepared, phases: Phases) -> Reason | None:
 
 
 def no_contact(record: Prepared) -> str:
-    """Return the reason for no stiffness if the force does not follow the displacement."""
+    """Return the text of the reason that the force does not follow the displacement."""
     if is_single_stroke(record.raw_x, record.x_noise):
         return (
             f"the force changes by less than {LEAST_RISE:g} standard deviations of its scatter "

@@ -19,10 +19,10 @@ from teleop.output.comparison_scales import Interval, factor_of_rows, set_scale
 from teleop.output.figure_files import plain
 
 RECORDINGS = (-0.32, 0.08)
-"""Positions of the first and the last recording of a group relative to that of the group, as
-fractions of the distance between two groups."""
+"""Positions of the first and the last recording of a group, relative to the position of the group,
+as fractions of the distance between two groups."""
 MEAN = 0.3
-"""Position of the mean of a group, relative to that of the group."""
+"""Position of the mean of a group, relative to the position of the group."""
 CHARACTERS = 9.0
 """Largest number of characters per inch of width for which group names are written horizontally."""
 LONGEST_LEVEL = 24
@@ -148,7 +148,7 @@ def interval(result: Result, symbol: str) -> Interval:
 def draw_panel(
     axes: Axes, places: Iterable[Place], names: Sequence[tuple[str, ...]], symbol: str
 ) -> None:
-    """Draw k or b (`symbol`) of groups, at the positions of their names in `names`."""
+    """Draw k or b (`symbol`) of groups, each at the index of its name in `names`."""
     intervals: list[Interval] = []
     for place in places:
         at = names.index(place.name)

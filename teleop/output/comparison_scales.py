@@ -15,7 +15,8 @@ MOST_ROWS = 6
 """Largest number of rows of panels."""
 
 DECADES = 4
-"""Largest number of intervals between the numbers on each side of zero on a logarithmic axis."""
+"""Largest number of intervals between labelled values, on each side of zero, if an axis is
+logarithmic for positive and negative values."""
 MINUS = "\u2212"
 """Minus sign, as matplotlib writes it."""
 Interval = tuple[float, float]

@@ -80,7 +80,7 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
 
 
 def pooled_text(names: Sequence[str]) -> str:
-    """Return what a mean over recordings with different levels of these factors is."""
+    """Return a note that explains means over recordings with different levels of these factors."""
     several = ", ".join(names)
     return (
         f"Recordings that differ in {several} are pooled: the interval contains the differences "
@@ -221,7 +221,7 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
 
 
 def kinds_of_b(rows: Iterable[Compared]) -> list[str]:
-    """Return the kinds of the damping of the results that exist."""
+    """Return the kinds of b that occur in the results, in the order of `MEANING`."""
     found = {row.result.kinds["b"] for row in rows if row.result.identifiable}
     return [kind for kind in MEANING if kind in found]
 

@@ -14,7 +14,8 @@ from teleop.output.result_tables import print_models, print_result, with_half
 from teleop.recording.gaps import Gap, missing_text
 
 STALL = 20.0
-"""Ratio of the longest to the median sample period above which a warning is printed."""
+"""Deviation of a sample period from the median, as a fraction of the median, above which a warning
+is printed."""
 GAPS_LISTED = 3
 """Largest number of gaps between samples that are listed."""
 MEANINGLESS = 1e6
@@ -165,7 +166,7 @@ def percent(share: float) -> str:
 
 
 def left_out_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return a line that states which part of the record the tables of estimates leave out."""
+    """Return a line with the part of the record that results and tables leave out, if any."""
     left_out = summary["left_out"]
     return [f"results and tables leave out {left_out}"] if left_out else []
 

@@ -16,7 +16,8 @@ def feedback_figure(recording: Recording) -> Figure:
     Parameters
     ----------
     recording
-        Recording of a trial with force feedback or a channel, with the settings of the trial.
+        Recording of a trial with force feedback or a communication channel. It contains the
+        settings of the trial.
     """
     settings = recording.settings
     admittance = settings["admittance"]

@@ -16,7 +16,7 @@ MOST_DECIMALS = 12
 
 
 UNDETERMINED = 1e-200
-"""Width of the interval of a parameter on which the record does not depend."""
+"""If the interval of a parameter is narrower than this, the record does not depend on it."""
 
 
 def print_result(summary: Mapping[str, Any], name: str) -> None:

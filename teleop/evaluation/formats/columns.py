@@ -159,7 +159,7 @@ def find_column(where: str, headings: Sequence[Heading], kind: str, wanted: Want
 def place_of(
     where: str, headings: Sequence[Heading], kind: str, asked: str | None
 ) -> tuple[int, str | None]:
-    """Return the index of a quantity's column, and the unit that the user states; None for none."""
+    """Return the index of a quantity's column, and the unit that the user states or None."""
     if asked is None:
         names = [plain(heading.name) for heading in headings]
         ends = [last_name(heading.name) for heading in headings]

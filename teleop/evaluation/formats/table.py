@@ -62,7 +62,7 @@ def missing(library: str, what: str) -> InputError:
 
 @contextlib.contextmanager
 def reading(path: Path, what: str) -> Iterator[None]:
-    """Convert exceptions that a library raises while it reads a file in the block to `InputError`.
+    """Convert the exceptions of a library that reads a file within the block to `InputError`.
 
     Raises
     ------

@@ -116,7 +116,11 @@ def calibrate(start: Vector, pool: Executor) -> Vector:
         return np.array(out)
 
     def slopes(logarithms: Vector) -> Vector:
-        """Return the Jacobian from five evaluations. k1, k3 of a cube affect only its trials."""
+        """Return the Jacobian.
+
+        Five evaluations are sufficient, because k1 and k3 of a cube affect only its own trials:
+        the values of all cubes are changed together.
+        """
         here = residuals(logarithms)
         out = np.zeros((len(here), len(start)))
         own = np.repeat(np.eye(len(CUBES)), len(here) // len(CUBES), axis=0)

@@ -65,7 +65,7 @@ class Journal:
         return self._last.get(trial)
 
     def last_answered(self) -> int | None:
-        """Return the number of the trial that was last started or skipped; None without one."""
+        """Return the number of the last started or skipped trial; None if there is none."""
         answered = ("started", "skipped")
         return next((e["trial"] for e in reversed(self.entries) if e["entry"] in answered), None)
 

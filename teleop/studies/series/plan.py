@@ -30,8 +30,9 @@ SETTINGS: dict[str, Collection[str]] = {
     "specimen": (),
     "operator": (),
 }
-"""Factors that set the setting of the same name, with the values of this setting; empty for any
-name. A level with other settings in `levels` may have a name that is not a value of the setting."""
+"""Factors that set the setting of the same name, each with the permitted values of this setting. If
+no values are listed, any name is permitted. A level for which the plan states settings in `levels`
+need not be a permitted value. If it is not, it does not set the setting of the same name."""
 
 
 class Plan(BaseModel):

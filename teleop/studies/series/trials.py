@@ -23,7 +23,7 @@ from teleop.trial.configuration import complete_settings
 from teleop.trial.settings import TrialSettings
 
 PLACES = "[settings] or [levels]"
-"""Places of a plan in which a setting can be set."""
+"""Places of a plan in which a setting can be set, for messages."""
 
 
 @dataclass(frozen=True)

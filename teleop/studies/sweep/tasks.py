@@ -26,7 +26,7 @@ from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
 CHECKED = 100
-"""Number of points whose settings are checked before a sweep begins."""
+"""Largest number of points whose settings are checked before a sweep begins."""
 TRUTH = {"k_deepest": "true k [N/m]", "b": "true b [N s/m]"}
 """Headings of the true values of a simulated trial."""
 SEED, ESTIMATOR = "seed", "estimator"
@@ -156,7 +156,7 @@ def task_of(plan: SweepPlan, folder: Path) -> Task:
 
 
 def check(task: Task, points: Sequence[Point]) -> None:
-    """Check the settings of some points before a sweep begins.
+    """Check the settings of some points, up to the first valid point, before a sweep begins.
 
     Raises
     ------
