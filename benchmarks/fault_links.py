@@ -7,7 +7,7 @@ from fault_case import Case
 from sim_backend.channel import ChannelSettings
 from teleop.control.feedback.law import PASSIVE, Master, Report
 
-CHANNEL = ChannelSettings(delay=0.02, jitter=5e-3, loss=0.05)
+CHANNEL = ChannelSettings(delay=0.025, jitter=5e-3, loss=0.05)
 """Channel of the trials with force feedback."""
 
 

@@ -3,14 +3,15 @@
     python benchmarks/faults.py                     # 500 times per kind and condition
     python benchmarks/faults.py --instants 50
     python benchmarks/faults.py --real 2            # also in real time, twice each
-    python benchmarks/faults.py --law model-mediated     # only with force feedback over a channel
+    python benchmarks/faults.py --law model-mediated     # only with this force feedback
 
-In virtual time, a trial runs once for each condition and cube. At each of the random times, the
-process forks, and the fault is injected in the child process. The commands to the drives and the
-true contact force are read from the simulated plant, not from the controller's measurements. For
-each kind of fault, three values are printed: the longest time to standstill, the limit of this
-time, and the largest overshoot over the hard force limit. The exit code is 1 if any case differs
-from docs/safety.md.
+In virtual time, a trial runs once for each law of force feedback, condition and cube. The trials
+with force feedback have a communication channel, and settings for which the law is stable. At each
+of the random times, the process forks, and the fault is injected in the child process. The commands
+to the drives and the true contact force are read from the simulated plant, not from the
+controller's measurements. For each kind of fault, three values are printed: the longest time to
+standstill, the limit of this time, and the largest overshoot over the hard force limit. The exit
+code is 1 if any case differs from docs/safety.md.
 """
 
 from __future__ import annotations
@@ -24,24 +25,44 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from fault_case import CampaignClock, Case
 from fault_kinds import CHANNEL, KINDS, PERIOD, late_jumps
 from fault_run import run_case
 
 from sim_backend.faults import FaultyRig
+from teleop.control.admittance import AdmittanceParameters
 from teleop.control.clock import Tick
 from teleop.control.feedback.settings import FeedbackSettings
+from teleop.names import FeedbackName
 from teleop.trial.assembly import make_clock, make_rig
 from teleop.trial.settings import TrialSettings
 
+CUBES = ("soft", "medium", "hard")
+
+
+class Trials(NamedTuple):
+    """Trials with one law of force feedback, in which faults are injected."""
+
+    conditions: tuple[str, ...] = ("free", "mimic")
+    cubes: tuple[str, ...] = CUBES
+    damping: float = 15.0
+    """Virtual damping [N s/m]."""
+
+
+TRIALS: dict[FeedbackName, Trials] = {
+    "none": Trials(conditions=("free", "mimic", "autonomous")),
+    "model-mediated": Trials(),
+    "position-force": Trials(cubes=("soft",), damping=200.0),
+    "passivity": Trials(cubes=("soft",)),
+}
 LATE = 0.02
 """Allowed lateness of a tick in real time without real-time settings [s]."""
 
 
 def virtual(
-    condition: str, cube: str, names: list[str], instants: int, seed: int, law: str = "none"
+    condition: str, cube: str, names: list[str], instants: int, seed: int, law: FeedbackName
 ) -> list[dict]:
     """Inject all kinds of fault at random times of one trial, each in its own child process."""
     names = [name for name in names if law != "none" or not KINDS[name].linked]
@@ -51,6 +72,7 @@ def virtual(
         clock="virtual",
         duration=7.0,
         feedback=FeedbackSettings(law),
+        admittance=AdmittanceParameters(damping=TRIALS[law].damping),
         channel=None if law == "none" else CHANNEL,
     )
     clock = CampaignClock(settings.rate)
@@ -150,18 +172,14 @@ def main() -> int:
     parser.add_argument("--kind", action="append", choices=sorted(KINDS), help="only these kinds")
     parser.add_argument("--real", type=int, default=0, help="also runs of each in real time")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument(
-        "--law", action="append", choices=("none", "model-mediated"), help="only these laws"
-    )
+    parser.add_argument("--law", action="append", choices=list(TRIALS), help="only these laws")
     options = parser.parse_args()
     names = options.kind or list(KINDS)
-    conditions, cubes = ("free", "mimic", "autonomous"), ("soft", "medium", "hard")
-    each = math.ceil(options.instants / len(cubes))
-    laws = options.law or ["none", "model-mediated"]
     jobs = [
-        (condition, cube, names, each, options.seed, law)
-        for law in laws
-        for condition in (conditions if law == "none" else ("free", "mimic"))
+        (condition, cube, names, math.ceil(options.instants / len(cubes)), options.seed, law)
+        for law, (conditions, cubes, _) in TRIALS.items()
+        if law in (options.law or TRIALS)
+        for condition in conditions
         for cube in cubes
     ]
     started = time.perf_counter()
@@ -171,10 +189,10 @@ def main() -> int:
     if options.real:
         late_jumps()
         timed = [
-            real(condition, cubes[(i + run) % 3], name, run)
+            real(condition, CUBES[(i + run) % 3], name, run)
             for run in range(options.real)
             for i, name in enumerate(n for n in names if not KINDS[n].linked)
-            for condition in conditions
+            for condition in TRIALS["none"].conditions
         ]
         print(f"\nreal time, {len(timed)} cases")
         bad += table(timed)
