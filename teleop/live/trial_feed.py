@@ -129,6 +129,7 @@ class TrialFeed(Feed):
         texts = [*self._faults[:1], self._text]
         return {
             "mode": mode,
+            "faulted": bool(self._faults),
             "text": "; ".join(dict.fromkeys(filter(None, texts))) or self._advice(mode, by_page),
             "armed_by": ("page" if by_page else "terminal") if self._begin else None,
             "armed_at": self._armed_at,

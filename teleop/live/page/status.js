@@ -14,7 +14,6 @@ export class Status {
     this.state = null;
     this.trial = null;
     this.notice = "";
-    this.faulted = false; // whether the trial was stopped by a fault
     connection.on("welcome", (message) => {
       this.kind = message.kind;
       document.body.classList.toggle("is-replay", message.kind === "replay");
@@ -54,7 +53,6 @@ export class Status {
 
   #trial(message) {
     this.trial = message;
-    this.faulted = false;
     const subject = this.byId("subject");
     if (!subject) return;
     const parts = [message.condition, message.specimen, message.simulated ? "simulated rig" : message.rig];
@@ -66,8 +64,7 @@ export class Status {
     this.state = message;
     if (message.armed_at !== undefined) this.store.setOrigin(message.armed_at);
     const mode = this.byId("mode");
-    if (message.mode === "fault") this.faulted = true;
-    const failed = this.faulted && message.mode === "ended";
+    const failed = message.faulted && message.mode === "ended";
     if (this.kind !== "replay") {
       mode.textContent = failed ? "ended by a fault" : message.mode;
       mode.dataset.mode = document.body.dataset.mode = failed ? "fault" : message.mode;

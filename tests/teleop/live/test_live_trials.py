@@ -180,10 +180,12 @@ def test_stop_from_any_page_is_an_emergency_stop(start):
     async def scenario(command):
         async with command.page() as first, command.page() as other, beating(first):
             await arm(first)
+            assert not first.latest["state"]["faulted"]
             await other.send("stop")
             await first.until(first.is_in("fault"))
             assert first.latest["state"]["text"] == "emergency stop: live page"
             await first.until(first.is_in("ended"))
+            assert first.latest["state"]["faulted"]
 
     command = start("run", "--live", "--duration", "20", "--record", "one.mcap")
     run(scenario(command))

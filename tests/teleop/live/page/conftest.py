@@ -137,7 +137,7 @@ class TrialFeed(Feed):
         self.mode = mode
         self.text = "a text"
         self.is_sending = True
-        self.is_over = False
+        self.is_over = self.is_faulted = False
         self.armed_at = 0.0
         self.requests = []
         self.welcome = {
@@ -222,6 +222,7 @@ class TrialFeed(Feed):
         health = {"overruns": 2, "skipped": 1, "dropped": 0, "lateness_max": 55e-6}
         return {
             "mode": self.mode,
+            "faulted": self.is_faulted,
             "text": self.text,
             "armed_by": None,
             "armed_at": self.armed_at,

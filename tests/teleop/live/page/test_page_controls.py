@@ -35,6 +35,19 @@ def test_stop_is_sent_and_the_fault_is_shown_in_words(how, view, trial_feed, ser
     assert page.locator("#text").inner_text() == "Emergency stop: STOP was pressed on the page."
 
 
+@pytest.mark.parametrize(
+    ("is_faulted", "text"), [(True, "ended by a fault"), (False, "ended")], ids=["fault", "end"]
+)
+def test_a_page_opened_after_a_trial_shows_whether_a_fault_ended_it(
+    is_faulted, text, trial_feed, serve, open_page
+):
+    feed = trial_feed(mode="ended")
+    feed.is_faulted = is_faulted
+    page = open_page(serve(feed).url())
+    wait_for(page, f"document.getElementById('mode').textContent === '{text}'")
+    assert (page.locator("#mode").get_attribute("data-mode") == "fault") is is_faulted
+
+
 @pytest.mark.parametrize("focus", ["#unlock", "#condition", "#tool", "#notes-area summary"])
 def test_space_stops_wherever_the_focus_is_and_presses_nothing(focus, trial_feed, serve, open_page):
     feed = trial_feed(mode="ready")
