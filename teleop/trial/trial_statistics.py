@@ -53,8 +53,7 @@ class TrialStatistics:
     contact_time
         Time in contact in the averaged part of the trial [s].
     limited
-        Number of ticks with updated estimators at which each soft limit reduced the command, by the
-        name of the limit.
+        Number of ticks at which each soft limit reduced the command, by the name of the limit.
     left_out
         Description of the samples outside the averaged part; empty if there are none.
     """
@@ -82,6 +81,9 @@ class TrialStatistics:
         """Add the next ticks."""
         self._timing.add(block)
         self.ticks += int(np.isin(block["mode"], (ACTIVE, STOPPING)).sum())
+        flags = block["limited"].astype(int)
+        for name, flag in LIMITS.items():
+            self.limited[name] += int(((flags & flag) > 0).sum())
         if self._rendering:
             self._rendering.add(block.where(block["mode"] == ACTIVE))
         estimated = block.estimated()
@@ -90,9 +92,6 @@ class TrialStatistics:
         if len(t):
             self.end = float(t[-1])
         self.depth = float(np.max(np.abs(estimated["slave_position"]), initial=self.depth))
-        flags = estimated["limited"].astype(int)
-        for name, flag in LIMITS.items():
-            self.limited[name] += int(((flags & flag) > 0).sum())
         self._averages.begin(t, regression, estimated["excitation"])
         for name, estimates in estimated.estimates().items():
             self._averages.add(name, estimates, estimated.misfit(name))

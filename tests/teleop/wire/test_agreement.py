@@ -8,6 +8,8 @@ from sim_backend import Cube, Relaxing, Setup
 from teleop.output.report_page import report_page
 from teleop.recording.message import Layout
 from teleop.recording.recording import from_messages
+from teleop.safety.soft_limits import VELOCITY
+from teleop.safety.tightened_limits import TightenedLimits
 from teleop.trial.metadata import session_metadata
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
@@ -36,6 +38,16 @@ def test_estimates_are_those_of_the_simulated_rig(stepped, name):
     assert k == pytest.approx(true_k, rel=0.05)
     if name == "serial-board":  # sampling times of the others are known to half a tick only
         assert b == pytest.approx(true_b, abs=0.25e-3 * true_k)  # a quarter of a tick
+
+
+def test_every_limited_tick_is_counted_although_the_force_sensor_is_slower_than_the_loop(in_memory):
+    slow = TightenedLimits(max_velocity=0.01)
+    trial = in_memory("cia402-ft300", duration=1.0, tightened_limits=slow).run()
+    flags = trial.recording["limited"].astype(int)
+    summary = trial.summary()
+    assert summary["pairs"] < 0.5 * summary["ticks"]
+    counted = summary["safety"]["limited_ticks"]["velocity"]
+    assert counted == sum((flags & VELOCITY) > 0) > summary["pairs"]
 
 
 def test_the_target_of_mimic_is_followed_as_on_the_simulated_rig(in_memory):
