@@ -35,8 +35,13 @@ NAP = 0.02
 The recorder sleeps for this time instead of waiting for data. Otherwise, each write of the control
 process to the pipe would have to wake the recorder, which would delay the control process.
 """
-FLUSH = 0.05
-"""Time between two flushes of the file [s]."""
+FLUSH = 0.25
+"""Time between two flushes of the file [s].
+
+Each flush ends a chunk of the file. The index of the chunks, 200 bytes each, stays in memory until
+the end of the trial. A shorter time would let the memory grow without a use: if the recorder is
+killed, the recording is not complete in any case.
+"""
 BULK = 1 << 16
 """Largest number of bytes that are read from the pipe at a time."""
 DOUBLE = struct.Struct("<d")

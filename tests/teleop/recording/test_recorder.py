@@ -20,6 +20,7 @@ from estimation import paper_preset
 from teleop.errors import InputError
 from teleop.recording.mcap_reader import read_intact
 from teleop.recording.message import Layout
+from teleop.recording.process import FLUSH
 from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import load
 from teleop.safety import Event, Fault, Mode
@@ -93,7 +94,7 @@ def test_the_file_grows_while_the_loop_runs(tmp_path):
     for i in range(300):
         sink.push(message(i * 1e-3))
         time.sleep(1e-3)
-    time.sleep(0.1)
+    time.sleep(2 * FLUSH)
     kept = len(read_intact(path).messages) // LAYOUT.size
     assert kept >= 200
     sink.close()
@@ -104,7 +105,7 @@ def test_a_killed_recorder_is_reported_and_its_flushed_data_are_kept(tmp_path):
     sink = recorder(path)
     for i in range(2000):
         sink.push(message(i * 1e-3))
-    time.sleep(0.3)
+    time.sleep(2 * FLUSH)
     sink.process.kill()
     sink.process.wait()
     for i in range(2000, 2100):
