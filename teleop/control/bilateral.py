@@ -88,7 +88,7 @@ class BilateralLink(Link):
         self._slave.align()
         self._energy.reset()
         if self._oscillation:
-            self._oscillation.reset()
+            self._oscillation.reset(self._admittance.position)
         now = measurement.time
         self.reports.reset(now, Report())
         self.motions.reset(now, Motion(self._admittance.position))
@@ -107,18 +107,29 @@ class BilateralLink(Link):
         )
         start, share = admittance.position, 0.0
         if self._oscillation:
-            share = self._oscillation.update(self._force, start - self._start, self._dt)
+            share = self._oscillation.update(self._force, start, self._dt)
         self._start = start
         motion = motions.exchange(now, master.step(force, report, dt))
         slave = self._slave.velocity(motion, measurement, dt)
         displayed, model, tank = master.state
         self._started, self._force, self._dt = master.started, force, dt
-        silence = now - min(reports.due, motions.due)
+        due = reports.due if reports.due < motions.due else motions.due
+        silence = now - due
         if silence > self._max_silence or energy < -master.allowance or share > MOST_SHARE:
             self.faults = self._detected(now, silence, energy, share)
         k, k3, b, _ = model
-        ages = now - reports.sent, now - motions.sent
-        values = (displayed, k, k3, b, tank, energy, motion.energy, report.energy, *ages)
+        values = (
+            displayed,
+            k,
+            k3,
+            b,
+            tank,
+            energy,
+            motion.energy,
+            report.energy,
+            now - reports.sent,
+            now - motions.sent,
+        )
         self.values = new_tuple(LinkValues, values)
         return new_tuple(Command, (admittance.velocity, slave))
 

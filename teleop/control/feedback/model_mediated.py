@@ -45,6 +45,7 @@ class ModelMediatedMaster(Master):
     ) -> None:
         super().__init__(admittance, scale, gain)
         self._glued = glued
+        self._damping = admittance.parameters.damping
         ratio = gain * scale
         self._ratios = ratio, ratio * scale * scale
         self.align()
@@ -64,7 +65,7 @@ class ModelMediatedMaster(Master):
         # If a velocity changes linearly, its mean square is at least the square of its mean. The
         # motion of the last tick is known only now, because a limit may have reduced the velocity.
         mean = 0.5 * (self._before + before)
-        self._tank.fill(admittance.parameters.damping * mean * mean * self._dt)
+        self._tank.fill(self._damping * mean * mean * self._dt)
         self._before, self._dt = before, dt
         if report.model is not self._reached:
             self._approach(report.model, start, dt)

@@ -125,36 +125,38 @@ class Oscillation:
     """Observer of an oscillation that the loop sustains at the port of the hand."""
 
     def __init__(self) -> None:
-        self.reset()
+        self.reset(0.0)
 
-    def reset(self) -> None:
-        """Discard all samples."""
+    def reset(self, position: float) -> None:
+        """Discard all samples, and begin at a position [m] of the virtual mass."""
         self.share = 0.0
         """Share of the mean square velocity that the loop sustains, 0 to about 1."""
-        self._impulse = self._travel = self._span = self._age = 0.0
+        self._position = position
+        self._impulse = self._span = self._age = 0.0
         self._high_pass, self._split = Split(SLOWEST), Split(SPLIT)
         self._tune(PERIOD)
         self._fast, self._slow = Band(), Band()
         self._sustained = self._motion = 0.0
 
-    def update(self, force: float, travel: float, dt: float) -> float:
+    def update(self, force: float, position: float, dt: float) -> float:
         """Process the motion of one tick, and return the share that the loop sustains.
 
         Parameters
         ----------
         force
             Force of the hand during the motion [N].
-        travel
-            Change of the position of the virtual mass [m].
+        position
+            Position of the virtual mass at the end of the motion [m].
         dt
             Duration of the motion [s].
         """
         self._impulse += force * dt
-        self._travel += travel
         self._span += dt
         if self._span >= PERIOD - ROUNDING:
-            self._sample(self._impulse / self._span, self._travel / self._span, self._span)
-            self._impulse = self._travel = self._span = 0.0
+            span, travel = self._span, position - self._position
+            self._sample(self._impulse / span, travel / span, span)
+            self._position = position
+            self._impulse = self._span = 0.0
         return self.share
 
     def _tune(self, dt: float) -> None:

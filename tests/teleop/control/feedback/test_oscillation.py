@@ -38,9 +38,9 @@ def sine(frequency, impedance, speed=10e-3, dt=1e-3):
 def largest(velocity, force, dt=1e-3):
     """Return the largest share that the observer finds."""
     observer = Oscillation()
+    position = np.cumsum(velocity * dt)
     return max(
-        observer.update(f, v * dt, dt)
-        for v, f in zip(velocity.tolist(), force.tolist(), strict=True)
+        observer.update(f, x, dt) for x, f in zip(position.tolist(), force.tolist(), strict=True)
     )
 
 
@@ -136,10 +136,11 @@ def test_only_a_law_that_displays_the_slave_is_observed(law):
 def test_the_observer_begins_again_when_the_drives_are_armed():
     observer = Oscillation()
     velocity, force = sine(20.0, -15.0)
-    for v, f in zip(velocity.tolist(), force.tolist(), strict=True):
-        observer.update(f, v * 1e-3, 1e-3)
+    position = np.cumsum(velocity * 1e-3)
+    for x, f in zip(position.tolist(), force.tolist(), strict=True):
+        observer.update(f, x, 1e-3)
     assert observer.share > MOST_SHARE
-    observer.reset()
+    observer.reset(0.0)
     assert observer.share == 0.0
     assert vars(observer).keys() == vars(Oscillation()).keys()
-    assert observer.update(force[-1], velocity[-1] * 1e-3, 5e-3) == 0.0
+    assert observer.update(force[-1], position[-1], 5e-3) == 0.0
