@@ -32,6 +32,31 @@ def print_trial(summary: Mapping[str, Any]) -> None:
     )
     if summary["interrupted"]:
         console.print("  INTERRUPTED before the end", style="bold yellow")
+    if summary["pairs"]:
+        print_results(console, summary)
+    else:
+        console.print("  no results: the trial ended before its first sample", style="yellow")
+    loop = summary["loop"]
+    if summary["clock"] == "virtual":
+        console.print(f"  loop: {summary['ticks']} ticks at {loop['rate_hz']:g} Hz, virtual time")
+    else:
+        print_loop(console, summary)
+    print_rejected(console, summary["rejected"])
+    print_limited(console, summary["safety"])
+    recording = summary["recording"]
+    if recording["path"]:
+        console.print(f"  recording: {recording['path']}")
+    if recording["path"] and summary["pairs"]:
+        print_command("  result to publish", ["teleop", "estimate", recording["path"]])
+    print_incomplete(console, recording)
+    if recording["black_box"]:
+        console.print(f"  black box: {recording['black_box']}", style="red")
+    if recording["black_box_problem"]:
+        console.print(f"  {recording['black_box_problem']}", style="red")
+
+
+def print_results(console: Console, summary: Mapping[str, Any]) -> None:
+    """Print estimates, true values, tracking, felt stiffness, excitation and contact."""
     if summary["estimates"]:
         print_estimates(summary["estimates"], {})
         for line in left_out_lines(summary):
@@ -51,23 +76,6 @@ def print_trial(summary: Mapping[str, Any]) -> None:
     console.print(f"  excitation: {excitation:.2f} (0 at rest, 1 for a sine of 1 Hz about zero)")
     if summary["contact"] < 1.0:
         console.print(f"  no contact in {1.0 - summary['contact']:.0%} of the samples")
-    loop = summary["loop"]
-    if summary["clock"] == "virtual":
-        console.print(f"  loop: {summary['ticks']} ticks at {loop['rate_hz']:g} Hz, virtual time")
-    else:
-        print_loop(console, summary)
-    print_rejected(console, summary["rejected"])
-    print_limited(console, summary["safety"])
-    recording = summary["recording"]
-    if recording["path"]:
-        path = recording["path"]
-        console.print(f"  recording: {path}")
-        print_command("  result to publish", ["teleop", "estimate", path])
-    print_incomplete(console, recording)
-    if recording["black_box"]:
-        console.print(f"  black box: {recording['black_box']}", style="red")
-    if recording["black_box_problem"]:
-        console.print(f"  {recording['black_box_problem']}", style="red")
 
 
 def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:
