@@ -124,9 +124,13 @@ FEEDBACK_COLUMNS = tuple(
         ("model_stiffening", "N/m^3", f"stiffening {MODEL}"),
         ("model_damping", "N s/m", f"damping {MODEL}"),
         ("tank", "J", "energy in the tank; NaN if the law has no tank"),
-        ("port_energy", "J", "put in by the hand, limited to what can be stored"),
-        ("master_energy", "J", "that the hand has given to the channel, for passivity control"),
-        ("slave_energy", "J", "that the environment has given to it, as the master knows it"),
+        ("port_energy", "J", "from the hand, at most what the displayed dynamics can store"),
+        ("master_energy", "J", "from the hand to the channel, for passivity control"),
+        (
+            "slave_energy",
+            "J",
+            "from the environment to the channel, as in the packet at the master",
+        ),
         ("report_age", "s", "of the packet from the slave that the master uses"),
         ("motion_age", "s", "of the packet from the master that the slave uses"),
     )
