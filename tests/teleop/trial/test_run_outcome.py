@@ -12,6 +12,7 @@ from sim_backend.faults import FaultyRig, Replaced
 from teleop.cli import main
 from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import load
+from teleop.safety import Request
 
 RUN = ["run", "--clock", "virtual", "--duration", "1"]
 
@@ -167,3 +168,18 @@ def test_a_link_as_an_output_remains_whether_it_is_written_or_refused(tmp_path):
         code = main([*RUN, *record, option, str(link)])
         assert link.is_symlink()
         assert code == (0 if target.exists() else 2)
+
+
+def test_a_trial_that_ended_before_its_first_sample_prints_no_results(
+    monkeypatch, tmp_path, capsys
+):
+    def request(self, arm, skipped, end=""):
+        self.count = 1
+        return Request(stop="Ctrl-C")
+
+    monkeypatch.setattr("teleop.trial.stop_switch.StopSwitch.request", request)
+    main([*RUN, "--record", str(tmp_path / "a.mcap")])
+    text = capsys.readouterr().out
+    assert "no results: the trial ended before its first sample" in text
+    assert "nan" not in text
+    assert "teleop estimate" not in text
