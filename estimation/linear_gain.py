@@ -126,11 +126,11 @@ def correct(
 def update_noise(
     state: LinearGainState, error: float, spread: float, gain: float, dt: float
 ) -> None:
-    """Update the noise variance s, the mean of error^2 / spread with the weights gain / spread.
+    """Update the noise variance s with a new sample.
 
-    `error` is the force error f - phi' theta [N], `gain` is phi' L, and `spread` is
-    1 + phi' C phi. The weights decay with the time constant `NOISE_MEMORY`. The weight of a new
-    sample does not depend on the time `dt` since the previous sample.
+    s is a weighted mean of error^2 / spread. The weight of a new sample is gain / spread. Later, it
+    decays with the time constant `NOISE_MEMORY`. `error` is the force error f - phi' theta [N],
+    `gain` is phi' L, `spread` is 1 + phi' C phi, and `dt` is the time since the previous sample.
     """
     certainty = 1.0 / spread
     weight = gain * certainty

@@ -38,7 +38,10 @@ class Candidate(NamedTuple):
 
 
 class Redundancy(NamedTuple):
-    """Motions for which two candidates have the same monitoring signal at all times."""
+    """Motions that do not distinguish two candidates (b, k) of the multi-estimator.
+
+    For such a motion, both candidates have the same monitoring signal (11) at all times.
+    """
 
     mirrored: bool
     """True if the two signals are the same for every motion, (15). In this case the plant is the

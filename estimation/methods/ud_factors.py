@@ -294,7 +294,7 @@ class FactoredEstimator(LinearGainEstimator):
         return p
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return a warning if a variance is near its upper limit; otherwise return None."""
+        """Return a warning if the limit of the covariance suspends forgetting; otherwise None."""
         if np.any(np.diag(self.scaled_covariance) > 0.5 * WINDUP):
             return "too little motion: the covariance is at its limit and forgetting is suspended"
         return None

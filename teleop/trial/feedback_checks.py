@@ -96,9 +96,9 @@ def delayed_loop(settings: TrialSettings) -> DelayedLoop:
     """Return the loop of hand, virtual mass and delayed environment, to check its stability.
 
     On the simulated rig, the stiffness of the environment is the slope of the contact force at the
-    deepest position of the palpation. On a hardware rig, the arm is not known. The loop then has no
-    arm, and condition (2) of `teleop.control.feedback.stability` ensures stability for any passive
-    hand.
+    deepest position of the palpation. On a hardware rig, the impedance of the person's arm is not
+    known. The returned loop then has no arm, and condition (2) of
+    `teleop.control.feedback.stability` ensures stability for any passive hand.
     """
     admittance, feedback = settings.admittance, settings.feedback
     arm = UNATTENDED if settings.rig else settings.operator_model.arm
