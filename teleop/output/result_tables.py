@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from teleop.evaluation.motion import FEWEST_STROKES
 from teleop.output.console import number, plain_console, print_table, small
 
 MOST_DECIMALS = 12
@@ -77,6 +76,8 @@ def motion_line(summary: Mapping[str, Any]) -> str:
     motion = summary["motion"]
     travel = f"travel {motion['travel_m'] * 1e3:.3g} mm"
     if not math.isfinite(motion["frequency_hz"]):
+        from teleop.evaluation.motion import FEWEST_STROKES  # imports scipy, which takes long
+
         count = motion["strokes"]
         if not count:
             return f"motion: no cycles, {travel}"

@@ -255,6 +255,16 @@ def test_help_imports_nothing_heavy():
     assert (done.returncode, done.stderr) == (0, "")
 
 
+def test_a_run_does_not_import_scipy_which_takes_longer_than_the_rest():
+    arguments = ["run", "--clock", "virtual", "--duration", "0.2", "--no-record"]
+    code = (
+        f"import sys; from teleop.cli import main; main({arguments})\n"
+        "sys.exit(', '.join({'scipy', 'matplotlib', 'pandas'} & set(sys.modules)) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 class Terminal:
     """A pseudo-terminal as standard error of a run."""
 
