@@ -51,11 +51,11 @@ def make_conditioner(
     if name not in CONDITIONERS:
         raise ValueError(f"conditioning {name!r}: expected one of {', '.join(CONDITIONERS)}")
     if force_lag != 0.0 and name != "matched":
-        raise ValueError(f"force lag {force_lag:g} s: expected matched conditioning, not {name}")
+        raise ValueError(f"force lag {force_lag:g} s: expected conditioning matched, not {name}")
     if force_lag > LONGEST_LAG:
         raise ValueError(f"force lag {force_lag:g} s: expected at most {LONGEST_LAG:g} s")
     if model.further and name != "matched":
-        raise ValueError(f"model {model.name}: expected matched conditioning, not {name}")
+        raise ValueError(f"model {model.name}: expected conditioning matched, not {name}")
     try:
         angular(bandwidth)
         if name == "matched":

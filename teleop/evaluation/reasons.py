@@ -40,7 +40,9 @@ With fewer samples, the error model for four parameters has fewer than four cosi
 (`robust_error`).
 """
 SLOPES = "teleop estimate FILE --json prints the slope of each loading (phases)"
-LAG = "--force-lag compensates a lag of the force, and teleop lag measures it"
+LAG = (
+    "teleop lag measures a lag of the force; --conditioning matched --force-lag LAG compensates it"
+)
 
 
 def reasons_before_fit(record: Prepared, phases: Phases) -> list[Reason]:

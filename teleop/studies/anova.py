@@ -182,7 +182,8 @@ def check_design(frame: Any, factors: Sequence[str], response: str, subject: str
         )
     if subject is None and sizes.min() < 2:
         raise InputError(
-            "analysis of variance: expected at least 2 trials for each combination of levels"
+            "analysis of variance: expected at least 2 trials for each combination of levels, for "
+            "example with repetitions = 2 in the plan of the series, got 1"
         )
     if subject and (frame.groupby([subject, *factors]).ngroups < cells * frame[subject].nunique()):
         raise InputError(

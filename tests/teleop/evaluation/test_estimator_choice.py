@@ -135,7 +135,7 @@ def test_a_choice_that_is_none_is_one_line(capsys, tmp_path, command, option, va
 
 def test_a_model_that_needs_matched_signals_says_so(capsys):
     assert main([*RUN, "--no-record", "--model", "sls", "--conditioning", "foaw"]) == 2
-    assert "model sls: expected matched conditioning, not foaw" in capsys.readouterr().err
+    assert "model sls: expected conditioning matched, not foaw" in capsys.readouterr().err
 
 
 def test_recordings_of_one_body_agree(capsys, tmp_path):
