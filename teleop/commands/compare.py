@@ -222,6 +222,7 @@ def effects_of(
     """
     from teleop.evaluation.comparison import SUBJECT
     from teleop.studies.anova import ESTIMATOR, analysis_of_variance, design_text
+    from teleop.studies.depth_differences import depth_note
 
     table = [
         {
@@ -243,4 +244,7 @@ def effects_of(
         for name in planned
         if name not in (*factors, random) and len({row.factors.get(name) for row in rows}) > 1
     ]
-    return [effect._asdict() for effect in found], design_text(found, pooled, random)
+    notes = [design_text(found, pooled, random)]
+    if response in ("k", "b") and (note := depth_note(rows, between)):
+        notes.append(note)
+    return [effect._asdict() for effect in found], " ".join(notes)

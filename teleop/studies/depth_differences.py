@@ -1,0 +1,51 @@
+"""Find factors of a study whose levels differ in the depth of the palpation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from statistics import median
+
+from teleop.evaluation.comparison import Compared
+
+LARGE = 1.1
+"""Ratio of two depths above which the depths differ. Repeated trials differ by a few percent."""
+
+
+def depth_note(rows: Sequence[Compared], factors: Sequence[str]) -> str:
+    """Return a warning if the depth differs between the levels of a factor; otherwise "".
+
+    The stiffness of many specimens increases with the depth. If the depth differs between two
+    levels, this difference of the stiffness is part of the effect of the factor.
+
+    Parameters
+    ----------
+    rows
+        The evaluated recordings. Recordings without a result are not used.
+    factors
+        Names of the factors.
+    """
+    ratios = {name: depth_ratio(rows, name, factors) for name in factors}
+    large = {name: ratio for name, ratio in ratios.items() if ratio > LARGE}
+    if not large:
+        return ""
+    names = " and ".join(f"{name} (by up to {ratio - 1.0:.0%})" for name, ratio in large.items())
+    return (
+        f"The depth of the palpation differs between the levels of {names}. If the stiffness of "
+        "the specimen depends on the depth, this is part of the effect."
+    )
+
+
+def depth_ratio(rows: Sequence[Compared], factor: str, factors: Sequence[str]) -> float:
+    """Return the largest ratio of the depths at two levels of a factor.
+
+    The depth of a level is the median of its recordings. Only recordings with the same levels of
+    the other factors are compared.
+    """
+    others = [name for name in factors if name != factor]
+    depths: dict[tuple[str, ...], dict[str, list[float]]] = {}
+    for row in rows:
+        if row.result.depth:
+            (level,) = row.levels([factor])
+            depths.setdefault(row.levels(others), {}).setdefault(level, []).append(row.result.depth)
+    medians = [[median(found) for found in one.values()] for one in depths.values()]
+    return max((max(one) / min(one) for one in medians), default=1.0)
