@@ -98,6 +98,8 @@ class Admittance:
 
     def __init__(self, parameters: AdmittanceParameters) -> None:
         self.parameters = parameters
+        self._mass, self._damping = parameters.mass, parameters.damping
+        self._stiffness = parameters.stiffness
         self.position = 0.0
         self.velocity = 0.0
         self.centre = 0.0
@@ -115,7 +117,7 @@ class Admittance:
         e^(-s dt) (cosh(g dt) I + sinh(g dt) / g (A + s I)). If g^2 < 0, cosh and sinh become cos
         and sin. In the code, `even` is e^(-s dt) cosh(g dt) and `odd` is e^(-s dt) sinh(g dt) / g.
         """
-        d, c = self.parameters.damping, self.parameters.stiffness
+        d, c = self._damping, self._stiffness
         if c == 0.0:
             return self._slide(force, d, dt)
         return self._swing(self.centre + force / c, d, c, dt)
@@ -132,19 +134,19 @@ class Admittance:
         k3 X (v dt)^2 per unit of travel. The damping d dissipates more energy than this difference
         if v < d / (k3 X dt^2).
         """
-        d, c, x = self.parameters.damping, self.parameters.stiffness, self.position
+        d, c, x = self._damping, self._stiffness, self.position
         k, k3, b, glued = environment
         if x < 0.0 and not glued:
             return self.step(force, dt)
         damping, stiffness = d + b, c + (k + 3.0 * k3 * x * x)
-        if stiffness * dt * dt < NEGLIGIBLE * self.parameters.mass:
+        if stiffness * dt * dt < NEGLIGIBLE * self._mass:
             return self._slide(force, damping, dt)
         constant = force + c * self.centre + 2.0 * k3 * x * x * x
         return self._swing(constant / stiffness, damping, stiffness, dt)
 
     def _slide(self, force: float, d: float, dt: float) -> float:
         """Solve m v' + d v = force over dt [s]; return the velocity at the end [m/s]."""
-        m = self.parameters.mass
+        m = self._mass
         slip = self.velocity - force / d
         left = slip * math.exp(-d / m * dt)
         self.position += force / d * dt + (slip - left) * m / d
@@ -153,7 +155,7 @@ class Admittance:
 
     def _swing(self, rest: float, d: float, c: float, dt: float) -> float:
         """Solve m v' + d v + c (x - rest) = 0 over dt [s]; return the velocity at the end [m/s]."""
-        m = self.parameters.mass
+        m = self._mass
         s = 0.5 * d / m
         square = s * s - c / m
         g = math.sqrt(abs(square))
