@@ -130,27 +130,22 @@ class Direction(Generic[T]):
         self._queue: list[tuple[float, int, float, T]] = []
 
     def exchange(self, now: float, value: T) -> T:
-        """Send a value at the time `now` [s]; return the value that the receiver uses then."""
+        """Send a value at the time `now` [s]; return the value that the receiver uses then.
+
+        This is the value of the newest packet that has arrived.
+        """
         if self._perfect and not self.cut:
             self.due = self.sent = now
             self.value = value
             return value
-        self.send(now, value)
-        return self.receive(now) if self._queue else self.value
-
-    def send(self, now: float, value: T) -> None:
-        """Send a value at the time `now` [s]."""
-        self._sequence += 1
-        if self.cut or (self._loss and self._random() < self._loss):
-            return
-        arrival = now + self._delay
-        if self._jitter:
-            arrival += self._jitter * self._random()
-        heappush(self._queue, (arrival, self._sequence, now, value))
-
-    def receive(self, now: float) -> T:
-        """Return the value of the newest packet that has arrived until `now` [s]."""
-        queue, latest = self._queue, now + ROUNDING
+        queue = self._queue
+        self._sequence = sequence = self._sequence + 1
+        if not (self.cut or (self._loss and self._random() < self._loss)):
+            arrival = now + self._delay
+            if self._jitter:
+                arrival += self._jitter * self._random()
+            heappush(queue, (arrival, sequence, now, value))
+        latest = now + ROUNDING
         while queue and queue[0][0] <= latest:
             _, sequence, sent, value = heappop(queue)
             self.due = now
