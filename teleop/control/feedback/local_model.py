@@ -43,7 +43,7 @@ smaller and the motion too small to determine k3, the estimate of k3 would stay 
 interval that is too narrow. A model without stiffening would then be accepted."""
 ROUNDING = 1e-6
 """Tolerance for rounding errors of times [s]."""
-PERIOD = 5e-3
+PERIOD = 10e-3
 """Time over which position and force are averaged to one sample of filter and estimator [s]. Both
 are averaged in the same way, so that the average causes no bias. A shorter time is not needed for
 signals that are filtered at 20 Hz, and an update at each tick would take a quarter of the computing
