@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from estimation.figure_style import BLUE, common_legend, new_figure, tidy
-from teleop.evaluation.comparison import RESULT, Compared, Group
+from teleop.evaluation.comparison import RESULT, Compared
+from teleop.evaluation.groups import Group
 from teleop.evaluation.kinds import BESIDES_RELAXATION, LOSS
 from teleop.evaluation.means import Mean
 from teleop.evaluation.result import Result
@@ -224,5 +225,5 @@ def draw_mean(axes: Axes, place: int, mean: Mean) -> None:
         markersize=4.5,
         linewidth=1.4,
         capsize=4,
-        label="mean, 95 % interval between recordings",
+        label="mean, 95 % interval",
     )

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from teleop.evaluation.comparison import Compared, grouped
+from teleop.evaluation.comparison import Compared
+from teleop.evaluation.groups import grouped
 from teleop.evaluation.result import Result
 from teleop.output.comparison_figure import comparison_figure
 from teleop.output.comparison_scales import set_scale
