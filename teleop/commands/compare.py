@@ -98,14 +98,15 @@ def compare(
     from teleop.commands.choices import choose_estimators, choose_model
     from teleop.commands.estimate import chosen
     from teleop.errors import InputError
-    from teleop.evaluation.comparison import check_factors, compared, grouped, tidy_rows
+    from teleop.evaluation.comparison import check_factors, compared, tidy_rows
     from teleop.evaluation.evaluation import KEPT, evaluate
+    from teleop.evaluation.groups import grouped
     from teleop.evaluation.replay import is_replayed
     from teleop.files import check_outputs
     from teleop.output.comparison_tables import (
-        group_table,
         print_comparison,
         print_text_table,
+        published_table,
         tracking_table,
     )
     from teleop.output.console import print_json
@@ -158,7 +159,7 @@ def compare(
     planned = [*dict.fromkeys(name for source in found for name in source.levels)]
     effects, design = effects_of(rows, factors, planned, anova) if anova else ([], "")
     if out:
-        tables = [group_table(groups, factors), tracking_table(groups, factors)]
+        tables = [published_table(groups, factors), tracking_table(groups, factors)]
         if anova:
             tables.append(effects_table(effects, anova, design))
         shown = [table for table in tables if table]

@@ -1,4 +1,4 @@
-"""Compute means over recordings, with 95 % intervals from the spread between the recordings."""
+"""Compute means over recordings, with 95 % intervals."""
 
 from __future__ import annotations
 
@@ -40,18 +40,28 @@ class Mean(NamedTuple):
 def mean_of(values: Sequence[Value]) -> Mean:
     """Return the mean of a quantity over recordings, with its 95 % interval.
 
-    For two or more recordings, the interval is computed with Student's t from the spread between
-    the recordings. For one recording, it is the interval of this recording. Values of different
-    kinds have no mean.
+    Values of different kinds have no mean. The half width of the interval is the root of the sum of
+    the squares of two parts:
+
+    - the half width from Student's t and the spread between the recordings, for two or more
+      recordings. It does not contain errors that all recordings have in common, such as that of a
+      wrong model.
+    - the mean of the half widths of the recordings' own intervals, if the recordings have
+      intervals. This is the largest possible half width of the mean of their errors. It is reached
+      if all recordings have the same error.
+
+    If the interval of each recording contains zero, that of the mean therefore contains it too.
     """
     if len({one.kind for one in values}) != 1:
         return Mean(math.nan, math.nan, 0)
-    if len(values) == 1:
-        return Mean(values[0].value, values[0].half, 1)
-    numbers = [one.value for one in values]
-    spread = float(np.std(numbers, ddof=1)) / math.sqrt(len(numbers))
-    half = float(stdtrit(len(numbers) - 1, 0.975)) * spread
-    return Mean(float(np.mean(numbers)), half, len(numbers))
+    numbers = np.array([one.value for one in values])
+    parts = [float(np.mean([one.half for one in values]))]
+    if numbers.size > 1:
+        spread = float(np.std(numbers, ddof=1)) / math.sqrt(numbers.size)
+        parts.append(float(stdtrit(numbers.size - 1, 0.975)) * spread)
+    known = [part for part in parts if math.isfinite(part)]
+    half = math.hypot(*known) if known else math.nan
+    return Mean(float(np.mean(numbers)), half, numbers.size)
 
 
 def mean_tracking(tracked: Sequence[Tracking]) -> dict[str, Mean]:

@@ -173,8 +173,8 @@ def remarks(
     if local.baseline_size > SMALL_BASELINE * size:
         found.append(
             Reason(
-                f"a baseline of {local.baseline_size:.3g} N peak to peak below "
-                f"{0.6 * record.band.low:.2g} Hz is removed: drift, or relaxation"
+                f"a baseline is removed ({local.baseline_size:.3g} N peak to peak, below "
+                f"{0.6 * record.band.low:.2g} Hz): drift, or relaxation"
             )
         )
     if local.samples < FEWEST_INDEPENDENT:

@@ -11,8 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from estimation.figure_style import BLUE, common_legend, new_figure, tidy
-from teleop.evaluation.comparison import RESULT, Compared, Group
-from teleop.evaluation.kinds import BESIDES_RELAXATION, LOSS
+from teleop.evaluation.comparison import RESULT, Compared
+from teleop.evaluation.groups import Group
+from teleop.evaluation.kinds import BESIDES_RELAXATION, LOSS, UNDETERMINED
 from teleop.evaluation.means import Mean
 from teleop.evaluation.result import Result
 from teleop.output.comparison_scales import Interval, factor_of_rows, set_scale
@@ -51,7 +52,7 @@ class Place(NamedTuple):
     def intervals(self, symbol: str) -> list[Interval]:
         """Return the intervals of k or b (`symbol`) that are drawn."""
         mean = self.means[symbol]
-        found = [interval(result, symbol) for result in self.results]
+        found = [interval(result, symbol) for result in self.results if determines(result, symbol)]
         if mean.recordings > 1:
             found.append((mean.value - mean.half, mean.value + mean.half))
         return found
@@ -145,6 +146,12 @@ def interval(result: Result, symbol: str) -> Interval:
     return getattr(result, f"{symbol}_low"), getattr(result, f"{symbol}_high")
 
 
+def determines(result: Result, symbol: str) -> bool:
+    """Return whether the recording of a result determines k or b (`symbol`)."""
+    low, high = interval(result, symbol)
+    return high - low >= UNDETERMINED
+
+
 def draw_panel(
     axes: Axes, places: Iterable[Place], names: Sequence[tuple[str, ...]], symbol: str
 ) -> None:
@@ -176,7 +183,8 @@ def level_text(level: str) -> str:
 
 def draw_results(axes: Axes, at: int, place: Place, symbol: str) -> None:
     """Draw k or b (`symbol`) of the recordings of a group side by side, around `at` on the axis."""
-    if not place.results:
+    shown = np.array([determines(one, symbol) for one in place.results], bool)
+    if not shown.any():
         axes.text(
             at,
             0.03,
@@ -193,8 +201,8 @@ def draw_results(axes: Axes, at: int, place: Place, symbol: str) -> None:
     positions = at + np.linspace(*RECORDINGS, len(value)) if len(value) > 1 else np.array([at])
     other = np.array(place.other) if symbol == "b" else np.zeros(len(value), bool)
     for part, face, text in (
-        (~other, BLUE, "recording, 95 % interval"),
-        (other, "#ffffff", OTHER_KIND),
+        (shown & ~other, BLUE, "recording, 95 % interval"),
+        (shown & other, "#ffffff", OTHER_KIND),
     ):
         if part.any():
             axes.errorbar(
@@ -224,5 +232,5 @@ def draw_mean(axes: Axes, place: int, mean: Mean) -> None:
         markersize=4.5,
         linewidth=1.4,
         capsize=4,
-        label="mean, 95 % interval between recordings",
+        label="mean, 95 % interval",
     )

@@ -1,49 +1,39 @@
-"""Print tables that compare recordings: results, and means of groups."""
+"""Tables that compare recordings: results, and means of groups."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from itertools import chain
 from math import isfinite
 from pathlib import Path
 from string import ascii_lowercase
 
-from teleop.evaluation.comparison import OF_RESULT, RESULT, UNITS, Compared, Group
+from teleop.evaluation.comparison import OF_RESULT, RESULT, UNITS, Compared, values_of
+from teleop.evaluation.groups import Group
 from teleop.evaluation.kinds import MEANING
 from teleop.evaluation.means import Mean
 from teleop.evaluation.result import Result
+from teleop.evaluation.short_remarks import remark_counts
 from teleop.files import RECORDING
+from teleop.output.comparison_notes import (
+    CAPTION,
+    POOLED,
+    TRACKING_CAPTION,
+    damping_note,
+    different_text,
+    holding_text,
+    missing_text,
+    pooled_text,
+    remark_texts,
+)
 from teleop.output.console import plain_console, print_table, small
 from teleop.output.result_tables import with_half
 from teleop.output.table_files import TextTable, shortened
-from teleop.printable import one_line
 
-CAPTION = (
-    "result: mean of the results of n recordings, which have no e_f; its k is the tangent "
-    "stiffness at half of the force range. Other rows: mean of the averages of an online "
-    "estimator over each record, without the count-in of mimic and the ramp at the end of "
-    "autonomous; their k is the slope of a line through the datum. The two kinds of k agree only "
-    "for a linear specimen. \u00b1: 95 % interval of the mean, from the spread between the "
-    "recordings. With n = 1 there is no spread: the \u00b1 of a result is then its own 95 % "
-    "interval, and an estimator has no \u00b1."
-)
-"""Note below the table of groups that explains the rows of the table."""
-TRACKING_CAPTION = (
-    "Tracking of the target in mimic: mean of n recordings; the mean of the phases is circular. "
-    "\u00b1: 95 % interval of the mean, from the spread between the recordings. It is left out for "
-    "n = 1, and if it exceeds the possible values (half a turn for a phase, at least 0 for the "
-    "others): then more recordings are needed."
-)
-POOLED = (
-    "Recordings of several subjects are pooled: the interval counts the recordings of a subject "
-    "as independent, and is too narrow if the subjects differ."
-)
-"""Note below the table of groups, if a group contains several recordings of several subjects."""
 OTHER_KIND = "*"
 """Mark of a damping of another kind than the others, in the table of the recordings."""
-FILES_NAMED = 3
-"""Largest number of files that a note lists for one reason."""
 
 
 def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
@@ -55,6 +45,8 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
     rows, notes = [], [("", CAPTION)]
     if kinds := {kind for group in groups for kind in group.kinds[RESULT]["b"]}:
         notes.append(("", damping_note(kinds)))
+    if where := holding_text(groups):
+        notes.append(("", where))
     if any(group.subjects for group in groups):
         notes.append(("", POOLED))
     if pooled := dict.fromkeys(name for group in groups for name in group.pooled):
@@ -79,13 +71,11 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
     return TextTable(headings, rows, len(by) + 1 + len(OF_RESULT), notes)
 
 
-def pooled_text(names: Sequence[str]) -> str:
-    """Return a note that explains means over recordings with different levels of these factors."""
-    several = ", ".join(names)
-    return (
-        f"Recordings that differ in {several} are pooled: the interval contains the differences "
-        f"between the levels of {several}, as if these levels were a random sample."
-    )
+def published_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
+    """Return the table of groups for a file, with notes that contain the remarks on the results."""
+    table = group_table(groups, by)
+    remarks = [("", text) for text in remark_texts(groups)]
+    return replace(table, notes=[*table.notes, *remarks])
 
 
 def marked(notes: list[tuple[str, str]], text: str) -> str:
@@ -95,27 +85,6 @@ def marked(notes: list[tuple[str, str]], text: str) -> str:
         known[text] = f"({letters(sum(bool(mark) for mark, _ in notes))})"
         notes.append((known[text], text))
     return known[text]
-
-
-def damping_note(kinds: Collection[str]) -> str:
-    """Return a note that states the kinds of the damping of the results."""
-    named = [MEANING[kind] for kind in MEANING if kind in kinds]
-    text = " or ".join(named)
-    if len(named) > 1:
-        text += (
-            ", which depends on the motion. These are different quantities, and are not averaged "
-            "together"
-        )
-    return f"The b of a result is {text}. The b of an estimator is an average over the record."
-
-
-def different_text(symbol: str, kinds: Mapping[str, int]) -> str:
-    """Return why values of several kinds have no mean."""
-    parts = (
-        f"{MEANING[kind]} in {count} recording{'s' if count > 1 else ''}"
-        for kind, count in kinds.items()
-    )
-    return f"No mean of {symbol}: it is {', and '.join(parts)}."
 
 
 def without_kinds(table: TextTable, by: Sequence[str]) -> TextTable:
@@ -151,21 +120,6 @@ column."""
 def scaled(mean: Mean, size: float) -> Mean:
     """Return a mean and its interval multiplied by `size`, to convert them to another unit."""
     return mean._replace(value=mean.value * size, half=mean.half * size)
-
-
-def missing_text(method: str, missing: Mapping[str, str]) -> str:
-    """Return the reasons why a method has no value for some files, with the names of the files."""
-    files: dict[str, list[str]] = {}
-    for file, reason in missing.items():
-        files.setdefault(reason, []).append(Path(file).name)
-    parts = []
-    for reason, names in files.items():
-        more = len(names) - FILES_NAMED
-        named = ", ".join(names[:FILES_NAMED]) + (f" and {more} more" if more > 0 else "")
-        parts.append(f"{reason} ({named})")
-    what = "recording" if len(missing) == 1 else "recordings"
-    value = RESULT if method == RESULT else "estimate"
-    return one_line(f"No {value} for {len(missing)} {what}: {'; '.join(parts)}.")
 
 
 def letters(index: int) -> str:
@@ -208,8 +162,10 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
         if not row.result.identifiable:
             reasons = "; ".join(row.result.reasons)
             console.print(f"  {name}: no result: {reasons}", style="yellow")
-    for text, count in shared(row.result.reasons for row in rows if row.result.identifiable):
-        console.print(f"  {text} ({count} recordings)", style="yellow")
+    remarks = remark_counts(row.result for row in rows if row.result.identifiable)
+    for text, count in remarks.items():
+        if count > 1:
+            console.print(f"  {text} ({count} recordings)", style="yellow")
     hints = [hint for row in rows if not row.result.identifiable for hint in row.result.hints]
     hints += [hint for hint, _ in shared(row.result.hints for row in rows)]
     for hint in dict.fromkeys(hints):
@@ -222,15 +178,20 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
 
 def kinds_of_b(rows: Iterable[Compared]) -> list[str]:
     """Return the kinds of b that occur in the results, in the order of `MEANING`."""
-    found = {row.result.kinds["b"] for row in rows if row.result.identifiable}
+    found = {kind_of_b(row) for row in rows}
     return [kind for kind in MEANING if kind in found]
+
+
+def kind_of_b(row: Compared) -> str | None:
+    """Return the kind of b of a result; None if the recording does not determine b."""
+    value = values_of(row, RESULT).get("b")
+    return value.kind if value else None
 
 
 def damping_text(row: Compared, kinds: Sequence[str]) -> str:
     """Return b with its interval, and with a mark if it is not of the first of several kinds."""
     text = result_text(row, "b")
-    other = row.result.identifiable and row.result.kinds["b"] != kinds[0]
-    return f"{OTHER_KIND} {text}" if other else text
+    return f"{OTHER_KIND} {text}" if kind_of_b(row) in kinds[1:] else text
 
 
 def shared(texts: Iterable[Iterable[str]]) -> list[tuple[str, int]]:
@@ -266,11 +227,9 @@ def print_text_table(title: str, table: TextTable) -> None:
 
 
 def result_text(row: Compared, symbol: str) -> str:
-    """Return k or b (`symbol`) and the half width of its 95 % interval; a dash for no result."""
-    low, value, high = (getattr(row.result, f"{symbol}{end}") for end in ("_low", "", "_high"))
-    if value is None:
-        return "-"
-    return with_half(value, 0.5 * (high - low))
+    """Return k or b (`symbol`) and the half width of its 95 % interval; a dash for no value."""
+    value = values_of(row, RESULT).get(symbol)
+    return with_half(value.value, value.half) if value else "-"
 
 
 def tangent_texts(result: Result) -> list[str]:

@@ -8,14 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from teleop.evaluation.kinds import UNDETERMINED
 from teleop.output.console import number, plain_console, print_table, small
 
 MOST_DECIMALS = 12
 """Largest number of decimals of a printed value."""
-
-
-UNDETERMINED = 1e-200
-"""If the interval of a parameter is narrower than this, the record does not depend on it."""
 
 
 def print_result(summary: Mapping[str, Any], name: str) -> None:

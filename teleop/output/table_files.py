@@ -12,27 +12,10 @@ from typing import Any
 
 from teleop.errors import InputError
 from teleop.files import write_text
+from teleop.output.latex import latex
 
 ENDINGS = (".csv", ".tex", ".md")
 """Endings of the names of table files."""
-LATEX = {
-    "\\": r"\textbackslash{}",
-    "&": r"\&",
-    "%": r"\%",
-    "$": r"\$",
-    "#": r"\#",
-    "_": r"\_",
-    "{": r"\{",
-    "}": r"\}",
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "\u00b1": r"$\pm$",
-    "\u00d7": r"$\times$",
-    "\u2212": "$-$",
-}
-"""Characters with a meaning in LaTeX, and their replacements."""
-MINUS = re.compile(r"(?<![\w-])-(?=\d)")
-"""Pattern of the sign of a negative number."""
 MARKDOWN = re.compile(r"[\\`*_\[\]<>|#~]")
 """Pattern of one character with a meaning in Markdown."""
 
@@ -89,8 +72,7 @@ def latex_text(table: TextTable) -> str:
     for i, row in enumerate(shortened(table.rows, left)):
         if i and left > 1 and first[i] != first[i - 1]:
             lines.append("\\midrule")
-        numbers = (MINUS.sub("$-$", latex(text)) for text in row[left:])
-        lines.append(" & ".join([*map(latex, row[:left]), *numbers]) + r" \\")
+        lines.append(" & ".join(map(latex, row)) + r" \\")
     lines += ["\\bottomrule", "\\end{tabular}"]
     if not table.notes:
         return "\n".join(["% \\usepackage{booktabs}", *lines, ""])
@@ -138,11 +120,6 @@ def shortened(rows: Sequence[Sequence[str]], left: int) -> list[list[str]]:
             same += 1
         found.append([""] * same + [*row[same:]])
     return found
-
-
-def latex(text: str) -> str:
-    """Return a text with replacements for the characters that have a special meaning in LaTeX."""
-    return "".join(LATEX.get(character, character) for character in text)
 
 
 def write_table_file(

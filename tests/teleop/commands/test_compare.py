@@ -17,9 +17,10 @@ from hypothesis import strategies as st
 
 from estimation.summary import EstimatorSummary
 from teleop.cli import main
-from teleop.evaluation.comparison import Compared, grouped, ranks_of, tidy_rows
+from teleop.evaluation.comparison import Compared, tidy_rows
+from teleop.evaluation.groups import grouped, ranks_of
 from teleop.evaluation.result import Result
-from teleop.output.comparison_tables import group_table, print_comparison
+from teleop.output.comparison_tables import group_table, print_comparison, published_table
 
 PLAN = """
 name = "short"
@@ -134,6 +135,88 @@ def test_damping_of_two_kinds_has_no_mean_and_a_note(capsys):
     print_comparison(rows, [soft, hard], ["cube"])
     marked = [line.split()[0] for line in capsys.readouterr().out.splitlines() if " * 9.0" in line]
     assert marked == ["3.mcap"]
+
+
+def results_of_one_body(b, half, remark, frequency=1.0):
+    """Return results of three recordings whose values differ less than their intervals."""
+    return [
+        Result(
+            *(1e3, 990.0, 1010.0, value, value - half, value + half, True, (remark,)),
+            force=20.0 + i,
+            depth=8e-3 + 1e-3 * i,
+            damping_at_hz=frequency,
+        )
+        for i, value in enumerate((b - 0.1, b, b + 0.1))
+    ]
+
+
+UNRESOLVED = "damping is not resolved: its interval contains zero"
+NEGATIVE = "damping is negative: the force lags behind the position"
+
+
+def bodies():
+    """Return recordings of two groups: b is not resolved in the first, and negative in the
+    second."""
+    return [
+        Compared(f"{cube}-{i}.mcap", {"cube": cube}, one, {})
+        for cube, results in {
+            "soft": results_of_one_body(3.9, 6.3, UNRESOLVED),
+            "hard": results_of_one_body(-900.0, 20.0, NEGATIVE, None),
+        }.items()
+        for i, one in enumerate(results)
+    ]
+
+
+def test_a_mean_of_damping_that_is_not_resolved_is_not_resolved():
+    soft, hard = grouped(bodies(), ["cube"], {})
+    table = group_table([soft, hard], ["cube"])
+    cells = [row[table.headings.index("b [N s/m]")] for row in table.rows]
+    assert cells == ["3.9 \u00b1 6.3", "-900 \u00b1 20"]
+    assert soft.means["result"]["b"].half > soft.means["result"]["b"].value
+
+
+def test_the_notes_of_a_written_table_state_the_remarks_on_its_results():
+    notes = [text for _, text in published_table(grouped(bodies(), ["cube"], {}), ["cube"]).notes]
+    assert f"Remark on 3 of 6 results (soft: 3): {UNRESOLVED}." in notes
+    assert f"Remark on 3 of 6 results (hard: 3): {NEGATIVE}." in notes
+    alone = published_table(grouped(bodies()[:3], [], {}), []).notes
+    assert f"Remark on 3 of 3 results: {UNRESOLVED}." in [text for _, text in alone]
+
+
+def test_a_remark_that_concerns_many_groups_has_their_number():
+    rows = [
+        Compared(f"{i}.mcap", {"seed": str(i)}, bodies()[0 if i < 9 else 3].result, {})
+        for i in range(12)
+    ]
+    notes = [text for _, text in published_table(grouped(rows, ["seed"], {}), ["seed"]).notes]
+    assert f"Remark on 9 of 12 results (in 9 of 12 groups): {UNRESOLVED}." in notes
+    assert f"Remark on 3 of 12 results (9: 1; 10: 1; 11: 1): {NEGATIVE}." in notes
+
+
+def test_the_notes_state_force_depth_and_frequency_at_which_the_results_of_each_group_hold():
+    groups = grouped(bodies(), ["cube"], {})
+    (note,) = [text for _, text in group_table(groups, ["cube"]).notes if text.startswith("Force")]
+    assert note.startswith(
+        "Force, depth and frequency at which the results hold: "
+        "soft: k at 20.0 to 22.0 N, 8.00 to 10.0 mm from the lowest position, b at 1.00 Hz; "
+        "hard: k at 20.0 to 22.0 N, 8.00 to 10.0 mm from the lowest position."
+    )
+    without = [Compared("1.mcap", {}, Result(reasons=("no contact",)), {})]
+    notes = group_table(grouped(without, [], {}), []).notes
+    assert not any(text.startswith("Force") for _, text in notes)
+
+
+def test_damping_that_a_recording_does_not_determine_has_no_value_and_no_kind(capsys):
+    tiny = 1e-300
+    result = Result(1e3, 990.0, 1010.0, 0.0, -tiny, tiny, True)
+    rows = [Compared(f"{i}.mcap", {"cube": "soft"}, result, {}) for i in range(2)]
+    groups = grouped(rows, ["cube"], {})
+    table = group_table(groups, ["cube"])
+    cells = dict(zip(table.headings, table.rows[0], strict=True))
+    assert (cells["b [N s/m]"], cells["kind of b"], cells["kind of k"]) == ("-", "-", "tangent")
+    assert {row["b low [N s/m]"] for row in tidy_rows(rows, [])} == {None}
+    print_comparison(rows, groups, ["cube"])
+    assert "0.00" not in capsys.readouterr().out
 
 
 def test_a_tidy_table_states_the_kind_of_damping_and_its_frequency():

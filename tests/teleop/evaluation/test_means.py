@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from teleop.evaluation.means import mean_tracking
+from teleop.evaluation.means import Value, mean_of, mean_tracking
 from teleop.evaluation.tracking import Tracking
 
 
@@ -45,3 +45,33 @@ def test_the_mean_phase_turns_with_the_phases(deviations, turn):
     assert abs(distance) < 1e-6
     assert -270.0 < turned.value <= 90.0 + 1e-9
     assert turned.half == pytest.approx(plain.half, abs=1e-6, nan_ok=True)
+
+
+recordings = st.lists(
+    st.tuples(st.floats(-1e6, 1e6), st.floats(0.0, 1e6)), min_size=1, max_size=8
+).map(lambda pairs: [Value(value, half, "") for value, half in pairs])
+
+
+@given(recordings)
+def test_the_interval_of_a_mean_is_not_narrower_than_those_of_its_recordings(values):
+    mean = mean_of(values)
+    assert mean.half >= np.mean([one.half for one in values]) * (1.0 - 1e-12)
+
+
+@given(recordings)
+def test_the_mean_of_values_that_are_not_resolved_is_not_resolved(values):
+    wide = [one._replace(half=max(one.half, abs(one.value))) for one in values]
+    mean = mean_of(wide)
+    assert mean.half >= abs(mean.value) * (1.0 - 1e-12)
+
+
+def test_the_interval_of_a_mean_contains_the_spread_and_the_intervals_of_its_recordings():
+    values = [Value(value, 6.3, "") for value in (3.8, 3.88, 3.96)]
+    spread = 4.3027 * 0.08 / math.sqrt(3.0)
+    assert mean_of(values) == pytest.approx((3.88, math.hypot(spread, 6.3), 3), rel=1e-4)
+
+
+def test_without_intervals_of_the_recordings_the_interval_of_a_mean_is_that_of_the_spread():
+    values = [Value(value, math.nan, "") for value in (3.8, 3.88, 3.96)]
+    assert mean_of(values).half == pytest.approx(4.3027 * 0.08 / math.sqrt(3.0), rel=1e-4)
+    assert math.isnan(mean_of(values[:1]).half)

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from teleop.evaluation.comparison import Compared, grouped
+from teleop.evaluation.comparison import Compared
+from teleop.evaluation.groups import grouped
 from teleop.evaluation.result import Result
 from teleop.output.comparison_figure import comparison_figure
 from teleop.output.comparison_scales import set_scale
@@ -149,3 +150,16 @@ def test_two_kinds_of_damping_have_different_marks_and_the_legend_states_them():
 def test_damping_of_one_kind_has_one_mark():
     axes = figure_of(["soft", "medium"]).axes[1]
     assert len({line.get_markerfacecolor() for line in axes.lines if line.get_marker() == "o"}) == 1
+
+
+def test_damping_that_a_recording_does_not_determine_is_not_drawn():
+    found = [compared("free", cube) for cube in ("soft", "medium")]
+    unknown = replace(found[1].result, b=0.0, b_low=-1e-300, b_high=1e-300)
+    rows = [found[0], replace(found[1], result=unknown)]
+    k, b = comparison_figure(rows, grouped(rows, BY, {}), BY).axes
+    marks = [
+        sum(line.get_marker() == "o" for container in axes.containers for line in container[:1])
+        for axes in (k, b)
+    ]
+    assert marks == [2, 1]
+    assert [text.get_text() for text in b.texts] == ["no result"]
