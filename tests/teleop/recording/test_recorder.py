@@ -122,18 +122,37 @@ def test_a_suspended_recorder_loses_ticks_but_does_not_delay_the_loop(tmp_path):
         pytest.skip("needs SIGSTOP")
     sink = recorder(tmp_path / "a.mcap", wait=False)
     sink.process.send_signal(signal.SIGSTOP)
-    for i in range(20_000):
+    for i in range(30_000):
         sink.push(message(i * 1e-3))
     assert sink.dropped > 10_000
     sink.event(Event(9.0, Mode.FAULT, "it matters most", Fault.JUMP))
     sink.push(message(20.0))
     sink.process.send_signal(signal.SIGCONT)
     outcome = sink.close()
-    assert outcome.pushed + outcome.dropped == 20_001
+    assert outcome.pushed + outcome.dropped == 30_001
     assert outcome.problem == ""
     recording = load(tmp_path / "a.mcap")
     assert len(recording) == outcome.pushed
     assert recording.events[-1]["text"] == "it matters most"
+
+
+def test_a_recorder_that_pauses_for_some_seconds_loses_no_tick(tmp_path):
+    if not hasattr(signal, "SIGSTOP"):
+        pytest.skip("needs SIGSTOP")
+    sink = recorder(tmp_path / "a.mcap", wait=False)
+    sink.process.send_signal(signal.SIGSTOP)
+    for i in range(8000):
+        sink.push(message(i * 1e-3))
+    sink.event(Event(8.0, Mode.FAULT, "in the pause", Fault.JUMP))
+    sink.process.send_signal(signal.SIGCONT)
+    for i in range(8000, 8500):
+        sink.push(message(i * 1e-3))
+        time.sleep(1e-3)
+    outcome = sink.close()
+    assert (outcome.pushed, outcome.dropped, outcome.problem) == (8500, 0, "")
+    recording = load(tmp_path / "a.mcap")
+    np.testing.assert_array_equal(recording["time"], [i * 1e-3 for i in range(8500)])
+    assert recording.events[-1]["text"] == "in the pause"
 
 
 class Wide:
@@ -147,7 +166,8 @@ class Wide:
     definition = "".join(f"float64 {name}  # [-] a test\n" for name, *_ in columns)
 
 
-def test_a_tick_that_is_written_to_the_pipe_in_parts_is_recorded_whole(tmp_path):
+def test_a_tick_that_is_written_to_the_pipe_in_parts_is_recorded_whole(tmp_path, monkeypatch):
+    monkeypatch.setattr("teleop.recording.recorder.BACKLOG", 1 << 18)
     if not hasattr(signal, "SIGSTOP"):
         pytest.skip("needs SIGSTOP")
     path = tmp_path / "a.mcap"
