@@ -65,7 +65,8 @@ def emulate(
         Frequency of the sine that the operator follows with --condition any or mimic [Hz].
         Default: 1.
     seed
-        Seed of the simulated operator and of the sensor noise.
+        Seed of the simulated operator and of the sensor noise. From it, each trial gets a seed of
+        its own, which depends on the number of the trial since the start of this command.
     fault
         Fault of a bus as KIND:BUS@SECONDS, such as corrupt:force@3. SECONDS is the time between the
         enabling of the drives and the fault. The option may be repeated. Kinds: drop, double,

@@ -24,7 +24,7 @@ class Clock:
         return self.now
 
 
-def make_rig(now):
+def make_rig(now, enabled):
     return SimulatedRig(CUBES["soft"], now, watchdog=NEVER)
 
 
