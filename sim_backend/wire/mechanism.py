@@ -69,6 +69,8 @@ class Mechanism:
         self._velocities = dict.fromkeys(AXES, 0.0)
         self.driven: set[str] = set()
         """Names of the axes whose drives are enabled."""
+        self.early = 0
+        """Number of times that a drive was enabled before the reset to the initial state."""
         self._idle_since = math.inf
         self._enabled = 0
         self.rig = self._fresh()
@@ -117,6 +119,7 @@ class Mechanism:
         if not self.driven:
             self.rig.enable()
             self._enabled += 1
+            self.early += self._idle_since < math.inf
             self._idle_since = math.inf
         self.driven.add(axis)
         self._velocities[axis] = velocity
