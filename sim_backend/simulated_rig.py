@@ -157,9 +157,10 @@ class SimulatedRig(Rig):
         return self._applied
 
     def idle(self) -> None:
-        """Disable both drives, and apply their brakes."""
+        """Disable both drives, and apply their brakes. The operator lets go of the handle."""
         self._enabled = False
         self._applied = STANDSTILL
+        self._start = math.inf
 
     def close(self) -> None:
         """Do nothing: a simulated rig has no resources to release."""

@@ -12,10 +12,9 @@ from typing import NamedTuple, Self
 
 from drivers.rig_file import RigFile
 from drivers.rig_sections import CanSettings
-from sim_backend.simulated_rig import SimulatedRig
 from sim_backend.wire.can_wires import InterfaceWire, SlcanWire
 from sim_backend.wire.emulated_device import EmulatedCanDevice, EmulatedDevice, EmulatedSerialDevice
-from sim_backend.wire.mechanism import Mechanism
+from sim_backend.wire.mechanism import Mechanism, RigMaker
 from sim_backend.wire.registry import emulated_class
 from sim_backend.wire.serial_wire import SerialWire
 from sim_backend.wire.wire import Wire
@@ -51,8 +50,7 @@ class Emulator:
     file
         The rig file.
     make_rig
-        Function that returns a new simulated telemanipulator. Its argument is a function that
-        returns the time [s].
+        Function that returns a new simulated telemanipulator.
     folder
         Folder of the pseudo-terminals. Each pseudo-terminal has the name of its bus.
     faults
@@ -69,7 +67,7 @@ class Emulator:
     def __init__(
         self,
         file: RigFile,
-        make_rig: Callable[[Callable[[], float]], SimulatedRig],
+        make_rig: RigMaker,
         folder: Path,
         faults: Sequence[PlannedFault] = (),
         now: Callable[[], float] = time.monotonic,

@@ -20,6 +20,12 @@ NEVER = 1e9
 
 The emulated devices have their own watchdogs.
 """
+RigMaker = Callable[[Callable[[], float], int], SimulatedRig]
+"""Function that returns a new telemanipulator in its initial state.
+
+Its arguments are a function that returns the time [s], and the number of times that the drives were
+enabled before. With this number, the operator and the sensor noise can differ from trial to trial.
+"""
 
 
 class Source(NamedTuple):
@@ -47,8 +53,7 @@ class Mechanism:
     file
         The rig file, which assigns channels and drives to devices.
     make_rig
-        Function that returns a new telemanipulator in its initial state. Its argument is a function
-        that returns the time [s].
+        Function that returns a new telemanipulator in its initial state.
     now
         Function that returns the time of the clock [s].
     """
@@ -56,7 +61,7 @@ class Mechanism:
     def __init__(
         self,
         file: RigFile,
-        make_rig: Callable[[Callable[[], float]], SimulatedRig],
+        make_rig: RigMaker,
         now: Callable[[], float],
     ) -> None:
         self._make_rig = make_rig
@@ -64,7 +69,10 @@ class Mechanism:
         self._velocities = dict.fromkeys(AXES, 0.0)
         self.driven: set[str] = set()
         """Names of the axes whose drives are enabled."""
+        self.early = 0
+        """Number of times that a drive was enabled before the reset to the initial state."""
         self._idle_since = math.inf
+        self._enabled = 0
         self.rig = self._fresh()
         self.measurement = self.rig.read()
         devices = file.make_devices()
@@ -77,11 +85,11 @@ class Mechanism:
             self.mounts[d.device].axes[drive] = (axis, d.sign)
 
     def _fresh(self) -> SimulatedRig:
-        rig = self._make_rig(self._now)
+        rig = self._make_rig(self._now, self._enabled)
         rig.open()
         return rig
 
-    def exchange(self, make_rig: Callable[[Callable[[], float]], SimulatedRig]) -> None:
+    def exchange(self, make_rig: RigMaker) -> None:
         """Replace the telemanipulator.
 
         If a drive is enabled, the present telemanipulator is used until the next reset to the
@@ -110,6 +118,8 @@ class Mechanism:
         """Enable the drive of an axis if it is disabled, and move the axis at a velocity [m/s]."""
         if not self.driven:
             self.rig.enable()
+            self._enabled += 1
+            self.early += self._idle_since < math.inf
             self._idle_since = math.inf
         self.driven.add(axis)
         self._velocities[axis] = velocity

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from teleop.commands.one_trial import TrialRunner
-    from teleop.studies.series.conduct import Answer
+    from teleop.studies.series.question import Answer, Question
     from teleop.studies.series.trials import PlannedTrial
     from teleop.trial.live_link import LiveLink
     from teleop.trial.settings import TrialSettings
@@ -114,11 +114,14 @@ class PageOfSeries:
         self._count = count
         self._pending: dict[str, Any] | None = None
 
-    def ask(self, trial: PlannedTrial, prompt: str, can_repeat: bool) -> tuple[Answer, str]:
+    def ask(self, question: Question) -> tuple[Answer, str]:
         """Return the answer of the person (run, skip, repeat or quit), and a note."""
         from teleop.interruption import stop_signals
 
-        self._link.tell({"type": "prompt", "text": prompt})
+        previous = question.previous
+        returns = f", REPEAT returns to trial {previous.number}" if previous else ""
+        choice = f"NEXT {question.running}, SKIP {question.skipping}{returns}."
+        self._link.tell({"type": "prompt", "text": f"{question.text}\n{choice}"})
         notes: list[str] = []
         answers: dict[str, Answer] = {"next": "run", "repeat": "repeat", "skip": "skip"}
         with stop_signals() as stopped:
@@ -127,7 +130,7 @@ class PageOfSeries:
                 if request["type"] in answers:
                     answer = answers[request["type"]]
                     if answer == "run" or not self._link.position:
-                        self._link.position, self._link.of = trial.number, self._count
+                        self._link.position, self._link.of = question.trial.number, self._count
                     return answer, "; ".join(notes)
                 if request["type"] == "notes":
                     notes.append(request["text"])

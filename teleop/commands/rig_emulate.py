@@ -65,7 +65,8 @@ def emulate(
         Frequency of the sine that the operator follows with --condition any or mimic [Hz].
         Default: 1.
     seed
-        Seed of the simulated operator and of the sensor noise.
+        Seed of the simulated operator and of the sensor noise. From it, each trial gets a seed of
+        its own, which depends on the number of the trial since the start of this command.
     fault
         Fault of a bus as KIND:BUS@SECONDS, such as corrupt:force@3. SECONDS is the time between the
         enabling of the drives and the fault. The option may be repeated. Kinds: drop, double,
@@ -80,6 +81,7 @@ def emulate(
 
     from sim_backend import AttentiveOperator, MimickedSine
     from sim_backend.wire.emulator import host_file, host_ports
+    from sim_backend.wire.mechanism import PUT_BACK
     from teleop.commands.choices import make_signal
     from teleop.errors import InputError
     from teleop.files import check_outputs, write_text
@@ -107,10 +109,16 @@ def emulate(
         count_in=COUNT_IN,
     )
     palpated = Palpation(settings, AttentiveOperator if condition == "any" else MimickedSine)
-    typed = TypedLines()
+    typed, early = TypedLines(), 0
 
     def change() -> None:
-        nonlocal palpated
+        nonlocal palpated, early
+        if emulator.mechanism.early > early:
+            early = emulator.mechanism.early
+            print_error(
+                "the drives were enabled before the simulated plant returned to its initial "
+                f"state: expected {PUT_BACK:g} s between two trials (in a plan, rest_s = 2)"
+            )
         for line in typed.read():
             try:
                 palpated = palpated.changed(line)

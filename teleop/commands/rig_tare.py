@@ -25,8 +25,10 @@ def tare(
 ) -> int:
     """Measure the zero offsets of force and position, and store them with the date.
 
-    The zero offsets of the forces are measured with disabled drives and without load. If the rig
-    moves or is under load, the command ends with an error. `teleop run --tare` reads the file.
+    The zero offsets of the forces are measured with disabled drives and without load: nobody holds
+    the handle. If the rig moves or a force changes, the command waits up to 5 s until the rig is at
+    rest, and then ends with an error. It cannot detect a small constant load. `teleop run --tare`
+    reads the file.
 
     Example: `teleop rig tare --contact touch --out tare.json`
 
@@ -87,7 +89,8 @@ def tare(
     found = dated_tare(zero, given, rig_file.sections.name if rig_file else "simulated")
     write_tare(found, out, overwrite)
     if json:
-        console.print_json({**asdict(found), "noise_n": zero.noise, "file": str(out)})
+        noise = {"master_noise_n": zero.master_noise, "noise_n": zero.contact_noise}
+        console.print_json({**asdict(found), **noise, "file": str(out)})
     else:
-        print_tare(found, zero.noise, out, rig)
+        print_tare(found, zero.master_noise, zero.contact_noise, out, rig)
     return 0

@@ -13,7 +13,7 @@ from teleop.commands.live_options import NOT_LIVE, Live
 from teleop.names import RealtimeName
 
 if TYPE_CHECKING:
-    from teleop.studies.series.conduct import Answer
+    from teleop.studies.series.question import Answer, Question
     from teleop.studies.series.trials import PlannedTrial
     from teleop.trial.live_link import LiveLink
     from teleop.trial.result import Trial
@@ -55,7 +55,8 @@ def series(
         and the journal journal.jsonl. Default: series-NAME, where NAME is the name of the plan.
     ask
         Ask before each trial: Enter runs it, s skips it, r returns to the previous trial to repeat
-        it, q quits. Text after s, r or q is stored as a note. After each trial, ask for a note.
+        it, q quits. Text after s, r or q is stored as a note; after r, it is a note on the previous
+        trial. After each trial, ask for a note.
         Default: ask if a trial uses a hardware rig and the command runs in a terminal.
     yes
         Arm the drives of a hardware rig without asking.
@@ -143,8 +144,8 @@ def run(
     return trial
 
 
-def person(trial: PlannedTrial, prompt: str, can_repeat: bool) -> tuple[Answer, str]:
-    """Ask a person to choose: run or skip the trial, repeat the previous trial, or quit.
+def person(question: Question) -> tuple[Answer, str]:
+    """Ask a person to choose: run or skip the trial, return to the previous trial, or quit.
 
     If the input is closed, the answer is "quit".
     """
@@ -152,10 +153,11 @@ def person(trial: PlannedTrial, prompt: str, can_repeat: bool) -> tuple[Answer, 
     from teleop.trial.arming import arming_text, discard_typed_ahead
 
     discard_typed_ahead()
-    armed = f"\n{arming_text(trial.settings)}" if trial.settings.rig else ""
-    print(f"{prompt}{armed}", file=sys.stderr)
-    repeats = "r repeats the last one, " if can_repeat else ""
-    print(f"Enter runs it, s skips it, {repeats}q quits.", file=sys.stderr)
+    settings, previous = question.trial.settings, question.previous
+    armed = f"\n{arming_text(settings)}" if settings.rig else ""
+    print(f"{question.text}{armed}", file=sys.stderr)
+    returns = f"r returns to trial {previous.number}, " if previous else ""
+    print(f"Enter {question.running}, s {question.skipping}, {returns}q quits.", file=sys.stderr)
     while True:
         line = sys.stdin.readline()
         if not line:

@@ -191,15 +191,17 @@ def print_lag(summary: Mapping[str, Any]) -> None:
     print_command("compensate the lag with", ["teleop", "estimate", "FILE", "--force-lag", lag])
 
 
-def print_tare(tare: Tare, noise: float, path: Path, rig: Path | None) -> None:
+def print_tare(
+    tare: Tare, master_noise: float, contact_noise: float, path: Path, rig: Path | None
+) -> None:
     """Print the zero offsets of a rig, and a command that uses them.
 
     Parameters
     ----------
     tare
         The zero offsets.
-    noise
-        Root mean square of the noise of the contact force [N].
+    master_noise, contact_noise
+        Root mean square of the noise of the master force and of the contact force [N].
     path
         File with the zero offsets.
     rig
@@ -210,8 +212,8 @@ def print_tare(tare: Tare, noise: float, path: Path, rig: Path | None) -> None:
     contact = tare.slave_position
     datum = f"{contact * 1e3:+.4f} mm" if contact else "at position 0, not measured (see --contact)"
     plain_console().print(
-        f"master force zero {tare.master_force:+.4f} N\n"
-        f"contact force zero {tare.contact_force:+.4f} N, noise {noise:.3f} N rms\n"
+        f"master force zero {tare.master_force:+.4f} N, noise {master_noise:.3f} N rms\n"
+        f"contact force zero {tare.contact_force:+.4f} N, noise {contact_noise:.3f} N rms\n"
         f"contact datum {datum}\n"
         f"stored in {path}, {tare.date}",
         soft_wrap=True,

@@ -23,6 +23,9 @@ from teleop.trial.settings import TrialSettings
 if TYPE_CHECKING:
     from sim_backend import SimulatedRig
 
+SEEDS_APART = 1_000_000
+"""Difference of the seeds of two successive trials. It is large, so that two emulators with similar
+seeds have no trial with the same seed."""
 ANY = "any"
 """Name that stands for every condition. The simulated operator is then an `AttentiveOperator`."""
 DEPTH = re.compile(r"(\d+\.?\d*|\.\d+)mm")
@@ -129,9 +132,19 @@ class Palpation:
         depth = f"depth {settings.setup.depth * 1e3:g} mm"
         return f"{ANY if is_any else settings.condition}, {settings.palpated}, {depth}"
 
-    def rig(self, now: Callable[[], float]) -> SimulatedRig:
-        """Return a new simulated telemanipulator; the function `now` returns the time [s]."""
-        return make_simulated_rig(self.settings, now, NEVER, self.mimic)
+    def rig(self, now: Callable[[], float], enabled: int) -> SimulatedRig:
+        """Return a new simulated telemanipulator, with a seed of its own for each trial.
+
+        Parameters
+        ----------
+        now
+            Function that returns the time [s].
+        enabled
+            Number of times that the drives were enabled before. The first trial has the seed of the
+            settings.
+        """
+        seed = self.settings.seed + SEEDS_APART * enabled
+        return make_simulated_rig(replace(self.settings, seed=seed), now, NEVER, self.mimic)
 
     def changed(self, line: str) -> Palpation:
         """Return a copy of the palpation with the values that a line contains.

@@ -117,7 +117,7 @@ def touch(
         tare=Tare(zero.master, zero.contact, zero.position),
     )
     settings = replace(settings, custom_limits=touch_limits(settings.raw_limits))
-    threshold = max(TOUCH, 10.0 * zero.noise)
+    threshold = max(TOUCH, 10.0 * zero.contact_noise)
     with StopSwitch(key=rig is not None) as switch:
         trial = run_trial(
             settings,

@@ -7,16 +7,30 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers import Measurement, Rig
+from estimation.compiled import Floats
 from teleop.control.clock import Clock
 from teleop.control.tare import LARGEST_ZERO
 from teleop.errors import InputError
 
-LISTENING = 0.5
+LISTENING = 1.0
 """Time over which the forces are averaged [s]."""
+PATIENCE = 5.0
+"""Time in which the rig must come to rest [s]."""
 REST = 5e-5
 """Largest variation of the measured position during `LISTENING` for a slave at rest [m]."""
 MAX_NOISE = 0.5
 """Largest standard deviation of the noise of a force sensor without load [N]."""
+NEGLIGIBLE_CHANGE = 0.01
+"""Largest change of a force during `LISTENING` that is accepted for any noise [N]."""
+BLOCKS = 20
+"""Number of blocks in which the force is averaged, to detect a change. The noise of different
+blocks must be independent."""
+LARGEST_RATIO = 5.5
+"""Largest ratio of range to moving range of the means of the blocks for a constant force.
+
+For independent Gaussian noise, the probability of a larger ratio is 0.4 %. If the force only
+increases or only decreases, the ratio is `BLOCKS` - 1.
+"""
 
 
 @dataclass(frozen=True)
@@ -27,14 +41,19 @@ class ForceZero:
     """Mean of the measured master force [N]."""
     contact: float
     """Mean of the measured contact force [N]."""
-    noise: float
+    master_noise: float
+    """Standard deviation of the measured master force [N]."""
+    contact_noise: float
     """Standard deviation of the measured contact force [N]."""
     position: float
     """Mean of the readings of the slave's encoder [m]."""
 
 
 def force_zero(rig: Rig, clock: Clock) -> ForceZero:
-    """Measure the zero offsets of the force sensors.
+    """Measure the zero offsets of the force sensors, as soon as the rig is at rest.
+
+    The offsets are means over `LISTENING`. If the slave moves or a force changes during this time,
+    for example because a hand lets go of the handle, the measurement is repeated.
 
     Parameters
     ----------
@@ -46,37 +65,77 @@ def force_zero(rig: Rig, clock: Clock) -> ForceZero:
     Raises
     ------
     InputError
-        The slave moves, or the mean or the variation of a force is too large for a sensor without
-        load.
+        Within `PATIENCE`, the slave did not come to rest, a force did not become constant, or the
+        mean or the variation of a force was too large for a sensor without load.
     """
-    samples: list[Measurement] = []
-    for _ in range(round(LISTENING * clock.rate)):
-        clock.wait()
-        samples.append(rig.read())
-    position = np.array([m.slave_position for m in samples])
-    if not np.ptp(position) <= REST:
-        raise InputError(
-            f"the slave moves by {np.ptp(position) * 1e3:.3f} mm in "
-            f"{LISTENING:g} s: expected it to be at rest"
+    ticks = round(LISTENING * clock.rate)
+    for _ in range(round(PATIENCE / LISTENING)):
+        samples: list[Measurement] = []
+        for _ in range(ticks):
+            clock.wait()
+            samples.append(rig.read())
+        position = np.array([m.slave_position for m in samples])
+        master = np.array([m.master_force for m in samples])
+        contact = np.array([m.contact_force for m in samples])
+        problem = (
+            motion_problem(position)
+            or load_problem("master", master)
+            or load_problem("contact", contact)
         )
-    forces = {
-        "master": np.array([m.master_force for m in samples]),
-        "contact": np.array([m.contact_force for m in samples]),
-    }
-    for name, force in forces.items():
-        if not abs(force.mean()) <= LARGEST_ZERO:
-            raise InputError(
-                f"the {name} force sensor reads {force.mean():.2f} N: expected no "
-                f"load, and a zero within {LARGEST_ZERO:g} N"
+        if not problem:
+            return ForceZero(
+                float(master.mean()),
+                float(contact.mean()),
+                float(master.std()),
+                float(contact.std()),
+                float(position.mean()),
             )
-        if not force.std() <= MAX_NOISE:
-            raise InputError(
-                f"the {name} force varies by {force.std():.2f} N rms: expected "
-                f"noise of at most {MAX_NOISE:g} N"
-            )
-    return ForceZero(
-        float(forces["master"].mean()),
-        float(forces["contact"].mean()),
-        float(forces["contact"].std()),
-        float(position.mean()),
+    raise InputError(f"{problem} (after {PATIENCE:g} s of waiting)")
+
+
+def motion_problem(position: Floats) -> str:
+    """Return the problem of a slave that moves; empty if it is at rest.
+
+    `position` [m] has the shape (n,).
+    """
+    if np.ptp(position) <= REST:
+        return ""
+    return (
+        f"the slave moves by {np.ptp(position) * 1e3:.3f} mm in {LISTENING:g} s: expected it to be "
+        "at rest"
+    )
+
+
+def load_problem(name: str, force: Floats) -> str:
+    """Return the problem of a force sensor that is under load; empty if there is no problem.
+
+    A constant load cannot be distinguished from a zero offset, unless it is large. A load that
+    changes is detected from the means of successive blocks: their range is compared with their
+    moving range, which is the mean absolute difference of successive values. The moving range
+    depends on the noise, and little on a slow change or on a single step.
+
+    Parameters
+    ----------
+    name
+        Name of the sensor.
+    force
+        Measured force [N], shape (n,).
+    """
+    if not abs(force.mean()) <= LARGEST_ZERO:
+        return (
+            f"the {name} force sensor reads {force.mean():.2f} N: expected no load, and a zero "
+            f"within {LARGEST_ZERO:g} N"
+        )
+    if not force.std() <= MAX_NOISE:
+        return (
+            f"the {name} force varies by {force.std():.2f} N rms: expected noise of at most "
+            f"{MAX_NOISE:g} N"
+        )
+    means = np.array([block.mean() for block in np.array_split(force, BLOCKS)])
+    change, moving_range = float(np.ptp(means)), float(np.mean(np.abs(np.diff(means))))
+    if change <= max(LARGEST_RATIO * moving_range, NEGLIGIBLE_CHANGE):
+        return ""
+    return (
+        f"the {name} force changes by {change:.3f} N in {LISTENING:g} s, more than its noise "
+        "explains: expected a rig at rest and no hand on the handle"
     )

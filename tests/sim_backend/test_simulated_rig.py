@@ -123,6 +123,26 @@ def test_the_operators_time_starts_when_the_drives_are_enabled():
     assert max(force) > 0.5
 
 
+def test_the_operator_lets_go_of_the_handle_when_the_drives_are_disabled():
+    clock = HandClock()
+    rig = SimulatedRig(
+        CUBES["soft"], clock, FreePalpation(9e-3, 0), sensors=Sensors(force_noise=0.0)
+    )
+    rig.open()
+    rig.enable()
+    for i in range(500):
+        clock.time = i * 1e-3
+        force = rig.read().master_force
+        rig.write(STANDSTILL)
+    assert force > 0.5
+    rig.idle()
+    clock.time += 0.01
+    rig.read()
+    for _ in range(100):
+        clock.time += 1e-2
+        assert abs(rig.read().master_force) < 1e-3
+
+
 def test_sensors_read_from_their_own_zeros():
     clock = HandClock()
     sensors = Sensors(force_noise=0.0, master_zero=1.0, contact_zero=-2.0, contact_position=3e-3)

@@ -6,36 +6,34 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from drivers import RigError
 from teleop.errors import InputError, SafetyStop
 from teleop.files import make_folder
 from teleop.safety.events import time_text
 from teleop.studies.json_lines import LOCK, locked
-from teleop.studies.series.journal import NAME, Journal
+from teleop.studies.series.journal import INTERRUPTED, NAME, Journal
 from teleop.studies.series.plan import Plan
+from teleop.studies.series.question import Answer, Question, question_on, state_of
 from teleop.studies.series.table import RECORDINGS, write_results
 from teleop.studies.series.trials import PlannedTrial
 from teleop.trial.result import Trial
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
-Answer = Literal["run", "skip", "repeat", "quit"]
-Ask = Callable[[PlannedTrial, str, bool], tuple[Answer, str]]
-"""Function that asks a person whether to run a trial. Its arguments are the trial, a prompt, and
-whether there is a trial to repeat. It returns the answer and a note."""
+Ask = Callable[[Question], tuple[Answer, str]]
+"""Function that asks a person whether to run a trial. It returns the answer and a note."""
 AskNote = Callable[[PlannedTrial], str]
 """Function that asks a person for a note on a trial that has ended. It returns an empty text if
 there is no note."""
 Run = Callable[[TrialSettings, Path], Trial]
 """Function that runs and records a trial."""
-INTERRUPTED = "interrupted"
 ATTEMPTS = 3
 """Number of failed attempts of one trial after which an unattended series ends with an error."""
 
 
-def unattended(trial: PlannedTrial, prompt: str, can_repeat: bool) -> tuple[Answer, str]:
+def unattended(question: Question) -> tuple[Answer, str]:
     """Return the answer "run" and no note, without asking a person."""
     return "run", ""
 
@@ -125,31 +123,32 @@ def conduct(
         journal = open_journal(folder, plan, trials)
         write_results(folder, trials, journal)
         if any(journal.attempts(trial.number) or journal.last(trial.number) for trial in trials):
-            report(resumed_text(folder, counts(journal, trials)))
-        repeated: PlannedTrial | None = None
+            report(resumed_text(folder, trials, journal))
+        returned: PlannedTrial | None = None
         rested = -math.inf
-        while trial := repeated or next(
+        while trial := returned or next(
             (t for t in trials if not journal.is_finished(t.number)), None
         ):
             time.sleep(max(rested + plan.rest_s - time.monotonic(), 0.0))
-            last = journal.last_answered()
-            answer, note = ask(trial, prompt_of(plan, trial, len(trials)), last is not None)
-            if answer == "skip" and not repeated:
+            question = question_on(trial, plan, trials, journal)
+            answer, note = ask(question)
+            returned = None
+            if answer == "skip" and not journal.is_finished(trial.number):
                 journal.write("skipped", trial.number, note=note)
-                continue
-            if answer != "run" and note:
-                journal.write("note", trial.number, answer=answer, note=note)
+            elif answer != "run" and note:
+                about = question.previous or trial if answer == "repeat" else trial
+                attempts = journal.attempts(about.number)
+                journal.write("note", about.number, attempt=attempts, answer=answer, note=note)
+                write_results(folder, trials, journal)
             if answer == "quit":
                 break
             if answer == "repeat":  # its prompt states what is armed
-                if last is None:
-                    report("there is no trial to repeat: no trial was run or skipped")
-                repeated = next((t for t in trials if t.number == last), None)
+                if question.previous is None:
+                    report("there is no trial before the first one: expected Enter, s or q")
+                returned = question.previous or trial
+            if answer != "run":
                 continue
-            if answer == "skip":
-                repeated = None
-                continue
-            repeated, was_run = None, True
+            was_run = True
             try:
                 problem = attempt(folder, journal, trial, run, note)
             except (InputError, RigError) as error:
@@ -207,22 +206,16 @@ def spoilt(trial: Trial) -> str:
     return trial.incomplete
 
 
-def prompt_of(plan: Plan, trial: PlannedTrial, count: int) -> str:
-    """Return the text that is shown before a trial."""
-    text = plan.prompt.replace("{trial}", trial.label)
-    for name, level in trial.levels.items():
-        text = text.replace(f"{{{name}}}", level)
-    return f"trial {trial.number} of {count}: {text}"
-
-
-def resumed_text(folder: Path, found: dict[str, Any]) -> str:
-    """Return a text that states how many trials of an existing series are done."""
-    trials = sum(found.values())
+def resumed_text(folder: Path, trials: Sequence[PlannedTrial], journal: Journal) -> str:
+    """Return a text on an existing series: how many trials are done, and which are repeated."""
+    found = counts(journal, trials)
     if not found["pending"]:
         return f"{folder}: the series is complete, no trial is run"
+    pending = (trial.number for trial in trials if not journal.is_finished(trial.number))
+    failed = " ".join(filter(None, (state_of(number, journal) for number in pending)))
     return (
-        f"{folder}: the series is resumed: {found['done']} of {trials} trials are done, "
-        f"{found['skipped']} skipped"
+        f"{folder}: the series is resumed: {found['done']} of {len(trials)} trials are done, "
+        f"{found['skipped']} skipped{'. ' if failed else ''}{failed}"
     )
 
 

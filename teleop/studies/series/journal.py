@@ -17,6 +17,8 @@ from teleop.json_documents import dumps, loads
 from teleop.studies.json_lines import JsonLines
 
 NAME = "journal.jsonl"
+INTERRUPTED = "interrupted"
+"""Problem of a trial that was interrupted."""
 Entry = Literal["plan", "started", "done", "spoilt", "skipped", "note"]
 
 
@@ -63,11 +65,6 @@ class Journal:
     def last(self, trial: int) -> dict[str, Any] | None:
         """Return the last entry of a trial, notes excluded; None if there is no entry."""
         return self._last.get(trial)
-
-    def last_answered(self) -> int | None:
-        """Return the number of the last started or skipped trial; None if there is none."""
-        answered = ("started", "skipped")
-        return next((e["trial"] for e in reversed(self.entries) if e["entry"] in answered), None)
 
     def attempts(self, trial: int) -> int:
         """Return the number of times that a trial was started."""

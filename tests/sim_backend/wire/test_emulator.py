@@ -24,7 +24,7 @@ class Clock:
         return self.now
 
 
-def make_rig(now):
+def make_rig(now, enabled):
     return SimulatedRig(CUBES["soft"], now, watchdog=NEVER)
 
 
@@ -74,6 +74,21 @@ def test_the_plant_is_reset_after_its_drives_have_been_idle(tmp_path):
     assert mechanism.advance().slave_position == pytest.approx(4e-3, rel=0.2)
     clock.now += 0.2 * PUT_BACK
     assert mechanism.advance().slave_position == 0.0
+
+
+def test_a_drive_that_is_enabled_before_the_reset_is_counted_as_early(tmp_path):
+    clock = Clock()
+    mechanism = emulator("serial-board", tmp_path, clock).mechanism
+    counts = []
+    for pause in (1.1 * PUT_BACK, 0.5 * PUT_BACK, 1.1 * PUT_BACK, 0.0):
+        mechanism.drive("slave", 0.0)
+        mechanism.drive("master", 0.0)
+        counts.append(mechanism.early)
+        mechanism.brake("slave")
+        mechanism.brake("master")
+        clock.now += pause
+        mechanism.advance()
+    assert counts == [0, 0, 1, 1]
 
 
 def test_a_drive_senses_the_force_of_its_own_motor(tmp_path):

@@ -29,7 +29,7 @@ def test_the_emulator_prints_a_command_that_states_specimen_and_depth(capsys):
 
 @pytest.mark.parametrize("rig", [None, Path("run.toml")])
 def test_the_tare_prints_a_command_with_what_the_rig_needs(capsys, rig):
-    print_tare(Tare(), 0.02, Path("tare.json"), rig)
+    print_tare(Tare(), 0.01, 0.02, Path("tare.json"), rig)
     arguments = [word.replace("DEPTH", "3mm") for word in printed_command(capsys)]
     _, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=False)
     assert bound.arguments["tare"] == Path("tare.json")

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from drivers import STANDSTILL
 from drivers.rig_file import read_rig_file
-from sim_backend.wire.mechanism import PUT_BACK, Mechanism
+from sim_backend.wire.mechanism import NEVER, PUT_BACK, Mechanism
 from teleop.errors import InputError
 from teleop.rig.emulation import Palpation
 from teleop.rig.typed_lines import TypedLines
+from teleop.trial.assembly import make_simulated_rig
 from teleop.trial.settings import TrialSettings
 
 BOARD = Path(__file__).parents[3] / "rigs" / "serial-board.toml"
@@ -77,3 +79,49 @@ def test_a_telemanipulator_is_exchanged_when_the_drives_are_disabled():
     mechanism.exchange(Palpation(TrialSettings()).rig)
     mechanism.advance()
     assert mechanism.rig.plant.slave.law == soft
+
+
+def emulated_forces(seed, trials):
+    """Return the force at the handle in each trial of an emulator, one list per trial."""
+    now = [0.0]
+    settings = TrialSettings(condition="mimic", seed=seed)
+    mechanism = Mechanism(read_rig_file(BOARD), Palpation(settings).rig, lambda: now[0])
+    found = []
+    for _ in range(trials):
+        mechanism.drive("master", 0.0)
+        force = []
+        for _ in range(600):
+            now[0] += 2e-3
+            force.append(mechanism.advance().master_force)
+        found.append(force)
+        mechanism.brake("master")
+        now[0] += 1.1 * PUT_BACK
+        mechanism.advance()
+    return found
+
+
+def test_each_trial_of_an_emulator_has_another_operator_and_the_order_repeats_exactly():
+    first, second, third = emulated_forces(5, 3)
+    assert emulated_forces(5, 3) == [first, second, third]
+    for one, other in ((first, second), (second, third), (first, third)):
+        difference = [a - b for a, b in zip(one, other, strict=True)]
+        assert max(map(abs, difference)) > 0.3
+
+
+def test_emulators_with_successive_seeds_have_no_trial_in_common():
+    trials = [force for seed in range(3) for force in emulated_forces(seed, 3)]
+    assert all(one != other for i, one in enumerate(trials) for other in trials[:i])
+
+
+def test_the_first_trial_of_an_emulator_has_the_seed_of_the_settings():
+    settings = TrialSettings(condition="mimic", seed=5)
+    rig = make_simulated_rig(settings, lambda: now[0], NEVER)
+    now, force = [0.0], []
+    rig.open()
+    rig.read()
+    rig.enable()
+    for _ in range(600):
+        now[0] += 2e-3
+        rig.write(STANDSTILL)
+        force.append(rig.read().master_force)
+    assert emulated_forces(5, 1) == [force]

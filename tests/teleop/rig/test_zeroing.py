@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from teleop.control.tare import Tare, read_tare, write_tare
 from teleop.errors import InputError, SafetyStop
 from teleop.recording.recording import load
 from teleop.rig.touching import touch, touch_limits
-from teleop.rig.zeroing import force_zero
+from teleop.rig.zeroing import LISTENING, REST, force_zero, load_problem
 from teleop.safety import Fault
 from teleop.trial.assembly import make_controller
 from teleop.trial.run import run_trial
@@ -39,15 +40,94 @@ def test_the_force_zero_is_what_the_sensors_read_at_no_force():
     zero = force_zero(rig_of(OFFSETS, clock), clock)
     assert zero.master == pytest.approx(1.5, abs=0.004)
     assert zero.contact == pytest.approx(-2.25, abs=0.004)
-    assert zero.noise == pytest.approx(0.02, rel=0.1)
+    assert zero.master_noise == pytest.approx(0.02, rel=0.1)
+    assert zero.contact_noise == pytest.approx(0.02, rel=0.1)
+
+
+class Relaxing(SimulatedRig):
+    """A rig whose master force and slave position decay to zero."""
+
+    force, travel, time_constant = 0.5, 0.0, 0.5
+
+    def read(self):
+        measurement = super().read()
+        left = math.exp(-measurement.time / self.time_constant)
+        return measurement._replace(
+            master_force=measurement.master_force + self.force * left,
+            slave_position=measurement.slave_position + self.travel * left,
+        )
+
+
+def relaxing(clock, **options):
+    rig = Relaxing(CUBES["soft"], clock.now, sensors=OFFSETS)
+    rig.open()
+    vars(rig).update(options)
+    return rig
+
+
+@pytest.mark.parametrize("force", [0.15, 0.5, -5.0])
+@pytest.mark.parametrize("travel", [0.0, 1e-3])
+def test_the_zero_is_measured_after_the_rig_has_come_to_rest(force, travel):
+    clock = VirtualClock(1000.0)
+    zero = force_zero(relaxing(clock, force=force, travel=travel), clock)
+    assert clock.now() > 2.0 * LISTENING - 0.01
+    assert zero.master == pytest.approx(1.5, abs=0.02)
+    assert zero.contact == pytest.approx(-2.25, abs=0.004)
+    assert zero.position == pytest.approx(OFFSETS.contact_position, abs=REST)
+
+
+def test_a_force_that_does_not_become_constant_is_refused():
+    clock = VirtualClock(1000.0)
+    with pytest.raises(InputError, match=r"master force changes by 0\.1\d+ N .* no hand on the"):
+        force_zero(relaxing(clock, force=4.0, time_constant=20.0), clock)
+
+
+@pytest.mark.parametrize("rate", [50.0, 100.0, 1000.0])
+@pytest.mark.parametrize("noise", [0.0, 0.001, 0.02, 0.3])
+def test_the_noise_of_a_sensor_is_not_taken_for_a_change(rate, noise):
+    repeated = 0
+    for seed in range(20):
+        clock = VirtualClock(rate)
+        force_zero(rig_of(Sensors(force_noise=noise), clock, seed=seed), clock)
+        repeated += clock.now() > 1.5 * LISTENING
+    assert repeated <= 1
+
+
+@pytest.mark.parametrize("shape", ["ramp", "relaxation", "knock"])
+def test_a_change_of_twice_the_noise_is_detected(shape):
+    share = np.linspace(0.0, 1.0, 1000)
+    change = {
+        "ramp": share,
+        "relaxation": np.exp(-5.0 * share),
+        "knock": np.exp(-((share - 0.5) ** 2) / 0.01),
+    }[shape]
+    for seed in range(10):
+        force = np.random.default_rng(seed).normal(0.0, 0.02, 1000)
+        assert not load_problem("master", force)
+        assert load_problem("master", force + 0.04 * change)
+        assert load_problem("master", force - 0.04 * change)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.95])
+def test_a_load_that_disappears_is_detected(share):
+    force = np.random.default_rng(1).normal(0.0, 0.02, 1000)
+    force[: round(1000 * share)] -= 0.4
+    assert "contact force changes by 0.4" in load_problem("contact", force)
+
+
+def test_a_periodic_disturbance_is_not_taken_for_a_change():
+    t = np.arange(1000) * 1e-3
+    for frequency in (3.0, 8.0, 50.0, 60.0):
+        for phase in np.linspace(0.0, 2.0 * np.pi, 8):
+            assert not load_problem("master", 0.1 * np.sin(2.0 * np.pi * frequency * t + phase))
 
 
 def test_a_moving_rig_is_refused():
     clock = VirtualClock(1000.0)
-    rig = rig_of(Sensors(), clock)
+    rig = rig_of(Sensors(), clock, watchdog=60.0)
     rig.enable()
     rig.write(Command(0.0, 0.005))
-    with pytest.raises(InputError, match=r"the slave moves by 0\.\d+ mm"):
+    with pytest.raises(InputError, match=r"the slave moves by [45]\.\d+ mm"):
         force_zero(rig, clock)
 
 
@@ -56,7 +136,7 @@ def test_a_moving_rig_is_refused():
     [
         (Sensors(contact_zero=40.0), r"contact force sensor reads 40\.0\d N: expected no load"),
         (Sensors(master_zero=-40.0), "master force sensor reads"),
-        (Sensors(force_noise=2.0), "force varies by 2"),
+        (Sensors(force_noise=2.0), r"force varies by [12]\.\d+ N"),
     ],
 )
 def test_a_loaded_rig_is_refused(sensors, word):
@@ -99,7 +179,9 @@ def test_an_applied_tare_removes_the_offsets_of_a_rig():
 def test_the_command_stores_a_dated_tare_that_run_accepts(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["rig", "tare", "--contact", "touch"]) == 0
-    assert "teleop run --tare tare.json" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "teleop run --tare tare.json" in shown
+    assert len(re.findall(r"force zero \S+ N, noise 0\.0[12]\d N rms", shown)) == 2
     tare = read_tare(tmp_path / "tare.json")
     assert tare.date.startswith("20")
     assert abs(tare.slave_position) < 20e-6

@@ -52,7 +52,7 @@ class SteppedRig(WiredRig):
         folder = Path(self._temporary.name)
         self.emulator = Emulator(
             file,
-            lambda now: make_simulated_rig(settings, now, NEVER),
+            lambda now, enabled: make_simulated_rig(settings, now, NEVER),
             folder,
             faults,
             self.present,

@@ -54,10 +54,12 @@ class Person:
         self.answers = [*answers]
         self.prompts = []
         self.can_repeat = []
+        self.states = []
 
-    def __call__(self, trial, prompt, can_repeat):
-        self.can_repeat.append(can_repeat)
-        self.prompts.append(prompt)
+    def __call__(self, question):
+        self.can_repeat.append(question.previous is not None)
+        self.prompts.append(question.prompt)
+        self.states.append(question.state)
         return self.answers.pop(0) if self.answers else "quit", "a note"
 
 
@@ -125,6 +127,48 @@ def test_the_note_on_each_answer_is_in_the_journal(plan, tmp_path):
     assert noted == ["started", "repeat", "skip", "skipped", "repeat", "quit"]
 
 
+def test_after_a_spoilt_attempt_r_returns_to_the_trial_before_and_s_skips(plan, tmp_path):
+    folder = tmp_path / "out"
+    person = Person("run", "run", "repeat", "skip", "skip", "quit")
+    journal = conduct(folder, *plan, ask=person, run=Spoiling(2))
+    assert [prompt[:7] for prompt in person.prompts] == [
+        f"trial {number}" for number in (1, 2, 2, 1, 2, 3)
+    ]
+    spoilt = "Attempt 1 of trial 2 must be repeated: interrupted."
+    assert person.states == ["", "", spoilt, "Trial 1 is done (attempt 1).", spoilt, ""]
+    assert journal.last(1)["entry"] == "done"
+    assert journal.last(2)["entry"] == "skipped"
+
+
+def test_s_skips_the_first_trial_after_a_spoilt_attempt_and_r(plan, tmp_path):
+    person = Person("run", "repeat", "skip", "quit")
+    journal = conduct(tmp_path / "out", *plan, ask=person, run=Spoiling(1))
+    assert journal.last(1)["entry"] == "skipped"
+    assert [prompt[:7] for prompt in person.prompts] == ["trial 1"] * 3 + ["trial 2"]
+
+
+def test_a_note_after_r_belongs_to_the_trial_that_is_returned_to(plan, tmp_path):
+    folder = tmp_path / "out"
+    conduct(folder, *plan, ask=Person("run", "repeat", "quit"))
+    (entry,) = [e for e in Journal(folder).entries if e.get("answer") == "repeat"]
+    assert (entry["trial"], entry["attempt"]) == (1, 1)
+    assert rows(folder)[0]["note"].count("a note") >= 2
+
+
+def test_the_message_of_a_resumed_series_names_the_trial_that_was_killed(plan, tmp_path):
+    def killed(settings, path):
+        raise SystemExit
+
+    folder, reports = tmp_path / "out", []
+    conduct(folder, *plan, ask=Person("run", "quit"))
+    with pytest.raises(SystemExit):
+        conduct(folder, *plan, ask=Person("run"), run=killed)
+    conduct(folder, *plan, ask=Person(), report=reports.append)
+    assert reports[0].endswith(
+        "1 of 3 trials are done, 0 skipped. Attempt 1 of trial 2 must be repeated: interrupted."
+    )
+
+
 def test_a_trial_that_was_skipped_can_be_run_after_all(plan, tmp_path):
     folder = tmp_path / "out"
     person = Person("run", "skip", "repeat", "run", "quit")
@@ -153,7 +197,7 @@ def test_a_trial_that_cannot_be_run_is_asked_for_again(plan, tmp_path, error):
 def test_before_the_first_trial_there_is_none_to_repeat(plan, tmp_path):
     reports, person = [], Person("repeat", "quit")
     journal = conduct(tmp_path / "out", *plan, ask=person, report=reports.append)
-    assert reports == ["there is no trial to repeat: no trial was run or skipped"]
+    assert reports == ["there is no trial before the first one: expected Enter, s or q"]
     assert journal.attempts(1) == 0
     assert [prompt[:7] for prompt in person.prompts] == ["trial 1", "trial 1"]
 
@@ -421,9 +465,26 @@ def test_the_prompt_offers_a_repetition_only_if_there_is_a_trial_to_repeat(comma
     lines = [line for line in err.splitlines() if not line.startswith("trial")]
     assert lines == [
         "Enter runs it, s skips it, q quits.",
-        "teleop: there is no trial to repeat: no trial was run or skipped",
+        "teleop: there is no trial before the first one: expected Enter, s or q",
         "Enter runs it, s skips it, q quits.",
-        "Enter runs it, s skips it, r repeats the last one, q quits.",
+        "Enter runs it, s skips it, r returns to trial 1, q quits.",
+    ]
+
+
+def test_the_prompt_of_an_earlier_trial_states_its_attempt_and_that_s_keeps_its_result(command):
+    _, _, err = command(["\n", "\n", "s\n", "r\n", "r\n", "s\n", "q\n"])
+    lines = [line for line in err.splitlines() if line.startswith(("trial", "Trial", "Enter"))]
+    assert lines[4:] == [
+        "trial 3 of 3: Next: autonomous-hard-1.",
+        "Enter runs it, s skips it, r returns to trial 2, q quits.",
+        "trial 2 of 3: Next: autonomous-medium-1.",
+        "Trial 2 was skipped.",
+        "Enter runs it, s leaves it skipped, r returns to trial 1, q quits.",
+        "trial 1 of 3: Next: autonomous-soft-1.",
+        "Trial 1 is done (attempt 1).",
+        "Enter runs it again, s keeps its result, q quits.",
+        "trial 3 of 3: Next: autonomous-hard-1.",
+        "Enter runs it, s skips it, r returns to trial 2, q quits.",
     ]
 
 

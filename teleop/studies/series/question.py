@@ -1,0 +1,93 @@
+"""The question to a person before a trial: what is planned, what was done, and the answers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from teleop.studies.series.journal import INTERRUPTED, Journal
+from teleop.studies.series.plan import Plan
+from teleop.studies.series.trials import PlannedTrial
+
+Answer = Literal["run", "skip", "repeat", "quit"]
+EFFECTS = {
+    "done": ("runs it again", "keeps its result"),
+    "skipped": ("runs it", "leaves it skipped"),
+}
+"""Effects of the answers "run" and "skip", by the last entry of the trial in the journal."""
+EFFECTS_ON_PENDING = ("runs it", "skips it")
+
+
+@dataclass(frozen=True)
+class Question:
+    """Question whether to run a trial."""
+
+    trial: PlannedTrial
+    prompt: str
+    """Number of the trial, and the prompt of the plan."""
+    state: str
+    """Sentence that states what was done in this trial before; empty if it was never run."""
+    running: str
+    """Effect of the answer "run", such as `runs it again`."""
+    skipping: str
+    """Effect of the answer "skip", such as `keeps its result`."""
+    previous: PlannedTrial | None
+    """Trial that the answer "repeat" returns to; None if this trial is the first one."""
+
+    @property
+    def text(self) -> str:
+        """The prompt, followed by a line with the state if there is one."""
+        return f"{self.prompt}\n{self.state}" if self.state else self.prompt
+
+
+def question_on(
+    trial: PlannedTrial, plan: Plan, trials: Sequence[PlannedTrial], journal: Journal
+) -> Question:
+    """Return the question whether to run a trial.
+
+    Parameters
+    ----------
+    trial
+        The trial.
+    plan
+        The plan, which contains the prompt.
+    trials
+        The trials of the plan, in the order in which they are run.
+    journal
+        The journal of the series.
+    """
+    last = journal.last(trial.number)
+    running, skipping = EFFECTS.get(last["entry"] if last else "", EFFECTS_ON_PENDING)
+    return Question(
+        trial,
+        prompt_of(plan, trial, len(trials)),
+        state_of(trial.number, journal),
+        running,
+        skipping,
+        next((other for other in trials if other.number == trial.number - 1), None),
+    )
+
+
+def prompt_of(plan: Plan, trial: PlannedTrial, count: int) -> str:
+    """Return the number of a trial and the prompt of the plan, with the levels of the trial."""
+    text = plan.prompt.replace("{trial}", trial.label)
+    for name, level in trial.levels.items():
+        text = text.replace(f"{{{name}}}", level)
+    return f"trial {trial.number} of {count}: {text}"
+
+
+def state_of(number: int, journal: Journal) -> str:
+    """Return a sentence that states whether a trial is done, was skipped, or must be repeated.
+
+    The result is empty if the trial was never run or skipped.
+    """
+    last, attempt = journal.last(number), journal.attempts(number)
+    if last is None:
+        return ""
+    if last["entry"] == "done":
+        return f"Trial {number} is done (attempt {attempt})."
+    if last["entry"] == "skipped":
+        return f"Trial {number} was skipped."
+    problem = last.get("problem", INTERRUPTED)
+    return f"Attempt {attempt} of trial {number} must be repeated: {problem}."
