@@ -109,7 +109,8 @@ def claim_processor() -> Callable[[], object]:
 
     Returns
     -------
-    A function that permits all earlier processors again, and releases the claimed processor.
+    A function that releases the claimed processor. The process may then run on all processors that
+    it could use before.
 
     Raises
     ------

@@ -116,7 +116,7 @@ class StopKey:
         self._on_continue()
 
     def _on_continue(self, *_: object) -> None:
-        """Read the keys again if the process is in the foreground."""
+        """After the process was suspended, resume reading keys if it is in the foreground."""
         if is_foreground():
             self._set_key_mode()
         else:
