@@ -134,7 +134,7 @@ class SwitchingMultiEstimator(MultiEstimator):
         super().__init__(grid, forgetting_rate, correlation, factor=1.0 + hysteresis, dwell=dwell)
 
     def first_state(self, parameters: SwitchingParameters) -> SwitchingState:
-        """Return the state before the first sample. The dwell time does not delay the first switch."""
+        """Return the state before the first sample. The first switch needs no dwell time."""
         return SwitchingState(
             **asdict(super().first_state(parameters)), since=parameters.dwell, switches=0
         )
