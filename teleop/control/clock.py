@@ -8,7 +8,14 @@ from abc import ABC, abstractmethod
 from typing import NamedTuple
 
 SPIN = 200_000
-"""Time before each deadline during which the loop polls the clock instead of sleeping [ns]."""
+"""Longest time before each deadline during which the loop polls the clock instead of sleeping
+[ns]."""
+LARGEST_SPIN = 0.4
+"""Largest part of a period during which the loop polls the clock.
+
+A loop that never sleeps would use its processor completely. Linux then stops a process with a
+real-time priority for 50 ms in each second (`sched_rt_runtime_us`).
+"""
 
 
 class Tick(NamedTuple):
@@ -94,6 +101,7 @@ class RealClock(Clock):
     def __init__(self, rate: float) -> None:
         super().__init__(rate)
         self._origin = time.monotonic_ns()
+        self._spin = min(SPIN, round(LARGEST_SPIN * 1e9 / rate))
         self._first = self._woken = 0
         self._tick = -1
 
@@ -109,7 +117,7 @@ class RealClock(Clock):
         return self._first + round(tick * 1e9 / self.rate)
 
     def wait(self) -> Tick:
-        """Wait until the next deadline: sleep until `SPIN` before it, then poll the clock."""
+        """Wait until the next deadline: sleep until shortly before it, then poll the clock."""
         now = time.monotonic_ns()
         if self._tick < 0:
             self._first = self._woken = now
@@ -117,8 +125,8 @@ class RealClock(Clock):
         skipped = max(0, int((now - due) * 1e-9 * self.rate))
         self._tick += 1 + skipped
         deadline = self._deadline(self._tick)
-        if deadline - now > SPIN:
-            time.sleep((deadline - now - SPIN) * 1e-9)
+        if deadline - now > self._spin:
+            time.sleep((deadline - now - self._spin) * 1e-9)
         busy = now - self._woken
         while (woken := time.monotonic_ns()) < deadline:
             pass

@@ -96,3 +96,15 @@ def test_virtual_time_advances_only_by_ticks():
 def test_a_rate_that_is_not_positive_is_refused(make, rate):
     with pytest.raises(ValueError, match="rate must be positive"):
         make(rate)
+
+
+@pytest.mark.parametrize("rate", [1000.0, 2000.0, 4000.0, 6000.0])
+def test_the_loop_sleeps_in_each_second_so_that_linux_does_not_suspend_it(rate, fake, monkeypatch):
+    """Linux suspends a process in real time that uses more than 95 % of its processor."""
+    slept = []
+    monkeypatch.setattr(time, "sleep", lambda seconds: (slept.append(seconds), fake.work(seconds)))
+    clock = RealClock(rate)
+    for _ in range(round(rate)):
+        assert clock.wait().skipped == 0
+        fake.work(70e-6)
+    assert sum(slept) > 0.1
