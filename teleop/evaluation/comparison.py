@@ -10,7 +10,7 @@ from typing import Any
 from estimation.summary import EstimatorSummary
 from teleop.errors import InputError
 from teleop.evaluation.evaluation_result import Evaluation
-from teleop.evaluation.kinds import OF_ESTIMATES, UNDETERMINED
+from teleop.evaluation.kinds import OF_ESTIMATES
 from teleop.evaluation.means import Value
 from teleop.evaluation.result import Result
 from teleop.evaluation.tracking import COLUMNS, Tracking
@@ -77,9 +77,9 @@ def values_of(row: Compared, method: str) -> dict[str, Value]:
         return {}
     found = {}
     for symbol, kind in result.kinds.items():
-        low, value, high = (getattr(result, f"{symbol}{end}") for end in ("_low", "", "_high"))
-        if high - low >= UNDETERMINED:
-            found[symbol] = Value(value, 0.5 * (high - low), kind)
+        if result.determines(symbol):
+            low, high = result.interval(symbol)
+            found[symbol] = Value(getattr(result, symbol), 0.5 * (high - low), kind)
     return found
 
 

@@ -19,7 +19,7 @@ from typing import Any
 
 from estimation.estimator import LEVEL_95
 from teleop.evaluation.constancy import change_over_cycles
-from teleop.evaluation.kinds import BESIDES_RELAXATION, LOSS, TANGENT
+from teleop.evaluation.kinds import BESIDES_RELAXATION, LOSS, TANGENT, UNDETERMINED
 from teleop.evaluation.local_stiffness import LocalStiffness, merged
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
@@ -81,6 +81,15 @@ class Result:
     def b_change_per_ms(self) -> float | None:
         """Change of b for 1 ms of lag of the force that is not compensated [N s/m]."""
         return None if self.k is None else 1e-3 * self.k
+
+    def interval(self, symbol: str) -> tuple[float, float]:
+        """Return the lower and upper end of the interval of k or b (`symbol`)."""
+        return getattr(self, f"{symbol}_low"), getattr(self, f"{symbol}_high")
+
+    def determines(self, symbol: str) -> bool:
+        """Return whether the record determines k or b (`symbol`)."""
+        low, high = self.interval(symbol)
+        return high - low >= UNDETERMINED
 
     def summary(self) -> dict[str, Any]:
         """Return the result as a dictionary for JSON."""

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from estimation.figure_style import BLUE, common_legend, new_figure, tidy
 from teleop.evaluation.comparison import RESULT, Compared
 from teleop.evaluation.groups import Group
-from teleop.evaluation.kinds import BESIDES_RELAXATION, LOSS, UNDETERMINED
+from teleop.evaluation.kinds import BESIDES_RELAXATION, LOSS
 from teleop.evaluation.means import Mean
 from teleop.evaluation.result import Result
 from teleop.output.comparison_scales import Interval, factor_of_rows, set_scale
@@ -52,7 +52,7 @@ class Place(NamedTuple):
     def intervals(self, symbol: str) -> list[Interval]:
         """Return the intervals of k or b (`symbol`) that are drawn."""
         mean = self.means[symbol]
-        found = [interval(result, symbol) for result in self.results if determines(result, symbol)]
+        found = [result.interval(symbol) for result in self.results if result.determines(symbol)]
         if mean.recordings > 1:
             found.append((mean.value - mean.half, mean.value + mean.half))
         return found
@@ -141,17 +141,6 @@ def placed(
     return places, factor
 
 
-def interval(result: Result, symbol: str) -> Interval:
-    """Return the lower and upper end of the interval of k or b (`symbol`)."""
-    return getattr(result, f"{symbol}_low"), getattr(result, f"{symbol}_high")
-
-
-def determines(result: Result, symbol: str) -> bool:
-    """Return whether the recording of a result determines k or b (`symbol`)."""
-    low, high = interval(result, symbol)
-    return high - low >= UNDETERMINED
-
-
 def draw_panel(
     axes: Axes, places: Iterable[Place], names: Sequence[tuple[str, ...]], symbol: str
 ) -> None:
@@ -183,7 +172,7 @@ def level_text(level: str) -> str:
 
 def draw_results(axes: Axes, at: int, place: Place, symbol: str) -> None:
     """Draw k or b (`symbol`) of the recordings of a group side by side, around `at` on the axis."""
-    shown = np.array([determines(one, symbol) for one in place.results], bool)
+    shown = np.array([one.determines(symbol) for one in place.results], bool)
     if not shown.any():
         axes.text(
             at,
@@ -197,7 +186,7 @@ def draw_results(axes: Axes, at: int, place: Place, symbol: str) -> None:
         )
         return
     value = np.array([getattr(one, symbol) for one in place.results])
-    low, high = np.array([interval(one, symbol) for one in place.results]).T
+    low, high = np.array([one.interval(symbol) for one in place.results]).T
     positions = at + np.linspace(*RECORDINGS, len(value)) if len(value) > 1 else np.array([at])
     other = np.array(place.other) if symbol == "b" else np.zeros(len(value), bool)
     for part, face, text in (
