@@ -223,6 +223,19 @@ def load(path: Path | str, is_wanted: Callable[[str], bool] = bool) -> Recording
     return stored(stream, stream.blocks(is_wanted))
 
 
+def load_intact(path: Path) -> Recording:
+    """Read the intact part of a recording from an MCAP file.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is not a recording of `teleop run`, or is too large for the memory
+        of this machine.
+    """
+    stream = RecordingStream(path)
+    return stored(stream, stream.intact_blocks())
+
+
 def stored(stream: RecordingStream, blocks: Iterable[dict[str, Floats]]) -> Recording:
     """Read all blocks of a stream, and return them as a recording.
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from teleop.errors import InputError
-from teleop.recording.recording import Recording, stored
+from teleop.recording.recording import Recording, load_intact
 from teleop.recording.stream import RecordingStream
 
 IN_MEMORY = 1 << 22
@@ -54,11 +54,6 @@ class RecordingFile:
         """Event of the first fault; None if there was no fault."""
         return self._empty.fault
 
-    @property
-    def values(self) -> int:
-        """Number of values: ticks times columns."""
-        return self._ticks * len(self.units)
-
     def blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[Recording]:
         """Yield recordings of successive ticks, with the columns that `is_wanted` accepts."""
         for columns in RecordingStream(self.path).intact_blocks(is_wanted):
@@ -72,15 +67,14 @@ class RecordingFile:
         InputError
             The recording is too large for the memory of this machine.
         """
-        stream = RecordingStream(self.path)
-        return stored(stream, stream.intact_blocks())
+        return load_intact(self.path)
 
     def evenly_spaced(self) -> Recording:
         """Return evenly spaced ticks at which the estimators were updated, and always the last one.
 
         The result has about `IN_MEMORY` values or fewer.
         """
-        every = max(1, math.ceil(self.values / IN_MEMORY))
+        every = max(1, math.ceil(self._ticks * len(self.units) / IN_MEMORY))
         parts: list[Recording] = []
         last, count = replace(self._empty, columns={name: np.empty(0) for name in self.units}), 0
         for block in self.blocks():
@@ -108,7 +102,6 @@ def recorded_ticks(path: Path) -> Recording | RecordingFile | None:
     try:
         if path.stat().st_size > 8 * IN_MEMORY:
             return RecordingFile(path)
-        stream = RecordingStream(path)
-        return stored(stream, stream.intact_blocks())
+        return load_intact(path)
     except (OSError, InputError):
         return None
