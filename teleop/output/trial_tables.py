@@ -46,8 +46,8 @@ def print_trial(summary: Mapping[str, Any]) -> None:
     recording = summary["recording"]
     if recording["path"]:
         console.print(f"  recording: {recording['path']}")
-    if recording["path"] and summary["pairs"]:
-        print_command("  result to publish", ["teleop", "estimate", recording["path"]])
+        if summary["pairs"]:
+            print_command("  result to publish", ["teleop", "estimate", recording["path"]])
     print_incomplete(console, recording)
     if recording["black_box"]:
         console.print(f"  black box: {recording['black_box']}", style="red")
