@@ -47,14 +47,13 @@ class Trials(NamedTuple):
 
     conditions: tuple[str, ...] = ("free", "mimic")
     cubes: tuple[str, ...] = CUBES
-    damping: float = 15.0
-    """Virtual damping [N s/m]."""
+    admittance: AdmittanceParameters = AdmittanceParameters()
 
 
 TRIALS: dict[FeedbackName, Trials] = {
     "none": Trials(conditions=("free", "mimic", "autonomous")),
     "model-mediated": Trials(),
-    "position-force": Trials(cubes=("soft",), damping=200.0),
+    "position-force": Trials(cubes=("soft",), admittance=AdmittanceParameters(damping=200.0)),
     "passivity": Trials(cubes=("soft",)),
 }
 LATE = 0.02
@@ -72,7 +71,7 @@ def virtual(
         clock="virtual",
         duration=7.0,
         feedback=FeedbackSettings(law),
-        admittance=AdmittanceParameters(damping=TRIALS[law].damping),
+        admittance=TRIALS[law].admittance,
         channel=None if law == "none" else CHANNEL,
     )
     clock = CampaignClock(settings.rate)
