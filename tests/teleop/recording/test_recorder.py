@@ -42,6 +42,14 @@ def recorder(path, wait=True, **options):
     return sink
 
 
+def suspended_recorder(path):
+    if not hasattr(signal, "SIGSTOP"):
+        pytest.skip("needs SIGSTOP")
+    sink = recorder(path, wait=False)
+    sink.process.send_signal(signal.SIGSTOP)
+    return sink
+
+
 def test_every_tick_and_event_is_read_back_unchanged(tmp_path):
     path = tmp_path / "a.mcap"
     sink = recorder(path)
@@ -118,10 +126,7 @@ def test_a_killed_recorder_is_reported_and_its_flushed_data_are_kept(tmp_path):
 
 
 def test_a_suspended_recorder_loses_ticks_but_does_not_delay_the_loop(tmp_path):
-    if not hasattr(signal, "SIGSTOP"):
-        pytest.skip("needs SIGSTOP")
-    sink = recorder(tmp_path / "a.mcap", wait=False)
-    sink.process.send_signal(signal.SIGSTOP)
+    sink = suspended_recorder(tmp_path / "a.mcap")
     for i in range(30_000):
         sink.push(message(i * 1e-3))
     assert sink.dropped > 10_000
@@ -137,10 +142,7 @@ def test_a_suspended_recorder_loses_ticks_but_does_not_delay_the_loop(tmp_path):
 
 
 def test_a_recorder_that_pauses_for_some_seconds_loses_no_tick(tmp_path):
-    if not hasattr(signal, "SIGSTOP"):
-        pytest.skip("needs SIGSTOP")
-    sink = recorder(tmp_path / "a.mcap", wait=False)
-    sink.process.send_signal(signal.SIGSTOP)
+    sink = suspended_recorder(tmp_path / "a.mcap")
     for i in range(8000):
         sink.push(message(i * 1e-3))
     sink.event(Event(8.0, Mode.FAULT, "in the pause", Fault.JUMP))
@@ -195,11 +197,8 @@ def test_a_tick_that_is_written_to_the_pipe_in_parts_is_recorded_whole(tmp_path,
 
 
 def test_a_recorder_that_hangs_does_not_block_the_end(tmp_path, monkeypatch):
-    if not hasattr(signal, "SIGSTOP"):
-        pytest.skip("needs SIGSTOP")
     monkeypatch.setattr("teleop.recording.recorder.TIMEOUT", 0.5)
-    sink = recorder(tmp_path / "a.mcap", wait=False)
-    sink.process.send_signal(signal.SIGSTOP)
+    sink = suspended_recorder(tmp_path / "a.mcap")
     for i in range(10_000):
         sink.push(message(i * 1e-3))
     sink.event(Event(9.0, Mode.FAULT, "not recorded", Fault.JUMP))
