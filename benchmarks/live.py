@@ -1,7 +1,7 @@
 """Measure the live page without a browser: latencies, processor time, and effect on the loop.
 
-    python benchmarks/live.py                    # all measurements, about four minutes
-    python benchmarks/live.py --times 3 --seconds 5
+    python benchmarks/live.py                    # all measurements, about twelve minutes
+    python benchmarks/live.py --times 3 --seconds 5 --turns 3
 
 Each result is printed next to its aim:
 
@@ -10,7 +10,7 @@ Each result is printed next to its aim:
 - the time from SIGKILL or SIGSTOP of the live process to the beginning of the ramp;
 - the time from the last sample of the pointer to the release of the handle;
 - the processor time of the live process;
-- the lateness of the loop and the duration of a tick, in turns with runs without a page.
+- the lateness of the loop and the duration of a tick, in turns without and with pages.
 """
 
 from __future__ import annotations
@@ -18,18 +18,17 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
-import json
 import os
 import random
 import signal
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from live_lateness import lateness
 from live_session import Page, flood, now, session
 from live_ticks import parts, report, ticks
 from websockets.exceptions import ConnectionClosed
@@ -134,53 +133,11 @@ async def processor_time(seconds: float) -> None:
                 print(f"live process with {count} page(s): {share:.1f} % of a processor, aim {aim}")
 
 
-async def with_pages(seconds: float, count: int) -> dict[str, Any]:
-    """Return the summary of a run with pages. If there are several, one sends too many messages."""
-    with session("--duration", str(seconds), "--no-record", "--yes") as running:
-        async with contextlib.AsyncExitStack() as pages:
-            for _ in range(max(count - 1, 1)):
-                page = await pages.enter_async_context(running.page())
-            tasks = [asyncio.create_task(flood(running))] if count > 1 else []
-            while not page.summary:
-                await asyncio.sleep(0.05)
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
-            return page.summary
-
-
-def without_page(seconds: float) -> dict[str, Any]:
-    """Return the summary of a run without a page."""
-    command = [sys.executable, "-m", "teleop", "run", "--no-record", "--json"]
-    done = subprocess.run(
-        [*command, "--duration", str(seconds)], capture_output=True, text=True, check=False
-    )
-    return dict(json.loads(done.stdout))
-
-
-def pairs(times: int, seconds: float) -> None:
-    """Print lateness and duration of a tick without, with one and with eight pages, in turns."""
-    rows = []
-    for _ in range(times):
-        runs = (without_page(seconds), *(asyncio.run(with_pages(seconds, n)) for n in (1, 8)))
-        for summary in runs:
-            loop = summary["loop"]
-            rows.append((loop["lateness_us"]["p99_9"], loop["tick_us"]["busy"]["p50"]))
-    late, busy = np.median(np.reshape(rows, (times, 3, 2)), axis=0).T
-    for name, values in (("lateness p99.9 [us]", late), ("duration of a tick p50 [us]", busy)):
-        none, one, eight = values
-        print(
-            f"{name}: {none:.1f} without, {one:.1f} with one page, {eight:.1f} with 8, one "
-            f"flooding: ratio {one / none:.2f}, {eight / none:.2f}, difference {one - none:+.1f}, "
-            f"{eight - none:+.1f}",
-            flush=True,
-        )
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--times", type=int, default=15)
     parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--turns", type=int, default=30, help="blocks of each case of the lateness")
     options = parser.parse_args()
     print(f"load {os.getloadavg()[0]:.1f}, {os.cpu_count()} processors")
     parts()
@@ -195,7 +152,7 @@ def main() -> None:
         report("live process dead to ramp", died, "ms", "max 350")
         report("silent hand to release", asyncio.run(silences(times, folder)), "ms", "max 200")
     asyncio.run(processor_time(options.seconds))
-    pairs(max(3, options.times // 5), options.seconds)
+    lateness(options.turns)
 
 
 if __name__ == "__main__":

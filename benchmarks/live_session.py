@@ -79,11 +79,13 @@ class Page:
 class Session:
     """A running command with a live page."""
 
-    def __init__(self, process: subprocess.Popen[str], url: str) -> None:
-        match = re.search(r"http://(\S+)/#t=(\w+)", url)
-        assert match
+    def __init__(self, process: subprocess.Popen[str], lines: str) -> None:
+        page = re.search(r"http://(\S+)/#t=(\w+)", lines)
+        viewer = re.search(r"Foxglove: (\S+)", lines)
+        assert page
         self.process = process
-        self.address, self.token = match.groups()
+        self.address, self.token = page.groups()
+        self.foxglove = viewer[1] if viewer else ""
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
         (self.live,) = [
             int(child)
@@ -121,8 +123,10 @@ def session(*options: str) -> Iterator[Session]:
     ) as process:
         assert process.stderr
         try:
-            line = next(line for line in process.stderr if "live page: " in line)
-            yield Session(process, line)
+            lines = ""
+            while "live page: " not in lines:
+                lines += next(process.stderr)
+            yield Session(process, lines)
         finally:
             process.terminate()
             process.communicate()
