@@ -1,16 +1,15 @@
 """Communication channel between master and slave: delay, jitter and loss of packets.
 
-The channel has two directions. Each packet has a sequence number and the time at which it was
-sent. It arrives after the one-way delay plus a random time between 0 and the jitter, or is lost.
-The receiver uses the value of the packet with the highest sequence number that has arrived. A
-packet that arrives after a packet with a higher sequence number is not used.
+The channel has two directions. Each packet has the time at which it was sent. It arrives after the
+one-way delay plus a random time between 0 and the jitter, or is lost. The receiver uses the value
+of the newest packet that has arrived. A packet that arrives after a newer one is discarded.
 """
 
 from __future__ import annotations
 
 import random
+from collections import deque
 from dataclasses import dataclass, fields
-from heapq import heappop, heappush
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
@@ -125,9 +124,8 @@ class Direction(Generic[T]):
         self.cut = False
         """Whether the connection is interrupted. All packets sent during this time are lost."""
         self.due = now + self._expected
-        """Time at which the last packet arrived; before, latest time of the first arrival [s]."""
-        self._sequence = self._newest = 0
-        self._queue: list[tuple[float, int, float, T]] = []
+        """Time at which the newest packet arrived; before, latest time of the first arrival [s]."""
+        self._queue: deque[tuple[float, float, T]] = deque()
 
     def exchange(self, now: float, value: T) -> T:
         """Send a value at the time `now` [s]; return the value that the receiver uses then.
@@ -139,16 +137,15 @@ class Direction(Generic[T]):
             self.value = value
             return value
         queue = self._queue
-        self._sequence = sequence = self._sequence + 1
         if not (self.cut or (self._loss and self._random() < self._loss)):
             arrival = now + self._delay
             if self._jitter:
                 arrival += self._jitter * self._random()
-            heappush(queue, (arrival, sequence, now, value))
+            while queue and queue[-1][0] >= arrival:
+                queue.pop()  # it would arrive after this newer packet
+            queue.append((arrival, now, value))
         latest = now + ROUNDING
         while queue and queue[0][0] <= latest:
-            _, sequence, sent, value = heappop(queue)
+            _, self.sent, self.value = queue.popleft()
             self.due = now
-            if sequence > self._newest:
-                self._newest, self.sent, self.value = sequence, sent, value
         return self.value

@@ -12,7 +12,6 @@ from typing import NamedTuple
 from drivers import Command, Measurement, new_tuple
 from sim_backend.channel import ChannelSettings, Direction
 from teleop.control.admittance import Admittance
-from teleop.control.alignment import Pair
 from teleop.control.coupling import Coupling
 from teleop.control.feedback.law import Master, Motion, Report, Slave
 from teleop.control.feedback.oscillation import MOST_SHARE, SLOWEST, Oscillation
@@ -80,6 +79,8 @@ class BilateralLink(Link):
         self._energy = PortEnergy(admittance)
         self._oscillation = Oscillation() if closed else None
         self.values = NO_VALUES
+        self.observe = slave.observe  # type: ignore[method-assign]
+        self.stiffness = slave.stiffness  # type: ignore[method-assign]
 
     def align(self, measurement: Measurement) -> None:
         """Put the virtual mass at rest at the slave's position; reset the law and the channel."""
@@ -106,8 +107,8 @@ class BilateralLink(Link):
             self._started, master.state.displayed, self._dt, master.reserve
         )
         start, share = admittance.position, 0.0
-        if self._oscillation:
-            share = self._oscillation.update(self._force, start, self._dt)
+        if oscillation := self._oscillation:
+            share = oscillation.update(self._force, start, self._dt)
         self._start = start
         motion = motions.exchange(now, master.step(force, report, dt))
         slave = self._slave.velocity(motion, measurement, dt)
@@ -142,14 +143,6 @@ class BilateralLink(Link):
         if verdict.command.master_velocity != desired.master_velocity:
             admittance, velocity = self._admittance, applied.master_velocity
             admittance.position, admittance.velocity = self._start + velocity * dt, velocity
-
-    def observe(self, pair: Pair) -> None:
-        """Pass a pair of slave position and contact force to the slave half of the law."""
-        self._slave.observe(pair)
-
-    def stiffness(self, position: float) -> float:
-        """Return the expected slope of the contact force [N/m] at a position of the slave [m]."""
-        return self._slave.stiffness(position)
 
     def _detected(
         self, now: float, silence: float, energy: float, share: float

@@ -58,6 +58,10 @@ class Coupling:
 
     def command(self, master: Moving, measurement: Measurement) -> Command:
         """Return the desired velocities of both drives [m/s]."""
-        scale, velocity = self.scale, master.velocity
+        return new_tuple(Command, (master.velocity, self.slave_velocity(master, measurement)))
+
+    def slave_velocity(self, master: Moving, measurement: Measurement) -> float:
+        """Return the desired velocity of the slave [m/s]."""
+        scale = self.scale
         lag = scale * master.position - measurement.slave_position
-        return new_tuple(Command, (velocity, scale * velocity + self.position_gain * lag))
+        return scale * master.velocity + self.position_gain * lag

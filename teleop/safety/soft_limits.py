@@ -147,21 +147,21 @@ def limit_separately(
     exceed the soft limit within `APPROACH_TIME`.
     """
     master, slave = desired
-    flags = 0
-    if abs(master) > limits.max_master_velocity * ramp:
-        master = math.copysign(limits.max_master_velocity * ramp, master)
-        flags |= VELOCITY
-    speed = abs(slave)
-    if speed > limits.max_velocity * ramp:
-        speed, flags = limits.max_velocity * ramp, flags | VELOCITY
+    flags, speed = 0, abs(slave)
+    fastest, fastest_master = limits.max_velocity * ramp, limits.max_master_velocity * ramp
+    if abs(master) > fastest_master:
+        master, flags = math.copysign(fastest_master, master), VELOCITY
+    if speed > fastest:
+        speed, flags = fastest, VELOCITY
     braking = braking_speed(slave, measurement, limits)
     if speed > braking:
         speed, flags = braking, flags | POSITION
     f = measurement.contact_force
     x = measurement.slave_position
-    pressing = slave * f > 0.0 or (abs(f) < CONTACT and slave * x >= 0.0)
-    if pressing:
-        left = max(limits.soft_force - abs(f), 0.0)
+    if slave * f > 0.0 or (abs(f) < CONTACT and slave * x >= 0.0):
+        left = limits.soft_force - abs(f)
+        if left < 0.0:
+            left = 0.0
         if speed * stiffness * APPROACH_TIME > left:
             speed, flags = left / (stiffness * APPROACH_TIME), flags | FORCE
         elif not left:

@@ -136,7 +136,7 @@ class Slave:
 
     def velocity(self, motion: Motion, measurement: Measurement, dt: float) -> float:
         """Return the desired velocity of the slave [m/s]."""
-        return self._coupling.command(motion, measurement)[1]
+        return self._coupling.slave_velocity(motion, measurement)
 
     def stiffness(self, position: float) -> float:
         """Return the expected slope of the contact force [N/m] at a position of the slave [m]."""

@@ -41,19 +41,18 @@ variance of 1 N^2. The estimator multiplies them by the variance of the force no
 deviation of k3 is 2e11 N/m^3, which is twice the k3 of the hard cube. If the initial variance were
 smaller and the motion too small to determine k3, the estimate of k3 would stay near 0, with an
 interval that is too narrow. A model without stiffening would then be accepted."""
-ROUNDING = 1e-6
-"""Tolerance for rounding errors of times [s]."""
 PERIOD = 10e-3
 """Time over which position and force are averaged to one sample of filter and estimator [s]. Both
 are averaged in the same way, so that the average causes no bias. A shorter time is not needed for
 signals that are filtered at 20 Hz, and an update at each tick would take a quarter of the computing
 time of a tick."""
-
+SHORTEST = PERIOD - 1e-6
+"""Shortest time that is averaged to one sample, with a tolerance for rounding errors [s]."""
 CONFIRMED = 1.0
 """Contact force [N] above which a measured force can confirm the model."""
-DOUBT = 0.25
-"""The model is not confirmed if the measured force exceeds the predicted force by more than this
-fraction of the predicted force."""
+DOUBT = 1.25
+"""The model is not confirmed if the measured force is more than this multiple of the predicted
+force."""
 
 
 class LocalModel:
@@ -96,10 +95,10 @@ class LocalModel:
         position, force, dt = pair
         self._position += position * dt
         self._force += force * dt
-        self._span += dt
-        if self._span < PERIOD - ROUNDING:
+        self._span = span = self._span + dt
+        if span < SHORTEST:
             return
-        dt = self._span
+        dt = span
         x, v, f, further = self._conditioner.update(self._position / dt, self._force / dt, dt)
         self._position = self._force = self._span = 0.0
         self._reach = max(abs(x), self._reach * (1.0 - dt / REACH))
@@ -162,11 +161,12 @@ class ModelMediatedSlave(Slave):
 
     def observe(self, pair: Pair) -> None:
         """Update the estimate, and compare the measured contact force with the predicted force."""
-        self._local.update(pair)
+        local = self._local
+        local.update(pair)
         force = abs(pair.force)
-        self._confirmed = force > CONFIRMED and force <= abs(
-            self._local.model.force(pair.position, 0.0)
-        ) * (1.0 + DOUBT)
+        self._confirmed = force > CONFIRMED and force <= DOUBT * abs(
+            local.model.force(pair.position, 0.0)
+        )
 
     def report(self, measurement: Measurement, dt: float) -> Report:
         """Return the packet for the master: contact force and model."""

@@ -58,6 +58,8 @@ PERIOD = 5e-3
 """Time over which force and velocity are averaged to one sample [s]."""
 ROUNDING = 1e-6
 """Tolerance for rounding errors of times [s]."""
+SHORTEST = PERIOD - ROUNDING
+"""Shortest time that is averaged to one sample, with a tolerance for rounding errors [s]."""
 HIGHEST = 0.45
 """Largest corner frequency of a filter, as a fraction of the sampling rate."""
 ROOT_2 = math.sqrt(2.0)
@@ -151,9 +153,9 @@ class Oscillation:
             Duration of the motion [s].
         """
         self._impulse += force * dt
-        self._span += dt
-        if self._span >= PERIOD - ROUNDING:
-            span, travel = self._span, position - self._position
+        self._span = span = self._span + dt
+        if span >= SHORTEST:
+            travel = position - self._position
             self._sample(self._impulse / span, travel / span, span)
             self._position = position
             self._impulse = self._span = 0.0
