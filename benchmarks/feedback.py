@@ -28,16 +28,22 @@ import numpy as np
 from feedback_case import HARD, JITTER, LOSS, run_one, settings_of
 
 from sim_backend import CUBES as CUBES_BY_NAME
+from sim_backend.operators import TREMOR_AMPLITUDE
 from teleop.trial.feedback_checks import delayed_loop, lag
 
 CUBES = ("soft", "medium", "hard")
 ROUND_TRIPS = (0.0, 0.05, 0.1, 0.2, 0.5)
 PASSIVITY_ROUND_TRIPS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.5)
 MAP_ROUND_TRIPS = tuple(
-    1e-3 * ms for ms in (0, 1, 3, 5, 10, 20, 40, 60, 80, 100, 120, 140, 150, 160, 200, 300, 500)
+    1e-3 * ms
+    for ms in (0, 2, 4, 6, 8, 10, 14, 20, 30, 40, 60, 80, 100, 120, 140, 154, 160, 200, 300, 500)
 )
+"""Even numbers of milliseconds, because each of the two directions delays by whole ticks [s]."""
 ARMS = (150.0, 400.0, 1500.0)
 DAMPINGS = (15.0, 50.0, 200.0)
+TREMORS = (0.0, TREMOR_AMPLITUDE)
+"""Amplitudes of the tremor of the hand in the map [m]. Equation (1) describes the loop, not the
+tremor that the loop amplifies."""
 INSTANTS = 10
 """Number of trials on a body that changes while it is indented, each at another time of a poke."""
 Row = dict[str, Any]
@@ -80,12 +86,13 @@ def stability_map(seeds: int, rigid: bool) -> Iterator[Row]:
     The first round trip is the largest of `MAP_ROUND_TRIPS` for which condition (2) of
     `teleop.control.feedback.stability` holds.
     """
-    for cube, damping, arm, seed in itertools.product(CUBES, DAMPINGS, ARMS, range(seeds)):
+    grid = itertools.product(TREMORS, CUBES, DAMPINGS, ARMS, range(seeds))
+    for tremor, cube, damping, arm, seed in grid:
         case = {"law": "position-force", "cube": cube, "damping": damping, "arm": arm}
         settings = settings_of(**case, round_trip=0.0)
         safe = delayed_loop(settings).safe_delay - lag(settings)
         first = max(trip for trip in MAP_ROUND_TRIPS if trip <= max(safe, 0.0))
-        yield case | {"round_trip": first, "seed": seed, "rigid": rigid}
+        yield case | {"round_trip": first, "tremor": tremor, "seed": seed, "rigid": rigid}
 
 
 def run_to_boundary(case: Row) -> list[Row]:
@@ -125,7 +132,7 @@ PARTS = {
 KEYS = {
     "acceptance": ("cube", "round_trip"),
     "bodies": ("body", "cube", "round_trip"),
-    "map": ("cube", "damping", "arm", "round_trip"),
+    "map": ("tremor", "cube", "damping", "arm", "round_trip"),
     "passivity": ("cube", "round_trip", "operator", "arm"),
 }
 """Arguments by which the summary groups the trials of a part."""
@@ -176,10 +183,16 @@ def summarise_stops(rows: list[Row]) -> None:
         )
 
 
-def summarise_map(rows: list[Row]) -> None:
+def summarise_map(rows: list[Row], tremor: float) -> None:
     """Print the measured and the predicted largest round trip for each cube, damping and arm."""
     seeds = len({row["seed"] for row in rows})
-    print(f"largest stable round trip, {len(rows)} trials, number of seeds: {seeds}")
+    hand = f"tremor of {tremor * 1e3:g} mm" if tremor else "no tremor"
+    unstable = [row for row in rows if not row["stable"]]
+    print(
+        f"\nlargest stable round trip, {hand}: {len(rows)} trials, number of seeds: {seeds}, "
+        f"{len(unstable)} not stable, of which {sum(not row['fault'] for row in unstable)} ended "
+        "without a stop"
+    )
     print(
         f"{'cube':<8}{'d [N s/m]':>10}{'arm [N/m]':>11}{'stable to [ms]':>16}{'unstable from':>15}"
         f"{'condition (2)':>15}{'equation (1)':>14}"
@@ -237,7 +250,8 @@ def main() -> None:
     silent = sum(not row["fault"] for row in unstable)
     print(f"{len(unstable)} trials not stable, of which {silent} ended without a stop")
     if options.part == "map":
-        summarise_map(rows)
+        for tremor in TREMORS:
+            summarise_map([row for row in rows if row["tremor"] == tremor], tremor)
     if options.part == "bodies":
         summarise_stops(rows)
 

@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from scipy.optimize import nnls
 
-from sim_backend import CUBES, Changing, Cube, OperatorModel, Relaxing, Setup, Transmission
+from sim_backend import (
+    CUBES,
+    Changing,
+    Cube,
+    OperatorModel,
+    Relaxing,
+    Setup,
+    Transmission,
+    operators,
+)
 from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.feedback.settings import FeedbackSettings
@@ -103,10 +114,25 @@ def settings_of(
     )
 
 
+@contextlib.contextmanager
+def tremor_amplitude(amplitude: float) -> Iterator[None]:
+    """Within the block, the simulated hand has tremor of this amplitude [m]."""
+    before, operators.TREMOR_AMPLITUDE = operators.TREMOR_AMPLITUDE, amplitude
+    try:
+        yield
+    finally:
+        operators.TREMOR_AMPLITUDE = before
+
+
 def run_one(arguments: dict[str, Any]) -> dict[str, Any]:
-    """Run a trial with these arguments of `settings_of`; return the arguments and the result."""
-    settings = settings_of(**arguments)
-    trial = run_trial(settings)
+    """Run a trial with these arguments of `settings_of`; return the arguments and the result.
+
+    The additional argument `tremor` is the amplitude of the hand's tremor [m].
+    """
+    trial_arguments = dict(arguments)
+    with tremor_amplitude(trial_arguments.pop("tremor", operators.TREMOR_AMPLITUDE)):
+        settings = settings_of(**trial_arguments)
+        trial = run_trial(settings)
     recording = trial.recording
     row = dict(arguments) | (trial.feedback() or {})
     limits = settings.limits
