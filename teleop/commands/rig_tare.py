@@ -26,9 +26,9 @@ def tare(
     """Measure the zero offsets of force and position, and store them with the date.
 
     The zero offsets of the forces are measured with disabled drives and without load: nobody holds
-    the handle. If the rig moves or a force changes, the command waits up to 5 s until the rig is at
-    rest, and then ends with an error. It cannot detect a small constant load. `teleop run --tare`
-    reads the file.
+    the handle. If the rig moves or a force changes, the command waits until the rig is at rest. It
+    ends with an error if this takes more than 5 s. It cannot detect a small constant load.
+    `teleop run --tare` reads the file.
 
     Example: `teleop rig tare --contact touch --out tare.json`
 
@@ -39,11 +39,11 @@ def tare(
     out
         File for the zero offsets (JSON).
     contact
-        Position at which contact begins: keep for the zero of the encoder; touch to move the slave
-        forward slowly, by at most 4 mm, until contact; or a position such as 1.5mm. On a hardware
-        rig, a person has to arm the drives before touch.
+        Position at which contact begins: `keep` for the zero of the encoder; `touch` to move the
+        slave forward slowly, by at most 4 mm, until contact; or a position such as 1.5mm. On a hardware
+        rig, a person has to arm the drives before `touch`.
     yes
-        Arm the drives for --contact touch without asking, for scripts.
+        Arm the drives for `--contact touch` without asking, for scripts.
     cube
         Cube on the simulated rig.
     seed

@@ -76,7 +76,7 @@ class DelayedLoop:
 
     @property
     def resistance(self) -> float:
-        """Damping of virtual mass and arm, minus the damping that the arm's lag removes [N s/m]."""
+        """Total damping d + b_a [N s/m]; b_a is the damping of the arm minus k_arm tau_h."""
         return self.damping + self.arm_damping - self.arm_stiffness * self.arm_lag
 
     @property
