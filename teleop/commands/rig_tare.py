@@ -40,8 +40,8 @@ def tare(
         File for the zero offsets (JSON).
     contact
         Position at which contact begins: `keep` for the zero of the encoder; `touch` to move the
-        slave forward slowly, by at most 4 mm, until contact; or a position such as 1.5mm. On a hardware
-        rig, a person has to arm the drives before `touch`.
+        slave forward slowly, by at most 4 mm, until contact; or a position such as 1.5mm. On a
+        hardware rig, a person has to arm the drives before `touch`.
     yes
         Arm the drives for `--contact touch` without asking, for scripts.
     cube

@@ -10,7 +10,7 @@ from typing import Any
 from estimation.summary import EstimatorSummary
 from teleop.errors import InputError
 from teleop.evaluation.evaluation_result import Evaluation
-from teleop.evaluation.kinds import OF_ESTIMATES
+from teleop.evaluation.kinds import kinds_of_estimates
 from teleop.evaluation.means import Value
 from teleop.evaluation.result import Result
 from teleop.evaluation.tracking import COLUMNS, Tracking
@@ -43,6 +43,8 @@ class Compared:
     tracking: Tracking | None = None
     """Gain, phase and error of the slave relative to the target of `mimic`; None without a
     target."""
+    force_lag: float = 0.0
+    """Time constant of the force channel that is compensated [s]."""
 
     def levels(self, by: Sequence[str]) -> tuple[str, ...]:
         """Return the level of each factor in `by`, for this recording."""
@@ -56,8 +58,9 @@ def compared(
     tracking: Tracking | None = None,
 ) -> Compared:
     """Return the results of one evaluated recording."""
-    result = evaluation.analysis.result
-    return Compared(file, dict(factors), result, evaluation.summaries(), tracking)
+    analysis = evaluation.analysis
+    lag = analysis.record.force_lag
+    return Compared(file, dict(factors), analysis.result, evaluation.summaries(), tracking, lag)
 
 
 def values_of(row: Compared, method: str) -> dict[str, Value]:
@@ -67,10 +70,12 @@ def values_of(row: Compared, method: str) -> dict[str, Value]:
     """
     if method != RESULT:
         one = row.estimates.get(method)
+        if one is None:
+            return {}
         return {
             symbol: Value(getattr(one, symbol), math.nan, kind)
-            for symbol, kind in OF_ESTIMATES.items()
-            if one and math.isfinite(getattr(one, symbol))
+            for symbol, kind in kinds_of_estimates(one.further).items()
+            if math.isfinite(getattr(one, symbol))
         }
     result = row.result
     if not result.identifiable:
@@ -119,6 +124,7 @@ def tidy_rows(rows: Iterable[Compared], factors: Sequence[str]) -> list[dict[str
             cells["at force [N]"] = r.force if batch else None
             cells["at depth [m]"] = r.depth if batch else None
             cells["b at frequency [Hz]"] = r.damping_at_hz if batch else None
+            cells["compensated force lag [s]"] = row.force_lag
             for symbol, unit in UNITS.items():
                 cells[f"{symbol} [{unit}]"] = values[symbol].value if symbol in values else None
                 for end in ("low", "high") if symbol != "e_f" else ():

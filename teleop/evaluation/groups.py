@@ -52,6 +52,8 @@ class Group:
     out."""
     depth_from: tuple[str, ...]
     """Positions at which these depths are zero."""
+    force_lags: tuple[float, ...]
+    """Time constants of the force channel that are compensated [s], each once."""
     remarks: dict[str, int]
     """Remarks on the results in short form, with the number of results that have each."""
 
@@ -138,6 +140,7 @@ def group_of(
         len(subjects) if repeated else 0,
         ranges(results),
         tuple(sorted({one.depth_from for one in results})),
+        tuple(sorted({row.force_lag for row in rows})),
         remark_counts(results),
     )
 

@@ -3,6 +3,10 @@
 Values of different kinds are different physical quantities: they are neither averaged nor compared.
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+
 TANGENT = "tangent"
 """Kind of the stiffness of a result: the tangent at half of the force range."""
 AVERAGE = "average"
@@ -14,9 +18,16 @@ LOSS = "k''/omega"
 It contains the whole loss of a cycle."""
 BESIDES_RELAXATION = "besides relaxation"
 """Kind of the damping of a result: the coefficient of the velocity besides the relaxing parts."""
-OF_ESTIMATES = {"k": AVERAGE, "b": AVERAGE, "e_f": ""}
-"""Kind of each value of an estimator, by symbol. All force errors are of the same kind; the name of
-this kind is empty."""
+WITH = f"{AVERAGE} with "
+"""Start of the kind of stiffness and damping of an estimator with further parameters, for example
+`average with k3`."""
+FURTHER_MEANING = {
+    "f0": "f = b v + k x + f0",
+    "m": "f = b v + k x + m a, with the acceleration a",
+    "k3": "f = b v + k x + k3 x^3, in which k is the stiffness at the datum",
+    "tau": "f + tau f' = b v + k x, in which k is the stiffness in slow motion",
+}
+"""Model of the estimators with a further parameter, by the name of the parameter."""
 MEANING = {
     LOSS: "the equivalent viscous damping k''/omega at the frequency of the motion",
     BESIDES_RELAXATION: "the damping besides the parts that relax",
@@ -25,3 +36,18 @@ MEANING = {
 UNDETERMINED = 1e-200
 """If the interval of a quantity is narrower than this, the record does not determine the
 quantity."""
+
+
+def kinds_of_estimates(further: Iterable[str]) -> dict[str, str]:
+    """Return the kind of each value of an estimator, by symbol.
+
+    All force errors are of the same kind; the name of this kind is empty.
+
+    Parameters
+    ----------
+    further
+        Names of the parameters of the estimator's model besides b and k.
+    """
+    names = ", ".join(further)
+    kind = f"{WITH}{names}" if names else AVERAGE
+    return {"k": kind, "b": kind, "e_f": ""}

@@ -78,6 +78,8 @@ class Prepared:
     force has the same value [N]."""
     ramp: bool
     """Whether only the trend of position and force shows that the force follows the position."""
+    force_lag: float
+    """Time constant of the force channel that is compensated [s]."""
 
     @cached_property
     def clock(self) -> Floats:
@@ -212,4 +214,5 @@ def smoothed_record(resampled: Resampled, bandwidth: float | None = None) -> Pre
         f_count=resampled.f_count,
         f_rounding=repeated_rounding(resampled.f_count, resampled.f_noise),
         ramp=resampled.ramp,
+        force_lag=resampled.force_lag,
     )

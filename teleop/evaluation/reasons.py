@@ -192,11 +192,17 @@ def remarks(
     elif half_b > abs(local.b):
         found.append(Reason("damping is not resolved: its interval contains zero"))
     elif local.b < 0.0:
-        found.append(
-            Reason(
-                "damping is negative: the force lags behind the position, or motion is lost "
-                "between the position sensor and the tip, which biases k too",
-                LAG,
-            )
-        )
+        found.append(negative_damping(record.force_lag))
     return found
+
+
+def negative_damping(force_lag: float) -> Reason:
+    """Return the remark on a negative damping after a lag of the force [s] was compensated."""
+    lost = "motion is lost between the position sensor and the tip, which biases k too"
+    if not force_lag:
+        lags = "damping is negative: the force lags behind the position"
+        return Reason(f"{lags}, or {lost}", LAG)
+    return Reason(
+        f"damping is negative although the force lag is compensated: {lost}, or the lag of the "
+        f"force is longer than {force_lag * 1e3:g} ms"
+    )

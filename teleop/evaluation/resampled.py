@@ -44,6 +44,8 @@ class Resampled:
     """Resolution of the position: its smallest step [m]; 0 if the position never changes."""
     f_count: float
     """Resolution of the force: its smallest step [N]; 0 if the force never changes."""
+    force_lag: float
+    """Time constant of the force channel that is compensated [s]."""
 
 
 def resample(signals: Signals, force_lag: float = 0.0) -> Resampled:
@@ -93,6 +95,7 @@ def resample(signals: Signals, force_lag: float = 0.0) -> Resampled:
         step=smallest_step(x),
         count=smallest_step(signals.x),
         f_count=smallest_step(signals.f),
+        force_lag=force_lag,
     )
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from teleop.evaluation.comparison import RESULT
 from teleop.evaluation.groups import Group
-from teleop.evaluation.kinds import MEANING
+from teleop.evaluation.kinds import FURTHER_MEANING, MEANING, WITH
 from teleop.output.console import small
 from teleop.printable import one_line
 
@@ -16,11 +16,12 @@ CAPTION = (
     "result: mean of the results of n recordings, which have no e_f; its k is the tangent "
     "stiffness at half of the force range. Other rows: mean of the averages of an online "
     "estimator over each record, without the count-in of mimic and the ramp at the end of "
-    "autonomous; their k is the slope of a line through the datum. The two kinds of k agree only "
-    "for a linear specimen. \u00b1: 95 % interval. For a result, it combines the spread between "
-    "the recordings and the mean of the recordings' own 95 % intervals, because the errors in "
-    "these may be the same in all recordings. For an estimator, it contains only the spread, "
-    "without the errors that are the same in all recordings; with n = 1 there is no \u00b1."
+    "autonomous; their k is the slope of a line through the datum, unless a note states another "
+    "model. The two kinds of k agree only for a linear specimen. \u00b1: 95 % interval. For a "
+    "result, it combines the spread between the recordings and the mean of the recordings' own "
+    "95 % intervals, because the errors in these may be the same in all recordings. For an "
+    "estimator, it contains only the spread, without the errors that are the same in all "
+    "recordings; with n = 1 there is no \u00b1."
 )
 """Note below the table of groups that explains the rows of the table."""
 TRACKING_CAPTION = (
@@ -65,10 +66,29 @@ def damping_note(kinds: Collection[str]) -> str:
     return f"The b of a result is {text}. The b of an estimator is an average over the record."
 
 
+def model_notes(kinds: Collection[str]) -> list[str]:
+    """Return a note for each kind of value of an estimator that has further parameters."""
+    return [
+        f"{kind}: the estimator has the model {meaning}."
+        for kind in kinds
+        if (meaning := FURTHER_MEANING.get(kind.removeprefix(WITH)))
+    ]
+
+
+def lag_note(lags: Collection[float]) -> str:
+    """Return a note that states the lags of the force that are compensated [s]."""
+    low, high = min(lags) * 1e3, max(lags) * 1e3
+    if not high:
+        return "No lag of the force is compensated."
+    if low == high:
+        return f"A lag of the force of {high:g} ms is compensated."
+    return f"A lag of the force of {low:g} to {high:g} ms is compensated."
+
+
 def different_text(symbol: str, kinds: Mapping[str, int]) -> str:
     """Return why values of several kinds have no mean."""
     parts = (
-        f"{MEANING[kind]} in {count} recording{'s' if count > 1 else ''}"
+        f"{MEANING.get(kind, kind)} in {count} recording{'s' if count > 1 else ''}"
         for kind, count in kinds.items()
     )
     return f"No mean of {symbol}: it is {', and '.join(parts)}."

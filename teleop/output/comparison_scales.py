@@ -11,6 +11,9 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullLocat
 WIDE = 10.0
 """Ratio of the largest to the smallest size of the values in a panel above which the groups are
 divided between several panels, or the axis is logarithmic."""
+WIDE_SIGNED = 20.0
+"""This ratio for an axis that is logarithmic for positive and negative values. Such an axis is hard
+to read. Up to this ratio, a linear axis still shows the smallest values."""
 MOST_ROWS = 6
 """Largest number of rows of panels."""
 
@@ -83,9 +86,11 @@ def set_scale(axes: Axes, intervals: Sequence[Interval]) -> None:
     """
     if not intervals:
         axes.set_yticks([])
-    if (ratio := size_ratio(intervals)) <= WIDE:
         return
-    if min(low for low, _ in intervals) > 0.0:
+    ratio, positive = size_ratio(intervals), min(low for low, _ in intervals) > 0.0
+    if ratio <= (WIDE if positive else WIDE_SIGNED):
+        return
+    if positive:
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if ratio < 1e3 else (1,)))
     else:

@@ -24,7 +24,9 @@ from teleop.output.comparison_notes import (
     damping_note,
     different_text,
     holding_text,
+    lag_note,
     missing_text,
+    model_notes,
     pooled_text,
     remark_texts,
 )
@@ -45,6 +47,9 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
     rows, notes = [], [("", CAPTION)]
     if kinds := {kind for group in groups for kind in group.kinds[RESULT]["b"]}:
         notes.append(("", damping_note(kinds)))
+    of_k = [kind for group in groups for one in group.kinds.values() for kind in one.get("k", {})]
+    notes += [("", text) for text in model_notes(dict.fromkeys(of_k))]
+    notes.append(("", lag_note({lag for group in groups for lag in group.force_lags})))
     if where := holding_text(groups):
         notes.append(("", where))
     if any(group.subjects for group in groups):

@@ -87,8 +87,8 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
         residual.set_yticks([])
     over_x.set_title(plain(title), loc="left")
     over_x.set_xlabel("displacement from the datum [mm]")
-    over_x.set_ylabel("force from the datum [N]")
-    over_t.set_ylabel("force from the datum [N]")
+    for axes in (over_x, over_t):
+        axes.set_ylabel(fill("force from the datum [N]", 15 if is_narrow() else 90))
     over_t.tick_params(labelbottom=False)
     residual.set_ylabel("residual [N]")
     residual.set_xlabel("time [s]")
@@ -111,7 +111,8 @@ def drawn_name(evaluation: Evaluation, fit: BatchFit) -> str:
     """Return the name of the model that is drawn, and why it is not the first of the table."""
     if fit is evaluation.models[0]:
         return fit.name
-    return f"{fit.name} ({evaluation.models[0].name}: not all parameters identifiable)"
+    name = f"{fit.name} ({evaluation.models[0].name}: not all parameters identifiable)"
+    return fill(name, 45 if is_narrow() else 90)
 
 
 def draw_phases(

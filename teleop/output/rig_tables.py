@@ -188,7 +188,8 @@ def print_lag(summary: Mapping[str, Any]) -> None:
             f"lost motion {summary['true_lost_motion_m'] * 1e6:.1f} um"
         )
     lag = f"{summary['lag_s']:.5f}"
-    print_command("compensate the lag with", ["teleop", "estimate", "FILE", "--force-lag", lag])
+    options = ["--conditioning", "matched", "--force-lag", lag]
+    print_command("compensate the lag with", ["teleop", "estimate", "FILE", *options])
 
 
 def print_tare(

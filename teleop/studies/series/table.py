@@ -47,7 +47,7 @@ def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[di
                 "time": result["time"],
                 "file": result["file"],
                 "note": journal.note(trial.number, result["attempt"]),
-                "seed": summary.get("seed"),
+                "seed": None if trial.settings.rig else summary.get("seed"),
                 "estimator": name,
                 **{RESULTS[key]: values.get(key) for key in RESULTS},
                 **{TRACKING[key]: tracking.get(key) for key in TRACKING},

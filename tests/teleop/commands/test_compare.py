@@ -151,6 +151,29 @@ def results_of_one_body(b, half, remark, frequency=1.0):
 
 
 UNRESOLVED = "damping is not resolved: its interval contains zero"
+
+
+def test_values_of_models_with_further_parameters_are_of_another_kind():
+    with_k3 = summarised(800.0, 2.0, 0.1)._replace(further={"k3": 1e6})
+    one = Result(1e3, 990.0, 1010.0, 3.0, 2.0, 4.0, True, damping_at_hz=1.0)
+    rows = [
+        Compared("0.mcap", {}, one, {"rls": summarised(900.0, 2.0, 0.1)}, force_lag=2.66e-3),
+        Compared("1.mcap", {}, one, {"rls": with_k3}),
+    ]
+    (group,) = grouped(rows, [], {})
+    assert not np.isfinite(group.means["rls"]["k"].value)
+    table = group_table([group], [])
+    texts = [text for _, text in table.notes]
+    assert any("No mean of k: it is average" in text for text in texts)
+    assert any("k is the stiffness at the datum" in text for text in texts)
+    assert "A lag of the force of 0 to 2.66 ms is compensated." in texts
+    cells = dict(zip(table.headings, table.rows[1], strict=True))
+    assert {*cells["kind of k"].split(", ")} == {"average", "average with k3"}
+    tidy = [row for row in tidy_rows(rows, []) if row["method"] == "rls"]
+    assert [row["kind of k"] for row in tidy] == ["average", "average with k3"]
+    assert [row["compensated force lag [s]"] for row in tidy] == [2.66e-3, 0.0]
+
+
 NEGATIVE = "damping is negative: the force lags behind the position"
 
 
@@ -400,7 +423,7 @@ def test_a_remark_that_several_recordings_share_is_printed_once_with_its_hint(mo
 
 def summarised(k, b, e_f):
     numbers = dict.fromkeys(EstimatorSummary._fields, 0.0)
-    return EstimatorSummary(**numbers | {"k": k, "b": b, "e_f": e_f})
+    return EstimatorSummary(**numbers | {"k": k, "b": b, "e_f": e_f, "further": {}})
 
 
 def test_table_and_figure_are_written_even_if_the_reader_of_the_output_ends(series, tmp_path):

@@ -98,6 +98,14 @@ def test_negative_damping_is_a_remark():
     assert any("damping is negative" in reason for reason in found.reasons)
 
 
+def test_a_remark_on_negative_damping_does_not_blame_a_lag_that_is_compensated():
+    signals = Signals(T, X, 10.0 + K * lost(X, 0.1 * AMPLITUDE), periods(T), "position")
+    before, after = (analyse(signals, lag).result for lag in (0.0, 1e-3))
+    assert any("--force-lag" in hint for hint in before.hints)
+    assert any("the lag of the force is longer than 1 ms" in reason for reason in after.reasons)
+    assert not any("--force-lag" in hint for hint in after.hints)
+
+
 def test_the_smallest_step_is_one_count_and_no_rounding_error():
     counts = np.cumsum(np.random.default_rng(0).integers(-3, 4, 100)) * 1e-5
     assert smallest_step(counts) == pytest.approx(1e-5)

@@ -99,6 +99,13 @@ def test_on_any_axis_each_interval_ends_at_a_visible_distance_from_zero_or_is_lo
     )
 
 
+def test_an_axis_with_negative_values_is_logarithmic_only_if_small_values_would_be_invisible():
+    for smallest, scale in ((-2.9, "linear"), (-1.5, "symlog")):
+        axes = Figure().subplots()
+        set_scale(axes, [(-34.0, 2.0), (smallest, smallest)])
+        assert axes.get_yscale() == scale
+
+
 @pytest.mark.parametrize("width", ["single", "double"])
 def test_the_axes_of_the_rows_do_not_overlap(width):
     from estimation.figure_style import figure_style

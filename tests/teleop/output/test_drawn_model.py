@@ -1,8 +1,11 @@
 """Figure and table of the batch models name the same best model."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
+from estimation.figure_style import figure_style
 from teleop.evaluation.estimate_settings import EstimateSettings
 from teleop.evaluation.evaluation import Evaluation, evaluate
 from teleop.evaluation.signals import Signals, periods
@@ -38,6 +41,18 @@ def test_the_legend_covers_no_panel(preloaded: Evaluation) -> None:
     for axes in figure.axes:
         assert axes.get_legend() is None
         assert not box.overlaps(axes.get_window_extent())
+
+
+def test_the_legend_of_a_narrow_figure_is_not_cut(preloaded: Evaluation) -> None:
+    with figure_style("single"):
+        figure = fit_figure("title", preloaded)
+        figure.draw_without_rendering()
+        (legend,) = figure.legends
+        box = legend.get_window_extent()
+        assert box.x0 >= 0.0
+        assert box.x1 <= figure.bbox.x1
+        labels = [axes.yaxis.label.get_window_extent() for axes in figure.axes]
+    assert not any(one.overlaps(other) for one, other in pairwise(labels))
 
 
 def test_the_table_says_which_model_is_drawn_and_which_force_is_taken_for_unloaded(

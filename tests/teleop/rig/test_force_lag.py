@@ -114,7 +114,8 @@ def test_the_command_measures_a_recording(tmp_path, capsys):
     assert main(["lag", "--cube", "hard"]) == 0
     out = capsys.readouterr().out
     assert "true lag (simulated)" in out
-    assert "compensate the lag with: teleop estimate FILE --force-lag 0.00266\n" in out
+    command = "teleop estimate FILE --conditioning matched --force-lag 0.00266"
+    assert f"compensate the lag with: {command}\n" in out
 
 
 def test_the_command_says_when_a_recording_cannot_separate_them(tmp_path, capsys):

@@ -145,6 +145,7 @@ def test_a_series_on_devices_is_run_with_keys_and_ends_in_table_and_figures(emul
         rows = [*csv.DictReader(file)]
     assert [row["cube"] for row in rows] == ["soft", "soft", "medium"]
     assert all(row["note"] == "a note" for row in rows)
+    assert {row["seed"] for row in rows} == {""}, "the seed of an emulator is not known here"
     for row in rows:
         kept = recorded_ticks(tmp_path / "study" / "recordings" / row["file"])
         assert kept.settings["specimen"] == row["cube"]
