@@ -66,6 +66,10 @@ class Recording:
             raise missing_column(name, self.columns)
         return self.columns[name]
 
+    def __contains__(self, name: object) -> bool:
+        """Return whether there is a column with a given name."""
+        return name in self.columns
+
     def __len__(self) -> int:
         return len(self["time"])
 

@@ -29,6 +29,12 @@ def test_only_the_wanted_columns_are_stored(trial):
     assert (part.settings, part.events, part.gaps) == (whole.settings, whole.events, whole.gaps)
 
 
+def test_a_name_is_in_a_recording_if_it_has_this_column(trial):
+    recording = load(trial)
+    assert "contact_force" in recording
+    assert "banana" not in recording
+
+
 def test_blocks_of_any_size_give_the_same_recording(trial, monkeypatch):
     whole = load(trial)
     monkeypatch.setattr(stream, "BLOCK", 7)
