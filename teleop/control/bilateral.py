@@ -79,6 +79,7 @@ class BilateralLink(Link):
         self._energy = PortEnergy(admittance)
         self._oscillation = Oscillation() if closed else None
         self.values = NO_VALUES
+        # The controller calls these methods in each tick; a further call would add 0.3 us.
         self.observe = slave.observe  # type: ignore[method-assign]
         self.stiffness = slave.stiffness  # type: ignore[method-assign]
 

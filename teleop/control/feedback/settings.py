@@ -75,7 +75,7 @@ class FeedbackSettings:
         glued: bool,
         stiffness: float = STIFF_PRIOR,
     ) -> tuple[Master, Slave]:
-        """Return the two objects of the law: the half at the master and the half at the slave.
+        """Return the two halves of the force-feedback law, at the master and at the slave.
 
         Parameters
         ----------
@@ -87,7 +87,8 @@ class FeedbackSettings:
         glued
             Whether the specimen is glued.
         stiffness
-            Expected slope of the contact force [N/m], for a law without a model.
+            Expected slope of the contact force [N/m]. The law model-mediated does not use it, but
+            estimates it.
         """
         master = admittance, coupling.scale, self.gain
         match self.law:
