@@ -96,10 +96,9 @@ class Operator(Hand):
 
     @abstractmethod
     def movement(self, t: float) -> Intention:
-        """Return the voluntary motion at t [s] after the first movement began.
+        """Return the voluntary motion at t [s] after the hand began to move.
 
-        t increases from one call to the next. When the drives are enabled again, t starts again at
-        0.
+        t increases from one call to the next. It starts again at 0 when the drives are enabled.
         """
 
     def intention(self, t: float) -> Intention | None:

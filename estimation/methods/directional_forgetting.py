@@ -65,7 +65,8 @@ class DirectionalForgetting(FactoredEstimator):
         Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
         parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
-        Time [s] in which the information in the direction of phi is multiplied by beta.
+        Time [s] in which the information in the direction of phi is multiplied by beta, so that
+        the forgetting does not depend on the sampling rate.
         Default: the information is multiplied by beta at each sample, independent of `dt`.
     model
         Model that defines the regressors.

@@ -78,8 +78,9 @@ class SubspaceForgetting(FactoredEstimator):
     """Recursive least squares with forgetting in the subspace of the new information, SIFt-RLS.
 
     Information in a direction is forgotten only when a sample contains new information in this
-    direction. Samples below a threshold are ignored. P is bounded below and above for every motion.
-    The upper bound is P0 times the larger of 1 and (1 - beta) / threshold^2.
+    direction. Samples with a smaller regressor than `threshold` permits are ignored. P is bounded
+    below and above for every motion. The upper bound is P0 times the larger of 1 and
+    (1 - beta) / threshold^2.
 
     The method is Algorithm 1 of B. Lai and D. S. Bernstein, "SIFt-RLS: Subspace of Information
     Forgetting Recursive Least Squares", arXiv:2404.10844, 2024, for one measurement per sample. The
@@ -94,8 +95,9 @@ class SubspaceForgetting(FactoredEstimator):
         Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
         parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
-        Time [s] in which the information in the direction of phi is multiplied by beta.
-        Default: the information is multiplied by beta at each sample, independent of `dt`.
+        Time [s] in which the information in the direction of phi is multiplied by beta, so that
+        the forgetting does not depend on the sampling rate. Default: the information is multiplied
+        by beta at each sample, independent of `dt`.
     threshold
         A sample is used if sqrt(phi' P0 phi) is at least this threshold. sqrt(phi' P0 phi) is the
         standard deviation of the force predicted with P0, divided by the standard deviation of the

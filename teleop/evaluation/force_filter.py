@@ -1,4 +1,4 @@
-"""Compensate the delay of a force filter that the header of a file states.
+"""Compensate the delay of the force filter of a testing machine, if the file contains its settings.
 
 Far below the cutoff frequency, a low-pass filter delays the force and does not change its
 amplitude. A Butterworth filter of order n and cutoff frequency fc has the delay 1 / (2 pi fc sin(pi

@@ -110,9 +110,9 @@ def missing_text(method: str, missing: Mapping[str, str]) -> str:
 
 
 def holding_text(groups: Sequence[Group]) -> str:
-    """Return a note that states force, depth and frequency at which the results of groups hold.
+    """Return a note that states force, depth and frequency at which k and b of each group hold.
 
-    The note is empty if no result has them.
+    The note is empty if they are not known for any group.
     """
     parts = [
         f"{levels_text(group)}: {where}" if group.levels else where

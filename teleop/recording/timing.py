@@ -28,7 +28,10 @@ class RunningTiming:
         self._histogram = np.zeros(len(HISTOGRAM) + 1, np.int64)
 
     def add(self, ticks: Recording) -> None:
-        """Add the next ticks. The period before the first tick of the trial is not used."""
+        """Include further ticks in the statistics.
+
+        The first tick of a trial has no earlier tick. Its time step is not used.
+        """
         periods = ticks["dt"] if self._ticks else ticks["dt"][1:]
         self._ticks += len(ticks)
         self._elapsed += float(np.sum(periods))

@@ -10,7 +10,10 @@ from teleop.trial.settings_json import from_document
 
 
 def performed(settings: TrialSettings) -> dict[str, str]:
-    """Return the depth, and the target or the excitation signal, as text by name."""
+    """Return texts that state the depth of the motion, and its target or its excitation signal.
+
+    The keys of the dictionary are the names of these quantities.
+    """
     found = {"depth": f"{settings.setup.depth * 1e3:.4g} mm"}
     if settings.condition == "mimic":
         target = settings.target
