@@ -85,7 +85,7 @@ def tag_name(part: Mapping[str, Any]) -> str:
 
 
 def given(value: Any) -> str:
-    """Return the end of a message, which shows the value that a file gives; empty for a table."""
+    """Return the end of an error message, with the value that was found; empty for a TOML table."""
     if isinstance(value, dict):
         return ""
     text = repr(value)

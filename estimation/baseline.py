@@ -40,7 +40,7 @@ used."""
 
 
 def baseline_order(low: float, seconds: float) -> int:
-    """Return the number m of cosines of a baseline, not counting the constant.
+    """Return the number m of cosines in a baseline, a slow drift that is a constant plus m cosines.
 
     m is 0 if the record is shorter than `FEWEST_CYCLES` periods of the frequency `low`.
 

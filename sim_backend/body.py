@@ -89,7 +89,7 @@ class Body(ABC):
 
     @abstractmethod
     def law(self, state: Any) -> Law:
-        """Return the law of the force in a state."""
+        """Return the force as a function of position and velocity, for a state of the body."""
 
     @abstractmethod
     def advanced(self, state: Any, surface: float, dt: float) -> Any:

@@ -56,12 +56,12 @@ DEPTH = {
 
 @dataclass(frozen=True)
 class Setup:
-    """Body, force channel, depth of palpation and transmission of a simulated trial.
+    """Properties of the simulated rig in a trial, and of the body that it palpates.
 
     Raises
     ------
     ValueError
-        The lag or the depth is not positive.
+        The lag of the force channel or the depth is not positive.
     """
 
     cube: AnyBody

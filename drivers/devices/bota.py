@@ -60,12 +60,15 @@ class Bota(SerialDevice):
         return forces | dict.fromkeys(("mx", "my", "mz"), "N m") | {"temperature": "degC"}
 
     def start(self, port: SerialPort) -> None:
-        """Wait for frames of the sensor. If no frame arrives, end the configuration mode.
+        """Wait for the first frame of the sensor.
+
+        A sensor in configuration mode sends no frames. Therefore, if no frame arrives, this mode is
+        ended, and the method waits once more.
 
         Raises
         ------
         RigError
-            No frame is received.
+            No frame is received after this either.
         """
         self._line_time = port.line_time(FRAME.size)
         self._started, self._restarted, self._seen = False, "", None

@@ -148,7 +148,7 @@ def explained(rows: Rows, found: list[Candidate]) -> float:
 
 
 def has_friction(rows: Rows, best: Candidate) -> bool:
-    """Return whether Coulomb friction instead of b v reduces the residual to less than half."""
+    """Return whether the residual is halved if b v is replaced by Coulomb friction in the model."""
     record = rows.record
     sign = record.smoothed(np.sign(record.v))[rows.rows]
     columns = np.column_stack([sign, *rows.powers[: best.degree]])

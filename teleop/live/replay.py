@@ -89,7 +89,7 @@ class Replay(Feed):
         return float(self._t[-1])
 
     def advance(self) -> list[dict[str, Any]]:
-        """Add rows up to the present time of the replay; return the message `replay` if due."""
+        """Advance to the present time of the replay; return the messages for the pages, if any."""
         now = self._now()
         if self._rate:
             self._at = min(self._from + (now - self._since) * self._rate, self.end)

@@ -1,4 +1,4 @@
-"""Find the files of a comparison in folders and series, and the levels of their factors."""
+"""Find the recordings that are compared, and the level of each factor for each of them."""
 
 from __future__ import annotations
 

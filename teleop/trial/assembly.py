@@ -177,7 +177,7 @@ def make_controller(
     condition: Condition | None = None,
     estimation: Estimation | None = None,
 ) -> Controller:
-    """Return a new controller with the tare, limits and link of the settings.
+    """Return a new controller, with tare and limits as stated in the settings of the trial.
 
     Parameters
     ----------

@@ -66,7 +66,7 @@ def columns(trials: Sequence[PlannedTrial]) -> list[str]:
 
 
 def write_results(folder: Path, trials: Sequence[PlannedTrial], journal: Journal) -> None:
-    """Write the results in the journal to a CSV file in the folder of a series.
+    """Write a CSV file with the results of a series, which are read from its journal.
 
     The file is not written if it already has these contents.
 
