@@ -49,12 +49,12 @@ class RecentBlocks:
 
     @property
     def blocks(self) -> list[tuple[float, float, float, float]]:
-        """For each block, the means of force, velocity and displacement, and `share`, see `add`."""
+        """Means of force, velocity and displacement, and `share` (see `add`), for each block."""
         return list(self._blocks)
 
     @property
     def last(self) -> tuple[float, float, float, float]:
-        """The last block, as in `blocks`."""
+        """These four values for the last block."""
         return self._blocks[-1]
 
     def autocovariances(

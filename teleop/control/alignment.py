@@ -32,7 +32,7 @@ class Pair(NamedTuple):
 
 
 class Alignment:
-    """Computes pairs from the samples of slave position and contact force."""
+    """Computes pairs of slave position and contact force that belong to the same time."""
 
     def __init__(self) -> None:
         self._positions: deque[tuple[float, float]] = deque(maxlen=KEPT)

@@ -104,8 +104,8 @@ class RunningComparison:
     names
         Names of the estimators that are compared.
     dt
-        Time since the previous sample [s], shape (n,). The usual sample period and the time that is
-        omitted are computed from it. A part of the samples is sufficient.
+        Time since the previous sample [s], shape (n,), of all samples or of a part of them. The
+        usual sample period is computed from it, and the time at the start that is not compared.
     b, k
         The reference, see `compare`.
     """

@@ -40,7 +40,7 @@ class Percentiles:
             self._merge()
 
     def value(self, percentage: float) -> float:
-        """Return the percentile, 0 to 100 %; NaN if there are no values, or if a value is NaN."""
+        """Return a percentile, for a percentage of 0 to 100; NaN if there is no value, or a NaN."""
         self._merge()
         if not len(self._values) or math.isnan(self._values[-1]):
             return math.nan

@@ -28,8 +28,8 @@ def check_feedback(settings: TrialSettings) -> str:
     Raises
     ------
     InputError
-        The law position-force is expected to be unstable, or the law passivity is not permitted for
-        the cube and the round trip.
+        The law is `position-force` and is expected to be unstable, or it is `passivity` and is not
+        permitted for the cube and the round trip of the trial.
     """
     law, trip = settings.feedback.law, round_trip(settings)
     if law == "passivity":

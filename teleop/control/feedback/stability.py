@@ -76,7 +76,7 @@ class DelayedLoop:
 
     @property
     def resistance(self) -> float:
-        """Total damping d + b_a [N s/m]; b_a is the damping of the arm minus k_arm tau_h."""
+        """Virtual damping plus the damping of the arm, which its lag reduces: d + b_a [N s/m]."""
         return self.damping + self.arm_damping - self.arm_stiffness * self.arm_lag
 
     @property

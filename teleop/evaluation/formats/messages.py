@@ -243,5 +243,5 @@ def joined(path: Path, headings: Sequence[Heading], used: Sequence[Topic]) -> Ta
 
 
 def seconds(topic: Topic, start: int) -> Floats:
-    """Return the times of a topic since `start`, converted from [ns] to [s]."""
+    """Return the times of the messages of a topic [s], relative to the time `start` [ns]."""
     return np.multiply(np.array(topic.times, dtype=np.int64) - start, 1e-9, dtype=np.float64)

@@ -19,8 +19,9 @@ def ordered(count: int, order: OrderName, seed: int, block: int) -> list[int]:
         Number of cells in the block.
     order
         `listed`: the order of the plan. `random`: a random permutation for each block.
-        `latin-square`: each block is a row of a Williams square. The numbers of its cells are
-        randomly permuted once, in the same way for all blocks.
+        `latin-square`: each block is a row of a Williams square. A random permutation
+        determines which cell of the plan has which number in the square. It is the same for all
+        blocks.
     seed
         Seed of the permutations.
     block
