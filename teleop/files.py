@@ -21,6 +21,8 @@ PICTURES = (".png", ".svg", ".pdf")
 """Endings of the names of picture files."""
 RECORDING = ".mcap"
 """Ending of the names of recordings, which are never overwritten."""
+FAULT_REPORT = ".fault"
+"""Ending of the folder with the report on a safety stop."""
 
 
 def check_outputs(

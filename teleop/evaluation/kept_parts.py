@@ -65,7 +65,7 @@ class Sections:
 
 
 class Last:
-    """The last ticks, about `LAST`, of columns that arrive in blocks."""
+    """Stores the end of columns that arrive in blocks: about `LAST` ticks."""
 
     def __init__(self) -> None:
         self._blocks: deque[dict[str, Floats]] = deque()

@@ -39,6 +39,10 @@ FEWEST_INDEPENDENT = 35
 With fewer samples, the error model for four parameters has fewer than four cosines
 (`robust_error`).
 """
+HOLD = 0.5
+"""Duration of a hold in contact [s] during which a relaxation of the force is visible. Without such
+a hold, lost motion has a similar effect on the force."""
+LOST_MOTION = "motion is lost between the position sensor and the tip"
 SLOPES = "teleop estimate FILE --json prints the slope of each loading (phases)"
 LAG = (
     "teleop lag measures a lag of the force; --conditioning matched --force-lag LAG compensates it"
@@ -154,9 +158,9 @@ def remarks(
     ):
         what = [f"the stiffness depends on depth (degree {best.degree})"] if best.degree > 1 else []
         if best.times:
-            what.append(
-                f"force relaxes ({', '.join(f'{tau:.2g} s' for tau in merged(best.times))})"
-            )
+            times = ", ".join(f"{tau:.2g} s" for tau in merged(best.times))
+            similar = "" if longest_hold(record, phases) >= HOLD else f", or {LOST_MOTION}"
+            what.append(f"force relaxes ({times}){similar}")
         found.append(
             Reason(
                 f"Kelvin-Voigt is insufficient: {' and '.join(what)}; residual {plain.rms:.2g} N, "
@@ -196,9 +200,19 @@ def remarks(
     return found
 
 
+def longest_hold(record: Prepared, phases: Phases) -> float:
+    """Return the duration of the longest hold in contact [s]."""
+    holds = (
+        phase.end - phase.start
+        for phase in phases.phases
+        if phase.name == "hold" and phases.contact[phase.start : phase.end].all()
+    )
+    return record.period * max(holds, default=0)
+
+
 def negative_damping(force_lag: float) -> Reason:
     """Return the remark on a negative damping after a lag of the force [s] was compensated."""
-    lost = "motion is lost between the position sensor and the tip, which biases k too"
+    lost = f"{LOST_MOTION}, which biases k too"
     if not force_lag:
         lags = "damping is negative: the force lags behind the position"
         return Reason(f"{lags}, or {lost}", LAG)

@@ -144,7 +144,7 @@ def placed(
 def draw_panel(
     axes: Axes, places: Iterable[Place], names: Sequence[tuple[str, ...]], symbol: str
 ) -> None:
-    """Draw k or b (`symbol`) of groups, each at the index of its name in `names`."""
+    """Draw k or b (`symbol`) of each group, at the place that the group has in `names`."""
     intervals: list[Interval] = []
     for place in places:
         at = names.index(place.name)

@@ -14,9 +14,9 @@ from teleop.evaluation.comparison import SUBJECT
 from teleop.files import RECORDING, unreadable
 from teleop.json_documents import loads
 from teleop.studies.series.journal import NAME as JOURNAL
-from teleop.studies.series.journal import Journal
+from teleop.studies.series.journal import RECORDINGS, Journal
 from teleop.studies.series.plan import Plan
-from teleop.studies.series.table import NAME, RECORDINGS
+from teleop.studies.series.table import NAME
 from teleop.studies.series.trials import cells
 
 

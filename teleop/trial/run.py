@@ -9,7 +9,7 @@ from typing import Any
 from drivers import RigError
 from teleop.control.conditions import Condition
 from teleop.errors import InputError
-from teleop.files import unwritable
+from teleop.files import FAULT_REPORT, unwritable
 from teleop.names import RealtimeName
 from teleop.recording.black_box import BlackBox
 from teleop.recording.recorder import RecorderProcess
@@ -156,7 +156,7 @@ def run_trial(
     folder, box_problem, error, fault = None, "", loop.error, box.fault
     error = error or (later.error if later else None)
     if record and fault:
-        folder = record.with_suffix(".fault")
+        folder = record.with_suffix(FAULT_REPORT)
         try:
             write_black_box(folder, box, metadata, start)
         except InputError as problem:

@@ -93,7 +93,7 @@ class Master:
         """Stored energy that the law may give to the hand, such as the energy in the tank [J]."""
 
     def align(self) -> None:
-        """Return to the initial state; called each time the drives are armed."""
+        """Reset the state of the law; called each time the drives are armed."""
         self.state = MasterState()
 
     def step(self, force: float, report: Report, dt: float) -> Motion:
@@ -125,7 +125,7 @@ class Slave:
         self._stiffness = stiffness
 
     def align(self) -> None:
-        """Return to the initial state; called each time the drives are armed."""
+        """Reset the state of the law; called each time the drives are armed."""
 
     def observe(self, pair: Pair) -> None:
         """Process a pair of position and contact force."""

@@ -101,7 +101,7 @@ class PassivityMaster(Master):
 
 
 class PassivitySlave(Slave):
-    """Slave half: reduces the velocity if too much energy leaves at the environment's port.
+    """Slave half: reduces the velocity if the slave would give too much energy to the environment.
 
     Parameters
     ----------

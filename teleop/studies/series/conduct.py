@@ -13,10 +13,10 @@ from teleop.errors import InputError, SafetyStop
 from teleop.files import make_folder
 from teleop.safety.events import time_text
 from teleop.studies.json_lines import LOCK, locked
-from teleop.studies.series.journal import INTERRUPTED, NAME, Journal
+from teleop.studies.series.journal import INTERRUPTED, NAME, RECORDINGS, Journal
 from teleop.studies.series.plan import Plan
 from teleop.studies.series.question import Answer, Question, question_on, state_of
-from teleop.studies.series.table import RECORDINGS, write_results
+from teleop.studies.series.table import write_results
 from teleop.studies.series.trials import PlannedTrial
 from teleop.trial.result import Trial
 from teleop.trial.run import run_trial

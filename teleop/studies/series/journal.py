@@ -13,10 +13,11 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
+from teleop.files import FAULT_REPORT
 from teleop.json_documents import dumps, loads
 from teleop.studies.json_lines import JsonLines
 
-NAME = "journal.jsonl"
+NAME, RECORDINGS = "journal.jsonl", "recordings"
 INTERRUPTED = "interrupted"
 """Problem of a trial that was interrupted."""
 Entry = Literal["plan", "started", "done", "spoilt", "skipped", "note"]
@@ -32,6 +33,7 @@ class Journal:
     """
 
     def __init__(self, folder: Path) -> None:
+        self._folder = folder
         self._lines = JsonLines(folder / NAME)
         self.entries: list[dict[str, Any]] = []
         self._last: dict[int, dict[str, Any]] = {}
@@ -69,6 +71,17 @@ class Journal:
     def attempts(self, trial: int) -> int:
         """Return the number of times that a trial was started."""
         return self._attempts[trial]
+
+    def problem(self, trial: int) -> str:
+        """Return why the last attempt of a trial must be repeated.
+
+        If the program was killed directly after a safety stop, the journal does not contain the
+        stop. The report of the stop is then stated.
+        """
+        last = self._last[trial]
+        report = (self._folder / RECORDINGS / last.get("file", "")).with_suffix(FAULT_REPORT)
+        after = f" after a safety stop, see {report.name}" if report.is_dir() else ""
+        return str(last.get("problem", f"{INTERRUPTED}{after}"))
 
     def note(self, trial: int, attempt: int) -> str:
         """Return all notes on one attempt of a trial, separated by semicolons."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from teleop.studies.series.journal import INTERRUPTED, Journal
+from teleop.studies.series.journal import Journal
 from teleop.studies.series.plan import Plan
 from teleop.studies.series.trials import PlannedTrial
 
@@ -89,5 +89,4 @@ def state_of(number: int, journal: Journal) -> str:
         return f"Trial {number} is done (attempt {attempt})."
     if last["entry"] == "skipped":
         return f"Trial {number} was skipped."
-    problem = last.get("problem", INTERRUPTED)
-    return f"Attempt {attempt} of trial {number} must be repeated: {problem}."
+    return f"Attempt {attempt} of trial {number} must be repeated: {journal.problem(number)}."

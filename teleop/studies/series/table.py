@@ -13,7 +13,7 @@ from teleop.files import encoded, unreadable, write_text
 from teleop.studies.series.journal import Journal
 from teleop.studies.series.trials import PlannedTrial
 
-NAME, RECORDINGS = "trials.csv", "recordings"
+NAME = "trials.csv"
 RESULTS = {
     "k": "k [N/m]",
     "b": "b [N s/m]",

@@ -11,6 +11,8 @@ from teleop.evaluation.evaluation import evaluate
 from teleop.evaluation.local_stiffness import merged
 from teleop.evaluation.signals import Signals, periods
 from teleop.output.result_tables import parameter_text, result_lines, significant
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
 
 
 def signals(t, x, f, noise=5e-3):
@@ -36,6 +38,27 @@ def test_the_change_of_b_for_a_lag_is_stated():
 def test_damping_that_is_not_resolved_is_called_so():
     reasons = analyse(sine(b=0.0)).result.reasons
     assert any("damping is not resolved" in reason for reason in reasons)
+
+
+def test_relaxation_is_certain_only_if_a_hold_shows_it_because_lost_motion_is_similar():
+    settings = TrialSettings(
+        clock="virtual", cube="medium", condition="mimic", duration=8.0, count_in=3.0
+    )
+    recording = run_trial(settings).recording.estimated()
+    t, x, f = (recording[name] for name in ("time", "slave_position", "contact_force"))
+    (short,) = relaxation(Signals(t, x, f, periods(t), "slave_position"))
+    assert "or motion is lost between the position sensor and the tip" in short
+    t = np.arange(0.0, 12.0, 5e-3)
+    x = 2e-3 * np.interp(t % 4.0, [0.0, 0.5, 2.5, 3.0, 4.0], [0.0, 1.0, 1.0, 0.0, 0.0])
+    branch = np.zeros(len(t))
+    for i in range(1, len(t)):
+        branch[i] = (branch[i - 1] + x[i] - x[i - 1]) * np.exp(-5e-3 / 0.3)
+    (held,) = relaxation(signals(t, x, 1000.0 * x + 800.0 * branch))
+    assert "motion is lost" not in held
+
+
+def relaxation(record):
+    return [reason for reason in analyse(record).result.reasons if "force relaxes" in reason]
 
 
 def test_two_nearly_equal_time_constants_are_one():

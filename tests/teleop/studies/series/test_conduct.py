@@ -169,6 +169,19 @@ def test_the_message_of_a_resumed_series_names_the_trial_that_was_killed(plan, t
     )
 
 
+def test_a_trial_that_was_killed_during_a_safety_stop_names_the_report_of_the_stop(plan, tmp_path):
+    def killed(settings, path):
+        path.with_suffix(".fault").mkdir()
+        raise SystemExit
+
+    folder, reports = tmp_path / "out", []
+    with pytest.raises(SystemExit):
+        conduct(folder, *plan, ask=Person("run"), run=killed)
+    conduct(folder, *plan, ask=Person(), report=reports.append)
+    report = next((folder / "recordings").glob("*.fault")).name
+    assert reports[0].endswith(f"interrupted after a safety stop, see {report}.")
+
+
 def test_a_trial_that_was_skipped_can_be_run_after_all(plan, tmp_path):
     folder = tmp_path / "out"
     person = Person("run", "skip", "repeat", "run", "quit")
