@@ -90,7 +90,7 @@ class Transmission:
         return self.tip_force(law, played, x, v) + (x - played) / compliance
 
     def tip_force(self, law: Law, played: float, x: float, v: float) -> float:
-        """Return the force of the body on the tip [N]; `played` is the position after the play [m]."""
+        """Return the force of the body on the tip [N]; `played` is the position after the play."""
         compliance, lost = self.compliance, self.lost_motion
         tip = law.compressed(played, compliance)
         slips = played <= x - lost if v > 0.0 else played >= x + lost
