@@ -48,7 +48,7 @@ If the library of an interface is not installed, no buses of this interface are 
 
 
 def description(config: can.typechecking.AutoDetectedConfig) -> str:
-    """Return the properties of a bus that python-can gives, without interface and channel."""
+    """Return the properties of a CAN bus that python-can found, except interface and channel."""
     known = {k: v for k, v in config.items() if k not in ("interface", "channel")}
     return ", ".join(f"{name} {value}" for name, value in known.items())
 

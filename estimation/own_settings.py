@@ -64,7 +64,8 @@ def with_own_settings(
     shared
         Settings of all estimators.
     own
-        Settings that replace the shared settings, by the name of the estimator.
+        Settings of single estimators, which replace shared settings of the same name. The keys are
+        the names of the estimators.
 
     Raises
     ------

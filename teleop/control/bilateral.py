@@ -136,10 +136,10 @@ class BilateralLink(Link):
         return new_tuple(Command, (admittance.velocity, slave))
 
     def follow(self, verdict: Verdict, desired: Command, applied: Command, dt: float) -> None:
-        """Move the virtual mass like the handle if a limit of the master reduced the command.
+        """Give the virtual mass the motion of the handle if a limit of the master reduced it.
 
-        A limit of the slave reduces only the velocity of the slave. The hand feels this only
-        through the channel and the law.
+        A limit of the slave reduces only the velocity of the slave. The hand feels such a limit
+        only through the channel and the force-feedback law.
         """
         if verdict.command.master_velocity != desired.master_velocity:
             admittance, velocity = self._admittance, applied.master_velocity

@@ -47,9 +47,10 @@ def shown_columns(names: Sequence[str], estimators: Sequence[str]) -> list[str]:
 
 
 def estimator_indices(names: Sequence[str], estimators: Sequence[str]) -> list[dict[str, Any]]:
-    """Return each estimator's name and the indices of its columns in a row (None if missing).
+    """Return a dictionary for each estimator: its name, and the place of its values in a row.
 
-    The key `further` contains the indices of the parameters besides b and k, by their names.
+    A place is None if the row does not contain the value. The key `further` has the places of the
+    parameters besides b and k, by their names.
     """
     place = {name: i for i, name in enumerate(names)}
     return [

@@ -40,7 +40,10 @@ class Percentiles:
             self._merge()
 
     def value(self, percentage: float) -> float:
-        """Return a percentile, for a percentage of 0 to 100; NaN if there is no value, or a NaN."""
+        """Return a percentile of the values, for a percentage of 0 to 100.
+
+        The result is NaN if there are no values, or if one of them is NaN.
+        """
         self._merge()
         if not len(self._values) or math.isnan(self._values[-1]):
             return math.nan
