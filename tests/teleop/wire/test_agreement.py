@@ -24,8 +24,8 @@ def final(trial):
 
 
 @pytest.mark.parametrize("name", ["serial-board", "odrive-bota", "cia402-ft300"])
-def test_estimates_are_those_of_the_simulated_rig(stepped, name):
-    wired = stepped(name, duration=SECONDS)
+def test_estimates_are_those_of_the_simulated_rig(in_memory, name):
+    wired = in_memory(name, duration=SECONDS)
     plain = TrialSettings(
         condition="autonomous",
         clock="virtual",
