@@ -183,15 +183,19 @@ def summarise_stops(rows: list[Row]) -> None:
         )
 
 
+def unstable_text(rows: list[Row], noun: str) -> str:
+    """Return the number of unstable trials, and of those that no stop has ended."""
+    faults = [row["fault"] for row in rows if not row["stable"]]
+    return f"{len(faults)}{noun} not stable, of which {faults.count('')} ended without a stop"
+
+
 def summarise_map(rows: list[Row], tremor: float) -> None:
     """Print the measured and the predicted largest round trip for each cube, damping and arm."""
     seeds = len({row["seed"] for row in rows})
     hand = f"tremor of {tremor * 1e3:g} mm" if tremor else "no tremor"
-    unstable = [row for row in rows if not row["stable"]]
     print(
         f"\nlargest stable round trip, {hand}: {len(rows)} trials, number of seeds: {seeds}, "
-        f"{len(unstable)} not stable, of which {sum(not row['fault'] for row in unstable)} ended "
-        "without a stop"
+        + unstable_text(rows, "")
     )
     print(
         f"{'cube':<8}{'d [N s/m]':>10}{'arm [N/m]':>11}{'stable to [ms]':>16}{'unstable from':>15}"
@@ -246,9 +250,7 @@ def main() -> None:
             rows += found
     print(f"{options.part}, {len(rows)} trials, rigid transmission: {options.rigid}")
     summarise(rows, KEYS[options.part])
-    unstable = [row for row in rows if not row["stable"]]
-    silent = sum(not row["fault"] for row in unstable)
-    print(f"{len(unstable)} trials not stable, of which {silent} ended without a stop")
+    print(unstable_text(rows, " trials"))
     if options.part == "map":
         for tremor in TREMORS:
             summarise_map([row for row in rows if row["tremor"] == tremor], tremor)

@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 from live_lateness import lateness
-from live_session import Page, flood, now, session
+from live_session import Page, flooding, now, session
 from live_ticks import parts, report, ticks
 from websockets.exceptions import ConnectionClosed
 
@@ -59,20 +59,17 @@ def repeated(times: int, measure: Callable[[int], Coroutine[Any, Any, float]]) -
     return found
 
 
-async def stop(number: int, folder: Path, flooding: bool) -> float:
+async def stop(number: int, folder: Path, flooded: bool) -> float:
     """Return the time from STOP to the commanded stop [ms]."""
-    path = folder / f"stop-{flooding}-{number}.mcap"
+    path = folder / f"stop-{flooded}-{number}.mcap"
     with session("--duration", "600", "--record", str(path)) as running:
-        task = asyncio.create_task(flood(running)) if flooding else None
-        async with running.page() as page:
+        others = flooding(running) if flooded else contextlib.nullcontext()
+        async with others, running.page() as page:
             await page.arm()
             await asyncio.sleep(random.uniform(1.0, 1.2))
             pressed = now()
             await page.send("stop")
             await page.until("ended")
-        if task:
-            task.cancel()
-            await asyncio.gather(task, return_exceptions=True)
         running.process.communicate(timeout=90.0)
         return 1e3 * (fault_time(path, page) - pressed)
 

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from live_session import Session, flood, now, session
+from live_session import Session, flooding, now, session
 from robo_ws_bridge import WebSocketBridgeClient
 
 from teleop.recording.recording import load
@@ -93,15 +93,6 @@ async def foxglove_client(url: str) -> AsyncIterator[None]:
     await client.disconnect()
     if not sizes:
         raise ConnectionError(f"{url}: the Foxglove client received no tick")
-
-
-@contextlib.asynccontextmanager
-async def flooding(running: Session) -> AsyncIterator[None]:
-    """Send too many messages within the block."""
-    task = asyncio.create_task(flood(running))
-    yield
-    task.cancel()
-    await asyncio.gather(task, return_exceptions=True)
 
 
 async def measured(running: Session, case: str) -> Block:

@@ -145,6 +145,15 @@ async def flood(running: Session) -> None:
         await asyncio.sleep(0.05)
 
 
+@contextlib.asynccontextmanager
+async def flooding(running: Session) -> AsyncIterator[None]:
+    """Send too many messages within the block."""
+    task = asyncio.create_task(flood(running))
+    yield
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+
+
 def now() -> float:
     """Return the present time of the clock with which the loop writes the column `sent` [s]."""
     return time.monotonic()

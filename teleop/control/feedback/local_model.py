@@ -98,14 +98,13 @@ class LocalModel:
         self._span = span = self._span + dt
         if span < SHORTEST:
             return
-        dt = span
-        x, v, f, further = self._conditioner.update(self._position / dt, self._force / dt, dt)
+        x, v, f, further = self._conditioner.update(self._position / span, self._force / span, span)
         self._position = self._force = self._span = 0.0
-        self._reach = max(abs(x), self._reach * (1.0 - dt / REACH))
+        self._reach = max(abs(x), self._reach * (1.0 - span / REACH))
         if abs(f) < LEAST_FORCE or abs(v) < LEAST_SPEED:
             return
-        estimate = self._estimator.advance([v, x, *further], f, dt)
-        misfit = self._misfit.update(x, v, f, dt, further, {"model": estimate})[0]
+        estimate = self._estimator.advance([v, x, *further], f, span)
+        misfit = self._misfit.update(x, v, f, span, further, {"model": estimate})[0]
         self.model = self._accepted(estimate, misfit)
 
     def _accepted(self, estimate: Estimate, misfit: float) -> Environment:
