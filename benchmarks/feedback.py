@@ -25,20 +25,28 @@ from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
-from feedback_case import HARD, JITTER, LOSS, run_one, settings_of
+from feedback_case import (
+    HARD,
+    JITTER,
+    LOSS,
+    largest_round_trip,
+    run_one,
+    safe_round_trip,
+    settings_of,
+)
 
 from sim_backend import CUBES as CUBES_BY_NAME
 from sim_backend.operators import TREMOR_AMPLITUDE
-from teleop.trial.feedback_checks import delayed_loop, lag
 
 CUBES = ("soft", "medium", "hard")
 ROUND_TRIPS = (0.0, 0.05, 0.1, 0.2, 0.5)
 PASSIVITY_ROUND_TRIPS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.5)
-MAP_ROUND_TRIPS = tuple(
-    1e-3 * ms
-    for ms in (0, 2, 4, 6, 8, 10, 14, 20, 30, 40, 60, 80, 100, 120, 140, 154, 160, 200, 300, 500)
-)
-"""Even numbers of milliseconds, because each of the two directions delays by whole ticks [s]."""
+MAP_TICKS = (0, 1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 40, 50, 60, 70, 77, 80, 100, 150, 250)
+"""Delays of one direction of the channel in the map, in ticks."""
+RATES = (1000.0, 4000.0)
+"""Rates of the loop in the map [Hz]. The second one is for cases in which the predicted boundary at
+the first one is at most `SHORT` ticks in each direction."""
+SHORT = 2
 ARMS = (150.0, 400.0, 1500.0)
 DAMPINGS = (15.0, 50.0, 200.0)
 TREMORS = (0.0, TREMOR_AMPLITUDE)
@@ -80,31 +88,37 @@ def bodies(seeds: int, rigid: bool) -> Iterator[Row]:
             yield channelled("model-mediated", cube, trip, body=body, seed=seed, rigid=rigid)
 
 
+def map_round_trips(rate: float) -> list[float]:
+    """Return the round trips of the map at a rate [Hz], in increasing order [s]."""
+    return [2.0 * ticks / rate for ticks in MAP_TICKS]
+
+
 def stability_map(seeds: int, rigid: bool) -> Iterator[Row]:
     """Yield the cases of the map of position-force, with the first round trip of each case.
 
-    The first round trip is the largest of `MAP_ROUND_TRIPS` for which condition (2) of
+    The first round trip is the longest of the map for which condition (2) of
     `teleop.control.feedback.stability` holds.
     """
-    grid = itertools.product(TREMORS, CUBES, DAMPINGS, ARMS, range(seeds))
-    for tremor, cube, damping, arm, seed in grid:
+    grid = itertools.product(RATES, TREMORS, CUBES, DAMPINGS, ARMS, range(seeds))
+    for rate, tremor, cube, damping, arm, seed in grid:
         case = {"law": "position-force", "cube": cube, "damping": damping, "arm": arm}
-        settings = settings_of(**case, round_trip=0.0)
-        safe = delayed_loop(settings).safe_delay - lag(settings)
-        first = max(trip for trip in MAP_ROUND_TRIPS if trip <= max(safe, 0.0))
-        yield case | {"round_trip": first, "tremor": tremor, "seed": seed, "rigid": rigid}
+        short = 0.0 < largest_round_trip(settings_of(**case, round_trip=0.0)) <= 2e-3 * SHORT
+        if rate != RATES[0] and not short:
+            continue
+        safe = safe_round_trip(settings_of(**case, round_trip=0.0, rate=rate))
+        first = max(trip for trip in map_round_trips(rate) if trip <= max(safe, 0.0))
+        case |= {"round_trip": first, "tremor": tremor, "seed": seed, "rigid": rigid}
+        yield case | {"rate": rate}
 
 
 def run_to_boundary(case: Row) -> list[Row]:
     """Run trials with other round trips until one is stable and the next longer one is not."""
-    first = MAP_ROUND_TRIPS.index(case["round_trip"])
+    trips = map_round_trips(case["rate"])
+    first = trips.index(case["round_trip"])
     row = run_one(case)
     rows = [row]
-    if row["stable"]:
-        trips, unstable = MAP_ROUND_TRIPS[first + 1 :], False
-    else:
-        trips, unstable = MAP_ROUND_TRIPS[:first][::-1], True
-    for trip in trips:
+    unstable = not row["stable"]
+    for trip in trips[:first][::-1] if unstable else trips[first + 1 :]:
         rows.append(run_one(case | {"round_trip": trip}))
         if rows[-1]["stable"] == unstable:
             break
@@ -132,7 +146,7 @@ PARTS = {
 KEYS = {
     "acceptance": ("cube", "round_trip"),
     "bodies": ("body", "cube", "round_trip"),
-    "map": ("tremor", "cube", "damping", "arm", "round_trip"),
+    "map": ("rate", "tremor", "cube", "damping", "arm", "round_trip"),
     "passivity": ("cube", "round_trip", "operator", "arm"),
 }
 """Arguments by which the summary groups the trials of a part."""
@@ -189,30 +203,37 @@ def unstable_text(rows: list[Row], noun: str) -> str:
     return f"{len(faults)}{noun} not stable, of which {faults.count('')} ended without a stop"
 
 
-def summarise_map(rows: list[Row], tremor: float) -> None:
+def summarise_map(rows: list[Row], rate: float, tremor: float) -> None:
     """Print the measured and the predicted largest round trip for each cube, damping and arm."""
     seeds = len({row["seed"] for row in rows})
     hand = f"tremor of {tremor * 1e3:g} mm" if tremor else "no tremor"
     print(
-        f"\nlargest stable round trip, {hand}: {len(rows)} trials, number of seeds: {seeds}, "
-        + unstable_text(rows, "")
+        f"\nlargest stable round trip at {rate:g} Hz, {hand}: {len(rows)} trials, "
+        f"number of seeds: {seeds}, {unstable_text(rows, '')}"
     )
     print(
         f"{'cube':<8}{'d [N s/m]':>10}{'arm [N/m]':>11}{'stable to [ms]':>16}{'unstable from':>15}"
-        f"{'condition (2)':>15}{'equation (1)':>14}"
+        f"{'condition (2)':>15}{'equation (1)':>14}{'factor':>8}"
     )
     for case in dict.fromkeys((row["cube"], row["damping"], row["arm"]) for row in rows):
         found = [row for row in rows if (row["cube"], row["damping"], row["arm"]) == case]
         bad = [row["round_trip"] for row in found if not row["stable"]]
         first = min(bad, default=float("inf"))
-        good = [row["round_trip"] for row in found if row["round_trip"] < first]
+        last = max((row["round_trip"] for row in found if row["round_trip"] < first), default=-1.0)
         safe, largest = found[0]["safe_round_trip"], found[0]["largest_round_trip"]
-        last = f"{max(good) * 1e3:.0f}" if good else "none"
         cube, damping, arm = case
         print(
-            f"{cube:<8}{damping:>10g}{arm:>11g}{last:>16}{first * 1e3:>15.0f}"
-            f"{safe * 1e3:>15.1f}{largest * 1e3:>14.1f}"
+            f"{cube:<8}{damping:>10g}{arm:>11g}{f'{last * 1e3:g}' if last >= 0.0 else 'none':>16}"
+            f"{first * 1e3:>15g}{safe * 1e3:>15.1f}{largest * 1e3:>14.1f}"
+            f"{factor(largest, last, first):>8}"
         )
+
+
+def factor(predicted: float, stable: float, unstable: float) -> str:
+    """Return the greatest factor between the prediction and a boundary in the measured range."""
+    if min(predicted, stable) <= 0.0:
+        return "-"
+    return f"{max(predicted / stable, unstable / predicted):.2f}"
 
 
 def write(rows: list[Row], file: TextIO, header: bool) -> None:
@@ -252,8 +273,9 @@ def main() -> None:
     summarise(rows, KEYS[options.part])
     print(unstable_text(rows, " trials"))
     if options.part == "map":
-        for tremor in TREMORS:
-            summarise_map([row for row in rows if row["tremor"] == tremor], tremor)
+        for rate, tremor in itertools.product(RATES, TREMORS):
+            part = [row for row in rows if row["rate"] == rate and row["tremor"] == tremor]
+            summarise_map(part, rate, tremor)
     if options.part == "bodies":
         summarise_stops(rows)
 

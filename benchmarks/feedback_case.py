@@ -6,6 +6,7 @@ import contextlib
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,11 +25,12 @@ from sim_backend import (
 from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.feedback.settings import FeedbackSettings
-from teleop.evaluation.rendering import LEAST_FORCE, SETTLING, hand, sustained_share
+from teleop.evaluation.loop_oscillation import sustained_share
+from teleop.evaluation.rendering import LEAST_FORCE, SETTLING, hand
 from teleop.recording.recording import Recording
 from teleop.safety.events import ACTIVE
 from teleop.safety.tightened_limits import TightenedLimits
-from teleop.trial.feedback_checks import delayed_loop, lag
+from teleop.trial.feedback_checks import arm_damping, delayed_loop, lag
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
@@ -86,13 +88,14 @@ def settings_of(
     rigid: bool = False,
     duration: float = DURATION,
     operator: str = "force",
+    rate: float = 1000.0,
 ) -> TrialSettings:
     """Return the settings of a trial.
 
     `rigid` selects a transmission without lost motion. The operator `force` reverses the motion at
     the contact force `AIM`, and the operator `depth`, the default of a trial, at a depth.
     """
-    settings = TrialSettings(cube=cube, clock="virtual", duration=duration, seed=seed)
+    settings = TrialSettings(cube=cube, clock="virtual", duration=duration, seed=seed, rate=rate)
     setup = settings.setup
     withdrawal = -0.2 if body in ("loose", "stiffer at the next contact") else 0.5
     return replace(
@@ -137,9 +140,8 @@ def run_one(arguments: dict[str, Any]) -> dict[str, Any]:
     row = dict(arguments) | (trial.feedback() or {})
     limits = settings.limits
     force = float(np.max(np.abs(recording["contact_force"])))
-    loop = delayed_loop(settings)
-    row["safe_round_trip"] = loop.safe_delay - lag(settings)
-    row["largest_round_trip"] = loop.largest_delay - lag(settings)
+    row["safe_round_trip"] = safe_round_trip(settings)
+    row["largest_round_trip"] = largest_round_trip(settings)
     row["stable"] = bool(row["stable"])
     row["oscillation"] = oscillation(recording, settings)
     row["least_force_error"] = least_force_error(recording)
@@ -152,13 +154,28 @@ def run_one(arguments: dict[str, Any]) -> dict[str, Any]:
     return row
 
 
+def safe_round_trip(settings: TrialSettings) -> float:
+    """Return the longest round trip [s] that condition (2) of the stability check permits."""
+    return delayed_loop(settings).safe_delay - lag(settings)
+
+
+def largest_round_trip(settings: TrialSettings) -> float:
+    """Return the longest round trip [s] that is stable by equation (1), with the body's damping.
+
+    The check before a trial does not assume a damping of the body.
+    """
+    loop = replace(delayed_loop(settings), b=settings.setup.cube.b)
+    return loop.largest_delay - lag(settings)
+
+
 def oscillation(recording: Recording, settings: TrialSettings) -> float:
     """Return the share of the power of the velocity by which `stable` is decided."""
     admittance = settings.admittance
     active = recording.where(recording["mode"] == ACTIVE)
     velocity = hand(active, admittance.mass, admittance.damping, admittance.stiffness).velocity
     part = active["time"] > min(SETTLING, 0.5 * active["time"][-1])
-    return sustained_share(velocity[part], active["drive_force"][part], active["dt"][part])
+    force, dt = active["drive_force"][part], active["dt"][part]
+    return sustained_share(velocity[part], force, dt, partial(arm_damping, settings))
 
 
 def least_force_error(recording: Recording) -> float:

@@ -1,26 +1,4 @@
-"""Force that the hand felt in a recorded trial with force feedback, and contact force.
-
-Tremor and an oscillation of the loop have similar frequencies. They differ in the direction of the
-energy. With the Fourier transforms F of the force of the hand on the virtual mass and V of the
-velocity, the mean power from the hand to virtual mass and environment at one frequency is
-proportional to
-
-    Re{F V*} = Re{Z} |V|^2,
-
-where Z is the displayed impedance. In tremor the hand moves a passive impedance, so that the power
-is positive: Re{Z} >= 0 at each frequency is the definition of a passive linear port [1]. In an
-oscillation without a voluntary or involuntary motion of the hand, F = -Z_a V with the impedance Z_a
-of the arm. The arm dissipates energy, so that the power is -Re{Z_a} |V|^2 < 0: the displayed
-environment must replace the energy that the arm dissipates. So an oscillation of the loop is motion
-at frequencies at which the hand receives energy.
-
-The arm dissipates at least `LEAST_DAMPING` |V|^2. An environment that gives out less, Re{Z} above
--`LEAST_DAMPING`, amplifies the tremor, but the arm keeps the loop stable. Such motion is not
-counted. If the displayed environment gives out more at the frequency of the tremor, and only a
-greater damping of the arm keeps the loop stable, the trial is counted as not stable.
-
-[1] J. E. Colgate, N. Hogan, Int. J. Control 48(1), 1988, 65-88.
-"""
+"""Force that the hand felt in a recorded trial with force feedback, and contact force."""
 
 from __future__ import annotations
 
@@ -28,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from estimation.compiled import Floats
+from teleop.evaluation.loop_oscillation import MOST_SUSTAINED, ArmDamping, RunningSpectra
 from teleop.recording.recording import Recording
 
 SETTLING = 4.0
@@ -38,17 +16,6 @@ SETTLING = 4.0
 most half of the trial is omitted."""
 LEAST_FORCE = 0.5
 """Contact force, multiplied by the force gain, above which a tick is evaluated [N]."""
-FASTEST = 4.0
-"""Frequency above which motion is not voluntary, but tremor or an oscillation of the loop [Hz]."""
-LEAST_DAMPING = 2.0
-"""Damping that any arm has at least [N s/m]."""
-MOST_SUSTAINED = 0.8
-"""Greatest share of the power of the velocity in a stable trial that is above `FASTEST`, at
-frequencies at which the hand receives more than `LEAST_DAMPING` |V|^2."""
-SEGMENT = 1.0
-"""Duration of the segments of the motion of which the spectra are averaged [s]."""
-FIRST = 1 << 14
-"""Number of samples whose mean period gives the number of samples in a segment."""
 OLDEST = 10.0
 """Time for which the motion of the hand is kept [s], to compare it with the delayed motion of the
 slave. No communication channel delays a motion by this time."""
@@ -74,9 +41,9 @@ class Rendering(NamedTuple):
     negative if the environment gave energy to the hand. The energy in the virtual damping and mass
     is not included."""
     stable: bool
-    """Whether the trial had no safety stop, and no oscillation of the loop above `FASTEST`. A slow
-    instability that has not reached the threshold of a stop by the end of the trial is counted as
-    stable."""
+    """Whether the trial had no safety stop, and no oscillation of the loop (see
+    `teleop.evaluation.loop_oscillation`). A slow instability that has not reached the threshold of
+    a stop by the end of the trial is counted as stable."""
 
 
 class Hand(NamedTuple):
@@ -151,12 +118,21 @@ class RunningRendering:
         Ratio of the displayed force to the contact force.
     end
         Time of the last tick in mode active [s].
+    arm_damping
+        Damping of the arm [N s/m] at frequencies [Hz], if the arm is known.
     """
 
-    def __init__(self, hand: RunningHand, scale: float, gain: float, end: float) -> None:
+    def __init__(
+        self,
+        hand: RunningHand,
+        scale: float,
+        gain: float,
+        end: float,
+        arm_damping: ArmDamping | None = None,
+    ) -> None:
         self._hand, self._scale, self._gain = hand, scale, gain
         self._settled = min(SETTLING, 0.5 * end)
-        self._spectra = RunningSpectra()
+        self._spectra = RunningSpectra(arm_damping)
         self._ticks = self._evaluated = 0
         self._energy = self._lowest = 0.0
         self._sums = np.zeros(6)
@@ -211,76 +187,3 @@ class RunningRendering:
 def cumulative_sum(values: Floats, start: float) -> Floats:
     """Return the sums of `start` and the first 1, 2, ... n values, shape (n,)."""
     return np.cumsum(np.concatenate(([start], values)))[1:]
-
-
-class RunningSpectra:
-    """Spectra of velocity and force, from which oscillations of the loop are detected.
-
-    The spectra are averages over overlapping segments (P. D. Welch, IEEE Trans. Audio
-    Electroacoust. 15(2), 1967). The sample period is the mean period of the first `FIRST` samples
-    or more.
-    """
-
-    def __init__(self) -> None:
-        self._pending: Floats = np.empty((3, 0))
-        self._step = 0.0
-        self._length = 0
-        self._motion: Floats = np.empty(0)
-        self._from_hand: Floats = np.empty(0)
-
-    def add(self, velocity: Floats, force: Floats, dt: Floats) -> None:
-        """Add samples.
-
-        Parameters
-        ----------
-        velocity
-            Velocity of the virtual mass [m/s].
-        force
-            Force of the hand on the virtual mass [N].
-        dt
-            Time step of each sample [s].
-        """
-        self._pending = np.concatenate((self._pending, (velocity, force, dt)), axis=1)
-        if self._pending.shape[1] >= FIRST:
-            self._add_segments()
-
-    def sustained_share(self) -> float:
-        """Return the share of the power of the motion that is in an oscillation of the loop.
-
-        It is the fraction of the power of the velocity above `FASTEST`, at frequencies at which the
-        hand receives more energy than an arm with the damping `LEAST_DAMPING` dissipates.
-        """
-        if not self._length:
-            if not self._pending.shape[1]:
-                return 0.0
-            self._add_segments()
-        fast = np.fft.rfftfreq(self._length, self._step) > FASTEST
-        total = float(self._motion.sum())
-        oscillating = fast & (self._from_hand < -LEAST_DAMPING * self._motion)
-        return float(self._motion[oscillating].sum()) / total if total > 0.0 else 0.0
-
-    def _add_segments(self) -> None:
-        velocity, force, dt = self._pending
-        if not self._length:
-            self._step = float(np.mean(dt))
-            self._length = min(max(round(SEGMENT / self._step), 2), len(velocity))
-            self._motion = np.zeros(self._length // 2 + 1)
-            self._from_hand = np.zeros(self._length // 2 + 1)
-        length, stride = self._length, max(self._length // 2, 1)
-        if len(velocity) < length:
-            return
-        window = np.hanning(length)
-        v, f = (
-            np.fft.rfft(window * sliding_window_view(signal, length)[::stride], axis=1)
-            for signal in (velocity, force)
-        )
-        self._motion += np.sum(np.abs(v) ** 2, axis=0)
-        self._from_hand += np.sum((f * v.conj()).real, axis=0)
-        self._pending = self._pending[:, len(v) * stride :].copy()
-
-
-def sustained_share(velocity: Floats, force: Floats, dt: Floats) -> float:
-    """Return the share of a motion's power that is in an oscillation (see `RunningSpectra`)."""
-    spectra = RunningSpectra()
-    spectra.add(velocity, force, dt)
-    return spectra.sustained_share()

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from estimation.compiled import Floats
 from sim_backend.channel import ChannelSettings
 from sim_backend.plant import UNATTENDED
 from teleop.control.feedback.law import STIFF_PRIOR
@@ -84,6 +87,18 @@ def arm_lag(settings: TrialSettings) -> float:
     plant = settings.plant_parameters
     servo = 1.0 / (2.0 * math.pi * plant.handle_bandwidth)
     return servo + plant.master_force_lag + LOOP_DELAY / settings.rate
+
+
+def arm_damping(settings: TrialSettings, frequency: Floats) -> Floats:
+    """Return the damping with which the arm of the simulated operator acts on the virtual mass.
+
+    It is the real part of the impedance (b + k / (j w)) exp(-j w tau) of an arm with the damping b,
+    the stiffness k and the lag tau [N s/m], at frequencies w / (2 pi) [Hz], shape (n,).
+    """
+    arm, delay = settings.operator_model.arm, arm_lag(settings)
+    phase = 2.0 * np.pi * frequency * delay
+    elastic = arm.stiffness * delay * np.sinc(phase / np.pi)
+    return arm.damping * np.cos(phase) - elastic
 
 
 def round_trip(settings: TrialSettings) -> float:

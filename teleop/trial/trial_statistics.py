@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from teleop.recording.timing import RunningTiming
 from teleop.safety.events import ACTIVE, STOPPING
 from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
 from teleop.trial.averaged import averaged_part
+from teleop.trial.feedback_checks import arm_damping
 from teleop.trial.settings import TrialSettings
 
 LIMITS = {
@@ -151,4 +153,5 @@ def rendering_of(ticks: Recording | RecordingFile, settings: TrialSettings) -> R
         end = float(t[-1]) if len(t) else end
     admittance, scale = settings.admittance, settings.coupling.scale
     hand = RunningHand(admittance.mass, admittance.damping, admittance.stiffness, scale)
-    return RunningRendering(hand, scale, settings.feedback.gain, end)
+    arm = None if settings.rig else partial(arm_damping, settings)
+    return RunningRendering(hand, scale, settings.feedback.gain, end, arm)

@@ -1,8 +1,8 @@
 """Observe during a trial whether the loop sustains an oscillation at the hand.
 
 Tremor and an oscillation of the loop have similar frequencies. They differ in the direction of the
-energy, see `teleop.evaluation.rendering`. With the force f of the hand, the velocity v of the
-virtual mass and the displayed impedance Z, the mean power from the hand at one frequency is
+energy (see `teleop.evaluation.loop_oscillation`). With the force f of the hand, the velocity v of
+the virtual mass and the displayed impedance Z, the mean power from the hand at one frequency is
 Re{Z} |V|^2 / 2. In tremor the hand causes the motion, and the power is positive if Z is passive. In
 an oscillation of the loop, the loop moves the arm, which dissipates energy. The power is then
 negative.
@@ -52,8 +52,8 @@ LEAST_SPEED = 1e-3
 """Root mean square velocity of an oscillation below which the result is 0 [m/s]. At 40 Hz, it is an
 amplitude of 6 um."""
 MOST_SHARE = 0.75
-"""Largest share of the mean square velocity that the loop may sustain. After the trial,
-the share is computed from spectra, with the threshold 0.8 (`teleop.evaluation.rendering`)."""
+"""Largest share of the mean square velocity that the loop may sustain. After the trial, the share
+is computed from spectra, with the threshold 0.8 (`teleop.evaluation.loop_oscillation`)."""
 PERIOD = 5e-3
 """Time over which force and velocity are averaged to one sample [s]."""
 ROUNDING = 1e-6

@@ -7,6 +7,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sim_backend import OperatorModel
@@ -18,7 +19,14 @@ from teleop.control.feedback.settings import FeedbackSettings
 from teleop.errors import InputError
 from teleop.trial.assembly import make_link
 from teleop.trial.configuration import read_configuration, write_configuration
-from teleop.trial.feedback_checks import PASSIVITY_OFFERED, check_feedback, delayed_loop, lag
+from teleop.trial.feedback_checks import (
+    PASSIVITY_OFFERED,
+    arm_damping,
+    arm_lag,
+    check_feedback,
+    delayed_loop,
+    lag,
+)
 from teleop.trial.rehearsal import tick_cost
 from teleop.trial.rig_loading import load_rig_file
 from teleop.trial.settings import TrialSettings
@@ -77,6 +85,14 @@ def test_the_lag_of_the_handle_reduces_the_delay_that_a_stiff_arm_permits():
     )
     with pytest.raises(InputError, match="unstable"):
         check_feedback(stiff)
+
+
+def test_the_damping_of_the_arm_is_the_real_part_of_its_delayed_impedance():
+    stiff = replace(settings("position-force"), operator_model=OperatorModel(1500.0))
+    frequency = np.array([4.0, 10.0, 40.0])
+    s = 2j * np.pi * frequency
+    impedance = (stiff.operator_model.arm.damping + 1500.0 / s) * np.exp(-s * arm_lag(stiff))
+    assert arm_damping(stiff, frequency) == pytest.approx(impedance.real)
 
 
 def test_on_a_rig_the_stiffness_is_stated_or_there_is_a_warning():
