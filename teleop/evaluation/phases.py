@@ -20,9 +20,10 @@ the median of the contact points is reported. The half width of the interval is 
 two values: the median half width, and Student's t times the standard deviation between approaches.
 
 **Phases.** In contact, loading and unloading are the monotone parts between turning points. A
-reversal counts as a turning point if it exceeds 5 % of the travel. A hold is the beginning or the
-end of a monotone part, in which the position changes by less than 2 % of its range in this part. A
-hold is longer than a third of the median duration of the motion in the monotone parts.
+reversal counts as a turning point if it exceeds 5 % of the travel and the force follows it. A hold
+is the beginning or the end of a monotone part, in which the position changes by less than 2 % of
+its range in this part. A hold is longer than a third of the median duration of the motion in the
+monotone parts.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ from estimation.stiffening import Interval
 from teleop.evaluation.force_levels import clipped, levels
 from teleop.evaluation.masks import eroded, hysteresis, runs, without_short
 from teleop.evaluation.prepared import Prepared
-from teleop.evaluation.turning_points import turning_points
+from teleop.evaluation.turning_points import turning_points, without_lost_motion
 
 LEVEL = 0.015
 """Smallest width of a force level, as a fraction of the force range."""
@@ -198,7 +199,8 @@ def split(record: Prepared, contact: NDArray[np.bool_]) -> tuple[Phase, ...]:
         if not contact[start]:
             found.append(Phase("free", int(start), int(end)))
             continue
-        turns = turning_points(record.palpation[start:end], TURN * whole)
+        x, f = record.palpation[start:end], record.f[start:end]
+        turns = without_lost_motion(turning_points(x, TURN * whole), x, f)
         parts += [(start + a, start + b) for a, b in pairwise(turns)]
     monotone = [(int(start), int(end)) for start, end in parts]
     cores = []
