@@ -13,10 +13,8 @@ from hypothesis import strategies as st
 from sim_backend import OperatorModel, Transmission, operators
 from sim_backend.channel import ChannelSettings
 from teleop.control import bilateral
-from teleop.control.feedback import oscillation
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.evaluation.loop_oscillation import (
-    FASTEST,
     LEAST_DAMPING,
     MOST_SUSTAINED,
     SUSTAINING,
@@ -148,8 +146,3 @@ def test_an_oscillation_without_a_stop_is_counted_as_unstable_with_and_without_t
     arm = partial(arm_damping, settings)
     found = sustained_share(felt.velocity, active["drive_force"], active["dt"], arm)
     assert found > MOST_SUSTAINED
-
-
-def test_the_supervisor_and_the_evaluation_mean_the_same_by_an_oscillation():
-    assert FASTEST == oscillation.SLOWEST
-    assert LEAST_DAMPING == oscillation.LEAST_DAMPING

@@ -13,7 +13,7 @@ from sim_backend.channel import ChannelSettings
 from teleop.cli import main
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.errors import InputError
-from teleop.evaluation import kept_parts, rendering
+from teleop.evaluation import kept_parts, loop_oscillation
 from teleop.evaluation.tracking import tracking
 from teleop.recording import percentiles, recording_file, recovery, stream
 from teleop.recording.mcap_reader import read_intact
@@ -45,7 +45,7 @@ def small(monkeypatch):
     """Make all blocks short, so that a trial of seconds is long."""
     monkeypatch.setattr(recording_file, "IN_MEMORY", 1000)
     monkeypatch.setattr(stream, "BLOCK", 300)
-    monkeypatch.setattr(rendering, "FIRST", 1500)
+    monkeypatch.setattr(loop_oscillation, "FIRST", 1500)
 
 
 @pytest.fixture(scope="module", params=TRIALS)

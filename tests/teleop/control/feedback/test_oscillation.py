@@ -16,7 +16,8 @@ from teleop.control.bilateral import BilateralLink
 from teleop.control.feedback import oscillation
 from teleop.control.feedback.oscillation import MEMORY, MOST_SHARE, Oscillation
 from teleop.control.feedback.settings import FeedbackSettings
-from teleop.evaluation import rendering
+from teleop.evaluation import loop_oscillation
+from teleop.evaluation.rendering import SETTLING
 from teleop.safety import Fault
 from teleop.safety.tightened_limits import TightenedLimits
 from teleop.trial.assembly import make_link
@@ -96,10 +97,10 @@ def test_slow_motion_and_motion_below_the_least_speed_are_not_found():
 
 
 def test_supervisor_and_evaluation_have_the_same_definition_of_an_oscillation():
-    assert oscillation.SLOWEST == rendering.FASTEST
-    assert oscillation.LEAST_DAMPING == rendering.LEAST_DAMPING
-    assert MOST_SHARE < rendering.MOST_SUSTAINED
-    assert MEMORY == rendering.SETTLING
+    assert oscillation.SLOWEST == loop_oscillation.FASTEST
+    assert oscillation.LEAST_DAMPING == loop_oscillation.LEAST_DAMPING
+    assert MOST_SHARE < loop_oscillation.MOST_SUSTAINED
+    assert MEMORY == SETTLING
 
 
 RIGID = replace(TrialSettings(cube="hard").setup, transmission=Transmission())
