@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tempfile
@@ -14,13 +15,21 @@ RIGS = Path(__file__).parents[1] / "rigs"
 
 
 @contextmanager
-def emulated(name: str, condition: str = "autonomous") -> Iterator[Path]:
-    """Emulate an example rig in another process; yield the rig file for runs on this rig."""
+def emulated(name: str, condition: str = "autonomous", rate: int = 0) -> Iterator[Path]:
+    """Emulate an example rig in another process; yield the rig file for runs on this rig.
+
+    `rate` is the rate of the loop and of the samples [Hz]. If it is 0, they are those of the rig
+    file.
+    """
     with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "run.toml"
+        rig, out = RIGS / f"{name}.toml", Path(folder) / "run.toml"
+        if rate:
+            text = re.sub(r"rate_hz = \d+", f"rate_hz = {rate}", rig.read_text())
+            rig = Path(folder) / rig.name
+            rig.write_text(text)
         process = subprocess.Popen(
-            [sys.executable, "-m", "teleop", "rig", "emulate", RIGS / f"{name}.toml",
-             "--condition", condition, "--out", out],
+            [sys.executable, "-m", "teleop", "rig", "emulate", rig, "--condition", condition,
+             "--out", out],
             stdout=subprocess.DEVNULL,
         )  # fmt: skip
         try:

@@ -1,9 +1,11 @@
 """Measure the lateness of the live loop, compared with cyclictest and loop-rate-limiters.
 
-    python benchmarks/loop.py                  # 30 s each: idle, second core busy, the peer
+    python benchmarks/loop.py
 
-The loop is `teleop run` with its recorder. At the same time, cyclictest (package rt-tests of
-Debian) measures the kernel's wake-ups at the same rate and priority on the other processor.
+Each case takes 30 s: an idle machine, a busy second processor at 1 kHz and at 4 kHz, an emulated
+serial board at 2 kHz, and loop-rate-limiters. The loop is `teleop run` with its recorder. At the
+same time, cyclictest (package rt-tests of Debian) measures the kernel's wake-ups at the same rate
+and priority on the other processor. The board is emulated on this processor too.
 `soak.py` runs the loop for a long time.
 """
 
@@ -19,12 +21,17 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from datetime import date
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from emulated import emulated
 
-RATE = 1000.0
+RATE = 1000
+BOARD_RATE, FAST_RATE = 2000, 4000
+"""Rates on the emulated serial board, and of a fast loop on the simulated rig [Hz]."""
+SIMULATED = ("--condition=free",)
 
 
 @contextmanager
@@ -39,12 +46,12 @@ def busy(processor: int) -> Iterator[None]:
         process.wait()
 
 
-def cyclictest(seconds: float, processor: int) -> subprocess.Popen[str] | None:
+def cyclictest(seconds: float, processor: int, rate: int) -> subprocess.Popen[str] | None:
     """Start cyclictest; return None if it is not installed."""
     if not shutil.which("cyclictest"):
         print("cyclictest is not installed (Debian: rt-tests): nothing to compare with")
         return None
-    options = ["-q", "-m", "-p", "80", "-i", "1000", "-h", "20000", "-t", "1"]
+    options = ["-q", "-m", "-p", "80", "-i", str(1_000_000 // rate), "-h", "20000", "-t", "1"]
     return subprocess.Popen(
         ["cyclictest", *options, "-a", str(processor), "-D", str(int(seconds))],
         stdout=subprocess.PIPE,
@@ -67,12 +74,12 @@ def percentiles(histogram: str) -> dict[str, float]:
     }
 
 
-def run(seconds: float, folder: Path) -> dict[str, Any]:
-    """Run `teleop run`, and return its summary."""
+def run(seconds: float, folder: Path, rig: tuple[str, ...]) -> dict[str, Any]:
+    """Run `teleop run` with the options `rig`, and return its summary."""
     path = folder / f"{time.time_ns()}.mcap"
-    command = ["run", "--duration", str(seconds), "--condition", "free", "--record", str(path)]
+    command = ["run", "--duration", str(seconds), "--record", str(path), "--json", *rig]
     done = subprocess.run(
-        [sys.executable, "-m", "teleop", *command, "--json"], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-m", "teleop", *command], stdout=subprocess.PIPE, text=True
     )
     if done.returncode:
         print(done.stdout)
@@ -80,29 +87,34 @@ def run(seconds: float, folder: Path) -> dict[str, Any]:
     return dict(json.loads(done.stdout))
 
 
-def compare(title: str, seconds: float, folder: Path, load: bool) -> float:
-    """Run the loop and cyclictest at the same time; return the ratio of their p99."""
+def compare(
+    title: str,
+    seconds: float,
+    folder: Path,
+    load: bool = True,
+    rate: int = RATE,
+    rig: tuple[str, ...] = SIMULATED,
+) -> None:
+    """Run the loop with the options `rig` and cyclictest at the same time, and print the result."""
     processors = sorted(os.sched_getaffinity(0))
     other = processors[0]
     with busy(other) if load else nullcontext():
-        peer = cyclictest(seconds, other)
-        summary = run(seconds, folder)
+        peer = cyclictest(seconds, other, rate)
+        summary = run(seconds, folder, rig)
         kernel = percentiles(peer.communicate()[0]) if peer else None
     loop = summary["loop"]
     late, tick = loop["lateness_us"], loop["tick_us"]
     periods = summary["ticks"] + loop["skipped"]
-    print(f"\n{title}, {seconds:g} s")
+    print(f"\n{title}, {rate} Hz, {seconds:g} s")
     print(
         f"  loop        p50 {late['p50']:8.1f}  p99 {late['p99']:8.1f}  "
         f"p99.9 {late['p99_9']:8.1f}  max {late['max']:8.1f} us late"
     )
-    ratio = float("nan")
     if kernel:
-        ratio = late["p99"] / kernel["p99"]
         print(
             f"  cyclictest  p50 {kernel['p50']:8.1f}  p99 {kernel['p99']:8.1f}  "
             f"p99.9 {kernel['p99_9']:8.1f}  max {kernel['max']:8.1f} us late\n"
-            f"  ratio of the p99: {ratio:.2f}"
+            f"  ratio of the p99: {late['p99'] / kernel['p99']:.2f}"
         )
     print(
         f"  mean rate {loop['mean_rate_hz']:.4f} Hz, with the {loop['skipped']} skipped periods "
@@ -115,7 +127,6 @@ def compare(title: str, seconds: float, folder: Path, load: bool) -> float:
         f"{tick['write']['p50']:.1f}, the rest is packing and pushing"
     )
     print(f"  lateness: {histogram(loop['lateness_histogram'])}")
-    return ratio
 
 
 def histogram(counted: dict[str, Any]) -> str:
@@ -153,11 +164,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--seconds", type=float, default=30.0, help="of each short comparison")
     options = parser.parse_args()
+    seconds = options.seconds
+    print(f"# python benchmarks/loop.py --seconds {seconds:g}, {date.today()}")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        compare("idle machine", options.seconds, folder, load=False)
-        compare("second core busy", options.seconds, folder, load=True)
-        limiter(options.seconds)
+        compare("idle machine", seconds, folder, load=False)
+        compare("second core busy", seconds, folder)
+        fast = (*SIMULATED, f"--rate={FAST_RATE}")
+        compare("second core busy", seconds, folder, rate=FAST_RATE, rig=fast)
+        with emulated("serial-board", rate=BOARD_RATE) as file:
+            trial = (f"--rig={file}", "--condition=autonomous", "--specimen=soft")
+            board = (*trial, "--depth=10.3mm", "--yes")
+            compare("serial board", seconds, folder, load=False, rate=BOARD_RATE, rig=board)
+        limiter(seconds)
 
 
 if __name__ == "__main__":
