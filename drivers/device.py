@@ -18,7 +18,11 @@ if TYPE_CHECKING:
 
 
 class Sample(NamedTuple):
-    """Value of a signal in its unit, and time of sampling on the controller's clock [s]."""
+    """One sample of a signal.
+
+    The value is in the unit of the signal. The time is the time at which the sample was taken [s],
+    on the controller's clock.
+    """
 
     value: float
     time: float
@@ -47,9 +51,10 @@ class VelocityDrive(ABC):
 
     @abstractmethod
     def enable(self) -> bool:
-        """Request that the drive goes into operation at standstill, and arm its watchdog.
+        """Request that the drive goes into operation with zero velocity.
 
-        This method is called once per tick until it returns True.
+        In operation, the watchdog of the drive is active. This method is called once per tick until
+        it returns True.
 
         Returns
         -------
@@ -123,8 +128,8 @@ class Device(ABC):
     def signals(self) -> Mapping[str, str]:
         """Return the SI unit of each signal, by the name of the signal.
 
-        If a sensor has an unknown scale, the unit is that of the raw signal, for example `V`. The
-        rig file must then give the scale of the channel.
+        If the scale of a sensor is unknown, the signal has the unit of the raw value, for example
+        `V`. The rig file must then give a scale for each channel that uses the signal.
         """
 
     def update(self, now: float) -> None:  # noqa: B027
@@ -198,7 +203,11 @@ class SerialDevice(Device):
 
 
 class CanDevice(Device):
-    """A device on a CAN bus. No other device on the bus uses the identifiers of its frames."""
+    """A device on a CAN bus.
+
+    The device sends frames with certain identifiers. No other device on the bus sends frames with
+    these identifiers.
+    """
 
     @abstractmethod
     def identifiers(self) -> Iterable[int]:

@@ -14,25 +14,28 @@ MICROSECOND = 1e-6
 class DeviceClock:
     """Converts the time stamps of a device (32-bit microseconds) to the controller's clock.
 
-    The port is read after a sample was taken. So the time of the reading minus the newest time
-    stamp in the data is the offset between the two clocks, plus the age of the newest sample. This
-    age is positive. A port gives the mean of the times of two successive readings as the time of
-    arrival. Therefore the newest time stamps of these two readings are also averaged. The mean of
-    the times minus the mean of the time stamps is also the offset plus a positive age, even after a
-    delay of the controller or of the device.
+    This class estimates the offset between the two clocks. At each reading of the port, it
+    computes a difference: the time of the reading minus the newest time stamp in the data. Each
+    sample is taken before the port is read. Therefore this difference is the offset plus the age of
+    the newest sample, and the age is positive.
 
-    The minimum of these differences over all readings (lower envelope) is the offset plus the
-    smallest age. From one reading to the next, the minimum may increase by the largest drift
-    between two crystal clocks, `DRIFT`.
+    The time of arrival that a port gives is the mean of the times of two successive readings.
+    Therefore the newest time stamps of these two readings are also averaged. The difference of the
+    two means is still the offset plus a positive age. A delay of the controller or of the device
+    does not change this.
 
-    A converted time is therefore never too early. It is too late by the smallest age. This age is
-    the smallest latency, which is well below 1 ms on USB, plus at most one sample period. If a
-    sample arrives just before the reading, its computed age can therefore be negative, by up to
-    half a sample period. If a sample is delayed, for example in a queue, it does not change the
-    minimum, because the delay increases its age.
+    The estimated offset is the minimum of the differences of all readings. This minimum is the true
+    offset plus the smallest age. From one reading to the next, the minimum may increase by the
+    largest drift between two crystal clocks, `DRIFT`.
 
-    A device without a crystal may have a clock that is slow by more than `DRIFT`. The error of the
-    converted times then increases steadily.
+    A converted time is therefore never too early, but it is too late by the smallest age. The
+    smallest age is at most the smallest latency plus one sample period. On USB, the smallest
+    latency is well below 1 ms. As a consequence, the computed age of a sample that arrives just
+    before the reading can be negative, by up to half a sample period. A delayed sample, for example
+    a sample that waited in a queue, has a larger age. It therefore does not change the minimum.
+
+    If the clock of a device has no crystal, it can be slow by more than `DRIFT`. In this case, the
+    error of the converted times increases steadily.
     """
 
     def __init__(self) -> None:
@@ -69,7 +72,7 @@ class DeviceClock:
         return self._continued(stamp) * MICROSECOND + self._offset
 
     def _continued(self, stamp: int) -> int:
-        """Return a time stamp [us] after removing the wrap at 2^32.
+        """Return a time stamp [us] that continues to increase after the overflow at 2^32.
 
         The difference between the result and the newest time stamp is at most 2^31 us.
         """

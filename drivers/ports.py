@@ -10,7 +10,7 @@ from serial.tools import list_ports
 
 
 class Port(NamedTuple):
-    """A serial port or CAN bus, with the values by which a rig file selects it."""
+    """Properties of a serial port or CAN bus of this computer."""
 
     kind: str
     """`serial` or `can`."""
@@ -54,5 +54,5 @@ def description(config: can.typechecking.AutoDetectedConfig) -> str:
 
 
 def known(text: str | None) -> str:
-    """Return the text of a property of a port, empty if pyserial gives None or `n/a`."""
+    """Return a property of a port as text. If pyserial gives None or `n/a`, the text is empty."""
     return "" if text in (None, "n/a") else str(text)

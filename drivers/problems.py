@@ -80,12 +80,15 @@ def value_problem(part: Mapping[str, Any]) -> str:
 
 
 def tag_name(part: Mapping[str, Any]) -> str:
-    """Return the name of the key that determines the kind of a table, for example `kind`."""
+    """Return the name of the key that determines the type of a TOML table, for example `kind`."""
     return str(part["ctx"]["discriminator"]).strip("'")
 
 
 def given(value: Any) -> str:
-    """Return the end of an error message, with the value that was found; empty for a TOML table."""
+    """Return the last part of an error message, which shows the invalid value.
+
+    If the invalid value is a TOML table, the text is empty.
+    """
     if isinstance(value, dict):
         return ""
     text = repr(value)
@@ -94,6 +97,9 @@ def given(value: Any) -> str:
 
 
 def as_phrase(message: str) -> str:
-    """Return a message of pydantic or tomllib in a form that can follow a colon."""
+    """Return an error message of pydantic or tomllib, changed for use after a colon.
+
+    The prefix `Value error, ` is removed, and the first letter is changed to lower case.
+    """
     message = message.removeprefix("Value error, ")
     return message[:1].lower() + message[1:]

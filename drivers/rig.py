@@ -53,9 +53,10 @@ class Ages(NamedTuple):
 class Measurement(NamedTuple):
     """Latest samples of all channels of a rig at one tick, in SI units.
 
-    Positions are displacements from the contact datum, positive into the environment. Forces are
-    positive in compression. If the rig does not have a channel, its value is NaN. `CHANNELS` and
-    `UNITS` are made from those fields whose type has a unit.
+    Positions are displacements from the contact datum (zero position). They are positive into the
+    environment. Forces are positive in compression. If the rig does not have a channel, the value
+    of this channel is NaN. The fields with the types `Force`, `Position` and `Velocity` are the
+    channels. `CHANNELS` contains their names, and `UNITS` their units.
     """
 
     time: float
@@ -146,9 +147,10 @@ class Rig(ABC):
 
     @abstractmethod
     def enable(self) -> bool:
-        """Request that all drives go into operation at standstill, and arm their watchdogs.
+        """Request that all drives go into operation with zero velocity.
 
-        This method is called once per tick until it returns True.
+        In operation, the watchdogs of the drives are active. This method is called once per tick
+        until it returns True.
 
         Returns
         -------
@@ -162,9 +164,10 @@ class Rig(ABC):
         """
 
     def rearm(self) -> None:  # noqa: B027
-        """Clear the latched errors of the drives. This is done when a person requests it.
+        """Clear the latched errors of the drives.
 
-        An error that is still present is reported again.
+        This method is called when a person requests it. An error that is still present is reported
+        again.
         """
 
     @abstractmethod

@@ -190,8 +190,9 @@ def validation_problems(error: ValidationError, where: tuple[str, ...]) -> list[
 def reference_problems(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
     """Yield the problems of the references between sections of a rig file.
 
-    A reference is the name of a bus, device, signal or drive. There are three kinds of problems: no
-    part of the rig has the name, a part is used twice, or a signal in another unit has no scale.
+    A reference is the name of a bus, device, signal or drive. Examples of problems are: an unknown
+    name, a drive or CAN identifier that is used twice, or a missing scale of a channel whose signal
+    is not in the SI unit of the channel.
 
     Parameters
     ----------
@@ -267,7 +268,10 @@ def bus_problems(
 def channel_problem(
     name: str, channel: ChannelSettings, devices: Mapping[str, Device]
 ) -> str | None:
-    """Return the problem of a channel's device, signal or scale; None if there is no problem."""
+    """Check the device, the signal and the scale of a channel.
+
+    Return a text that describes the problem, or None if there is no problem.
+    """
     if channel.device not in devices:
         return f"device: {channel.device!r}: expected one of {', '.join(devices)}"
     units = devices[channel.device].signals()
@@ -280,7 +284,10 @@ def channel_problem(
 
 
 def drive_problem(drive: DriveSettings, devices: Mapping[str, Device]) -> str | None:
-    """Return the problem of the device or drive that a section names; None if there is none."""
+    """Check the device and the drive that a section of the rig file names.
+
+    Return a text that describes the problem, or None if there is no problem.
+    """
     if drive.device not in devices:
         return f"device: {drive.device!r}: expected one of {', '.join(devices)}"
     if not sole_drive(devices[drive.device], drive.drive):

@@ -22,7 +22,7 @@ ENABLING = 2.0
 
 
 class Channel(NamedTuple):
-    """A channel, and the signal of a device from which its value is computed.
+    """A channel of the rig. Its value is computed from a signal of a device.
 
     The value in SI units is gain * signal + offset.
     """

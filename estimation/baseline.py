@@ -1,12 +1,14 @@
 """Compute baselines. A baseline is the part of a signal that is slower than the palpation.
 
-A baseline is a sum of the cosines cos(pi j (t - t0) / T), j = 0 ... m, and of a parabola. t0 is the
-start of the record, and T is its length. The highest frequency of the cosines is m / (2 T).
+In a fit, a baseline is the sum of the cosines cos(pi j (t - t0) / T), j = 0 ... m, and a parabola.
+t0 is the start of the record, and T is its length. The highest frequency of the cosines is
+m / (2 T). `without_baseline` subtracts a baseline that consists of the cosines only.
 
 The parabola is needed because the slope of a cosine is zero at both ends of the record, but the
 slope of a drift is not. With cosines only, the coefficients of a drift decrease as 1 / j^2, and a
 part of the drift remains at the frequency of the palpation. The parabola can have the slopes of the
-drift at both ends. The cosine coefficients of the rest then decrease as 1 / j^4 (Lanczos).
+drift at both ends. If this parabola is subtracted from the drift, the cosine coefficients of the
+difference decrease as 1 / j^4 (Lanczos).
 
 If the cosines and the parabola are among the regressors of a fit, a slow drift of force and
 position does not affect the other parameters (Frisch and Waugh). But the information in the slow
@@ -40,7 +42,7 @@ used."""
 
 
 def baseline_order(low: float, seconds: float) -> int:
-    """Return the number m of cosines in a baseline, a slow drift that is a constant plus m cosines.
+    """Return the number m of cosines in a baseline. The constant is not counted.
 
     m is 0 if the record is shorter than `FEWEST_CYCLES` periods of the frequency `low`.
 
@@ -57,7 +59,7 @@ def baseline_order(low: float, seconds: float) -> int:
 
 
 def cosines(t: Floats, start: float, seconds: float, order: int) -> Floats:
-    """Return the constant 1 and the cosines of a baseline as columns, shape (n, 1 + order).
+    """Return an array of shape (n, 1 + order): a column of ones, and one column for each cosine.
 
     Parameters
     ----------
@@ -66,13 +68,15 @@ def cosines(t: Floats, start: float, seconds: float, order: int) -> Floats:
     start, seconds
         Start t0 and length T of the record [s].
     order
-        Number of cosines without the constant.
+        Number of cosines. The constant is not counted.
     """
     return np.asarray(np.cos(np.pi / seconds * np.outer(t - start, np.arange(order + 1))))
 
 
 def baseline_regressors(t: Floats, start: float, seconds: float, order: int) -> Floats:
-    """Return the regressors of a baseline, for a fit that also has regressors of the palpation.
+    """Return the regressors of a baseline: the constant, the cosines and the parabola.
+
+    A fit with these regressors usually has other regressors as well, for example v and x.
 
     Parameters
     ----------
@@ -81,8 +85,8 @@ def baseline_regressors(t: Floats, start: float, seconds: float, order: int) -> 
 
     Returns
     -------
-    Array of shape (n, order + 3), with the constant, the cosines and two columns for the parabola.
-    If `order` is 0, the only column is the constant.
+    Array of shape (n, order + 3). The last two columns are those of the parabola. If `order` is 0,
+    the constant is the only column, and the shape is (n, 1).
     """
     columns = cosines(t, start, seconds, order)
     if order == 0:
@@ -92,22 +96,25 @@ def baseline_regressors(t: Floats, start: float, seconds: float, order: int) -> 
 
 
 def without_baseline(values: Floats, order: int) -> Floats:
-    """Subtract a baseline from the values, and return the rest, shape (n,).
+    """Return the values minus their baseline, shape (n,).
 
-    The baseline is fitted by least squares. It has no parabola, because a parabola would follow the
-    palpation at the ends of the record.
+    The baseline is a least-squares fit of the constant and the cosines. It has no parabola, because
+    a parabola would follow the palpation at the ends of the record. If `order` is 0, the values are
+    returned unchanged.
 
-    The samples are evenly spaced, so the products of the cosines and the values are a discrete
-    cosine transform (DCT-I). The cosines would be orthogonal if the first and the last sample had
-    half weight. Here these two samples have full weight, which needs only a small correction. The
-    computing time is therefore proportional to n log n, and the memory to n, for every `order`.
+    The samples are evenly spaced. The scalar products of the cosines and the values are therefore
+    computed by a discrete cosine transform (DCT-I), in a time proportional to n log n. The first
+    and the last sample have the same weight as the other samples. With this weight, the cosines are
+    not exactly orthogonal. The coefficients are therefore the solution of 1 + `order` linear
+    equations.
 
     Parameters
     ----------
     values
         Evenly spaced samples, shape (n,).
     order
-        Number of cosines without the constant, as from `baseline_order`; less than n - 1.
+        Number of cosines, for example from `baseline_order`. The constant is not counted. The
+        number must be less than n - 1.
     """
     if order == 0:
         return values

@@ -1,11 +1,14 @@
 """Make several least-squares fits that have the same baseline among their regressors.
 
-The regressors of a fit are the columns of two matrices. The baseline B has many columns, and is the
-same in every fit. X has few columns, and differs between the fits. Only those parts of X and of the
-values f are used that are orthogonal to B. The parameters of X and the residual are computed from
-these parts (Frisch, Waugh and Lovell). B is decomposed only once. Let X have m columns, B have p
-columns, and let there be n samples. Then the time for a fit is proportional to n m p, instead of
-n (m + p)^2.
+The regressors of a fit are the columns of two matrices, B and X. B contains the regressors of the
+baseline. It has many columns, and is the same in every fit. X contains the other regressors. It has
+few columns, and is different in each fit.
+
+First, the components along B are subtracted from X and from the values f. The differences are
+orthogonal to B. The parameters of X and the residual of the fit are computed from these differences
+(Frisch, Waugh and Lovell). B is decomposed only once. Let X have m columns, B have p columns, and
+let there be n samples. Then the time for a fit is proportional to n m p. Without this method, it
+would be proportional to n (m + p)^2.
 
 References
 ----------
@@ -77,17 +80,17 @@ class BaselineFits:
 
 
 class Inverse:
-    """The matrix (Z' Z)^-1 Z' of all regressors Z = [B, X] of a fit, shape (p + m, n).
+    """The matrix (Z' Z)^-1 Z' of a fit, shape (p + m, n). Z = [B, X] contains all regressors.
 
-    The matrix is not stored. Only the product of a vector or another matrix with this matrix can be
-    computed.
+    The matrix itself is not stored. An object of this class can only be the right factor of a
+    product `gradients @ inverse`. The left factor is a vector or a matrix.
 
     Parameters
     ----------
     baseline
         The decomposed baseline B.
     along
-        Components of X along the orthogonal basis of B, shape (p, m).
+        Components of X along the orthonormal basis of B, shape (p, m).
     own
         Fit of the part of X that is orthogonal to B.
     """
@@ -99,7 +102,7 @@ class Inverse:
 
     @property
     def leverage(self) -> Floats:
-        """Diagonal of Z (Z' Z)^-1 Z', shape (n,)."""
+        """Leverage of each sample: the diagonal of Z (Z' Z)^-1 Z', shape (n,)."""
         return np.asarray(self.baseline.leverage + self.own.leverage)
 
     def __rmatmul__(self, gradients: Floats) -> Floats:
@@ -114,16 +117,19 @@ class Inverse:
 
 
 class FitWithBaseline(RobustFit):
-    """A fit that `BaselineFits` returns.
+    """A fit of a baseline and of other regressors X. `BaselineFits.fit` returns such a fit.
 
-    The field `inverse` is an `Inverse`. The field `regressors` contains only the part of X that is
-    orthogonal to the baseline.
+    The field `inverse` is an object of the class `Inverse`. The field `regressors` does not contain
+    the regressors of the baseline. It contains X minus the components of X along the baseline.
     """
 
     __slots__ = ()
 
     @property
     def leverage(self) -> Floats:
-        """Diagonal of Z (Z' Z)^-1 Z', where Z contains all regressors, shape (n,)."""
+        """Leverage of each sample, shape (n,).
+
+        It is the diagonal of Z (Z' Z)^-1 Z'. The matrix Z contains all regressors of the fit.
+        """
         inverse: Any = self.inverse
         return np.asarray(inverse.leverage)

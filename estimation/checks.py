@@ -93,7 +93,8 @@ def positive_values(name: str, values: Sequence[float], model: Model) -> tuple[f
 def check_correlation(correlation: float) -> None:
     """Raise ValueError if `correlation` is below 1 or infinite.
 
-    `correlation` is the number of samples per independent value of the force noise.
+    If the noise of successive force samples is correlated, n samples contain only n / `correlation`
+    independent values of the noise. For white noise, `correlation` is 1.
     """
     if not 1.0 <= correlation < math.inf:
         raise ValueError(f"correlation must be at least 1, got {correlation}")

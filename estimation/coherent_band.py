@@ -13,9 +13,10 @@ and S_ff is the power spectrum of the force.
   corners of the motion.
 
 C is estimated by Thomson's multitaper method. This method does not divide the record into segments.
-For a record of length T, its frequency resolution is 4 / T. A frequency bin is used under two
-conditions. First, independent signals have a coherence as large as that of the bin in only one of a
-million bins. Second, the power of the force in the bin is larger than the noise.
+For a record of length T, its frequency resolution is 4 / T. A frequency bin is used if it satisfies
+two conditions. First, the power of the force in the bin is well above the noise (`ABOVE_NOISE`).
+Second, the coherence in the bin is above a limit. Independent signals exceed this limit in only one
+of a million bins. If no bin satisfies both conditions, a lower limit is used (`COHERENT`).
 
 References
 ----------
@@ -83,10 +84,11 @@ def block_means(values: Floats, length: int) -> Floats:
 
 
 def slepian_tapers(n: int) -> Floats:
-    """Return the discrete prolate spheroidal sequences, orthonormal rows of shape (TAPERS, n).
+    """Return the first discrete prolate spheroidal sequences, shape (TAPERS, n).
 
-    The sequences are eigenvectors of a tridiagonal matrix (D. Slepian, Bell System Technical
-    Journal 57(5), 1978). Their signs are arbitrary.
+    Each row is one sequence, and the rows are orthonormal. The sequences are eigenvectors of a
+    tridiagonal matrix (D. Slepian, Bell System Technical Journal 57(5), 1978). The sign of each
+    sequence is arbitrary.
 
     Parameters
     ----------

@@ -1,6 +1,7 @@
-"""Apply the step of a method to arrays of samples, interpreted or compiled with numba.
+"""Apply the step of a method to arrays of samples.
 
-numba is installed with the extra `fast`.
+A step is the function with which an estimation method processes one sample (`estimation.step`). It
+is either interpreted by Python or compiled by numba. numba is installed with the extra `fast`.
 """
 
 from __future__ import annotations
@@ -55,10 +56,13 @@ class Law(NamedTuple):
 class CompilationChoice:
     """Decide whether samples are processed by interpreted or by compiled code.
 
-    Compiled code needs numba. numba is loaded when the interpreted samples so far have taken as
-    long as loading numba takes. The total time is therefore at most twice that of the best
-    decision, which can only be known at the end (ski rental problem). Arrays of fewer than
-    `WORTH_LOADING_STEP` samples are always interpreted, and are not counted.
+    Compiled code is faster, but numba must be loaded first. The samples are counted. numba is
+    loaded when their number reaches `WORTH_LOADING_NUMBA`. Python interprets this number of samples
+    in about the same time as it loads numba. The best decision would need the number of all later
+    samples, which is not known. With this rule, the total time is at most twice the time with the
+    best decision (ski rental problem).
+
+    Arrays of fewer than `WORTH_LOADING_STEP` samples are always interpreted, and are not counted.
     """
 
     def __init__(self) -> None:
@@ -176,7 +180,7 @@ def looped(
     inputs: tuple[NDArray[Any], ...],
     outputs: tuple[NDArray[Any], ...],
 ) -> None:
-    """Call a function that loops over n samples, interpreted or compiled.
+    """Call a function that loops over n samples. The function is interpreted or compiled.
 
     The results of interpreted and compiled code are identical to the bit.
 
@@ -214,9 +218,10 @@ def compiled_loop(loop: Callable[..., None]) -> Callable[..., None]:
 
 @cache
 def compiled_below() -> object:
-    """Return the object that replaces `step.below` in compiled code.
+    """Return the object that replaces `below` of `estimation.step` in compiled code.
 
-    In compiled code, `below[n]` is then `range(n)`. In interpreted code it is a tuple.
+    A step contains loops of the form `for i in below[n]`. In compiled code, `below[n]` is
+    `range(n)`. In interpreted code, `below[n]` is the tuple (0, 1, ..., n - 1).
     """
     import operator
 
@@ -247,7 +252,11 @@ def compiled_below() -> object:
 
 @cache
 def package_source() -> str:
-    """Return the source text of all modules of this package, for the names of compiled code."""
+    """Return the source text of all modules of this package as one string.
+
+    The name of each compiled function contains a hash of this string. If a module changes, the name
+    changes, and the function is compiled again.
+    """
     files = sorted(Path(__file__).parent.rglob("*.py"))
     return "".join(file.read_text(encoding="utf-8") for file in files)
 

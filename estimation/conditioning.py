@@ -90,7 +90,7 @@ class Conditioner(ABC):
     def correlation(self, dt: float) -> float:
         """Return the number of samples per independent value of the force noise.
 
-        `dt` is the sample period [s].
+        It is 1 for white noise, and larger for correlated noise. `dt` is the sample period [s].
         """
         return 1.0
 
@@ -269,8 +269,8 @@ class MatchedFilter(Conditioner):
     def correlation(self, dt: float) -> float:
         """Return the number of samples per independent value of the force noise.
 
-        `dt` is the sample period [s]. The number is computed from the equivalent noise bandwidth
-        of this filter, which is pi/4 times its natural frequency.
+        The filter makes the noise correlated. The number is computed from the noise bandwidth of
+        the filter, which is pi/4 times its natural frequency. `dt` is the sample period [s].
         """
         return max(1.0, 2.0 / (math.pi * self._bandwidth * dt))
 

@@ -141,7 +141,10 @@ class Estimator(ABC):
 
     @property
     def from_contact(self) -> bool:
-        """Whether x must be zero at the contact point, because the model is nonlinear in x."""
+        """Whether x must be measured from the contact point.
+
+        The property is True if the force of the model is a nonlinear function of x.
+        """
         return not set(POWERS_OF_X).isdisjoint(self.names)
 
     def reset(self) -> None:
@@ -165,7 +168,7 @@ class Estimator(ABC):
         return tuple(UNITS[name] for name in self.names)
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return one line of text with a warning about the estimates; None for no warning."""
+        """Return one line of text about the estimates, for example a warning; None for no text."""
         return None
 
     def update(
@@ -258,7 +261,11 @@ class Estimator(ABC):
         )
 
     def step_samples(self, samples: Samples) -> Samples:
-        """Return the samples for `step`. If `constant`, the regressor 1 is appended."""
+        """Return the samples with all regressors that `step` needs.
+
+        If the class attribute `constant` is True, a regressor that is always 1 is added after the
+        regressors of the model.
+        """
         if not self.constant:
             return samples
         return samples._replace(phi=np.column_stack((samples.phi, np.ones(len(samples.f)))))

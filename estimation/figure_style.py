@@ -60,15 +60,20 @@ BINS = 1000
 
 
 class PageFigure(Figure):
-    """A figure that is drawn only once when it is saved, and that notebooks can show.
+    """A figure that can be saved in less time, and that notebooks can show.
 
-    `Figure.savefig` of matplotlib draws a figure with constrained layout twice, but uses only the
-    layout of the first drawing. To save time, this class only computes the layout in place of the
-    first drawing. A notebook shows the figure even if matplotlib.pyplot was not imported.
+    When `Figure.savefig` of matplotlib saves a figure with constrained layout, it draws the figure
+    twice. It uses the first drawing only to compute the layout. This class computes the layout
+    without the first drawing. A notebook shows the figure even if matplotlib.pyplot was not
+    imported.
     """
 
     def draw(self, renderer: RendererBase) -> None:
-        """Draw the figure, or compute the layout that the next drawing uses."""
+        """Draw the figure, or only compute its layout.
+
+        With constrained layout, `savefig` calls this method twice. The first call only computes the
+        layout, and the second call draws the figure with this layout.
+        """
         layout = self.get_layout_engine()
         if isinstance(layout, ConstrainedLayoutEngine) and self.canvas.is_saving():
             layout.execute(self)

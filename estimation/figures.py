@@ -41,7 +41,7 @@ MOTION: dict[str, Any] = {"color": PROFILE, "linewidth": 0.7, "alpha": 0.55}
 
 
 class Truth(NamedTuple):
-    """True values of the simulated rig."""
+    """True damping and true stiffness of the simulated rig."""
 
     b: float
     """Damping [N s/m]."""
@@ -233,9 +233,12 @@ def draw_truth(
     handles: list[Line2D | Patch],
     names: list[str],
 ) -> tuple[list[Line2D | Patch], list[str]]:
-    """Draw the true values as lines. Return the given legend entries and one for these lines.
+    """Draw horizontal lines at the true values, and return the entries of the legend.
 
-    The values are the stiffness at the surface and at the greatest depth, and the damping.
+    The lines in the first panel are the stiffness at the surface and the stiffness at the greatest
+    depth. The line in the second panel is the damping. `handles` and `names` are the entries of the
+    legend so far. One entry for the true values is added to them. If `truth` is None, no line and
+    no entry is added.
     """
     if truth is None:
         return handles, names
@@ -251,7 +254,10 @@ def frame(
     shown: Mapping[str, Drawn],
     truth: Truth | None,
 ) -> None:
-    """Set the limits of the axes of stiffness and damping. Samples at the start are ignored."""
+    """Set the limits and the style of the axes of stiffness and damping.
+
+    The first part of the record is not used for the limits. `START` is the fraction of this part.
+    """
     later = t >= t[0] + START * (t[-1] - t[0])
     k_levels = (0.0, truth.k_surface, truth.k_deepest) if truth else (0.0,)
     limits(panels[0], [one.k[later] for one in shown.values()], k_levels)
@@ -277,7 +283,11 @@ def profile(axes: Axes, t: Floats, values: Floats, label: str) -> None:
 
 
 def known_truth(values: Mapping[str, float] | None) -> Truth | None:
-    """Return the true values from the summary of a trial; None if a value is not known."""
+    """Return a `Truth` with the true values of a trial; None if one of the values is not known.
+
+    `values` contains the true values by the names of the fields of `Truth`; None if no value is
+    known.
+    """
     if not values or not all(math.isfinite(values[name]) for name in Truth._fields):
         return None
     return Truth(*(values[name] for name in Truth._fields))

@@ -69,9 +69,10 @@ def lag_series(
 
 
 def difference(omega: float, u_before: float, y: float, u: float, dt: float) -> float:
-    """Return the difference quotient of u after a first-order low-pass of corner `omega` [rad/s].
+    """Return the difference quotient of the input u, filtered by a first-order low-pass filter.
 
-    y is the previous output.
+    `omega` is the corner frequency of the filter [rad/s]. `u_before` and `u` are the inputs before
+    and after the time `dt` [s]. `y` is the output of the filter before this time.
     """
     return y - math.expm1(-omega * dt) * ((u - u_before) / dt - y)
 

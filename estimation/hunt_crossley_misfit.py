@@ -1,9 +1,11 @@
-"""Compute the autocovariance of the force errors of a Hunt-Crossley model over recent blocks.
+"""Compute the autocovariance of the force errors of a Hunt-Crossley model.
 
-A block is a number of successive samples (`estimation.misfit`). The force K x^n + B x^n v is not
+The samples are divided into blocks of successive samples (`estimation.misfit`). The autocovariance
+is computed from the mean force error in each of the recent blocks. The force K x^n + B x^n v is not
 linear in n. When the estimate of n changes, the force errors of past blocks can therefore not be
-computed from sums of products. Instead, the means over the recent blocks are stored. The force
-errors of all these blocks are computed with the present estimate.
+computed from sums of products. Instead, the means of force, velocity and displacement over the
+recent blocks are stored. The force errors of all these blocks are computed with the present
+estimate.
 """
 
 from __future__ import annotations
@@ -41,8 +43,9 @@ class RecentBlocks:
         means
             Means of force [N], velocity [m/s] and displacement [m]. Further values are ignored.
         share
-            Weight of the product of two force errors, those of this block and of the previous
-            block; 0 if there is no previous block.
+            Weight of this block in the autocovariance. The autocovariance is a weighted mean.
+            The new block adds the product of its force error and the force error of the previous
+            block. The weight is 0 if there is no previous block.
         """
         f, v, x, *_ = means
         self._blocks.append((f, v, x, share))
@@ -54,22 +57,24 @@ class RecentBlocks:
 
     @property
     def last(self) -> tuple[float, float, float, float]:
-        """These four values for the last block."""
+        """Means of force, velocity and displacement, and `share`, for the last block."""
         return self._blocks[-1]
 
     def autocovariances(
         self, history: Floats, positions: NDArray[np.intp], parameters: Sequence[Floats]
     ) -> Floats:
-        """Return the result of `autocovariance` at the end of each of some blocks, shape (ends,).
+        """Return the autocovariance [N^2] at several times, shape (times,).
+
+        Each time is the end of a block. The autocovariance is that of the method `autocovariance`.
 
         Parameters
         ----------
         history
-            All blocks, shape (blocks, 4), see `blocks`.
+            All blocks, shape (blocks, 4). The columns are those of `blocks`.
         positions
-            Number of blocks in `history` up to each end, shape (ends,).
+            Number of blocks in `history` until each of the times, shape (times,).
         parameters
-            K, B and n of the model at each end, each of shape (ends,).
+            Estimates of K, B and n at these times, each of shape (times,).
         """
         first = np.maximum(positions - (self._blocks.maxlen or 0), 0)
         found = np.empty(len(positions))

@@ -13,8 +13,9 @@ Estimation, and Control", vol. 1, 1979, section 6.8, performance of a filter wit
 
 The force error f - phi' theta has the variance s (1 + phi' C phi). So s is estimated from the force
 errors. In this estimate of s, a force error has less weight while the error of the initial guess is
-large, or if the gain is near zero. If the noise is correlated, only one of `correlation` samples is
-independent. The covariance is then multiplied by `correlation`.
+large, or if the gain is near zero. If the noise is correlated, n samples contain only
+n / `correlation` independent values of the noise. The covariance is then multiplied by
+`correlation`.
 """
 
 from __future__ import annotations
@@ -128,9 +129,10 @@ def update_noise(
 ) -> None:
     """Update the noise variance s with a new sample.
 
-    s is a weighted mean of error^2 / spread. The weight of a new sample is gain / spread. Later, it
-    decays with the time constant `NOISE_MEMORY`. `error` is the force error f - phi' theta [N],
-    `gain` is phi' L, `spread` is 1 + phi' C phi, and `dt` is the time since the previous sample.
+    s is a weighted mean of error^2 / spread. The weight of the new sample is gain / spread. The
+    weights of the earlier samples decay with the time constant `NOISE_MEMORY`. `error` is the force
+    error f - phi' theta [N], `gain` is phi' L, `spread` is 1 + phi' C phi, and `dt` is the time
+    since the previous sample [s].
     """
     certainty = 1.0 / spread
     weight = gain * certainty

@@ -56,8 +56,8 @@ class MethodSettings:
 
     @property
     def covariance(self) -> tuple[float, ...]:
-        """Initial variances of the parameters, for methods that are not in the paper.
+        """Initial variance of each parameter, for methods that are not in the paper.
 
-        The variances are for force noise with a variance of 1 N^2.
+        The methods define these variances for a force noise whose variance is 1 N^2.
         """
         return tuple(1e4 / size**2 for size in self.sizes)

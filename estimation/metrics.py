@@ -61,17 +61,18 @@ def _force(
     estimates: Estimates,
     at_samples: Callable[[Callable[[Estimates], Floats]], Floats],
 ) -> Floats:
-    """Return the force of the model, phi' theta.
+    """Return the force of the model, phi' theta [N], shape (n,).
 
     Parameters
     ----------
     regression
-        The samples.
+        The n samples.
     estimates
         The estimates after each sample.
     at_samples
-        Function that returns the values of a parameter that are used at the samples. Its argument
-        is a function that selects the parameter from `Estimates`.
+        Function that returns n values of one parameter, one value for each sample. Its argument is
+        another function, which returns the values of this parameter from an object of the class
+        `Estimates`.
     """
     force: Floats = at_samples(lambda e: e.b) * regression.v
     force = force + at_samples(lambda e: e.k) * regression.x

@@ -152,7 +152,7 @@ class Misfit:
         return {name: self.series(i, ends, e) for i, (name, e) in enumerate(estimates.items())}
 
     def ends(self, regression: Regression, is_open: NDArray[np.bool_]) -> BlockEnds:
-        """Process n samples, and return what `series` needs at the ends of the blocks.
+        """Process n samples; return the data from which `series` computes the misfits.
 
         The arguments are those of `run`.
         """
@@ -280,7 +280,7 @@ class Misfit:
 
 
 def autocovariance(products: Iterable[Iterable[Any]], weights: Sequence[Any]) -> Any:
-    """Return the autocovariance of the force error [N^2], a quadratic form of the weights.
+    """Return the autocovariance w' P w of the force error [N^2], with products P and weights w.
 
     Parameters
     ----------
@@ -288,8 +288,8 @@ def autocovariance(products: Iterable[Iterable[Any]], weights: Sequence[Any]) ->
         Mean products of successive block means of force, velocity, displacement and further
         regressors. Each product is a number, or an array of shape (n,).
     weights
-        1, and the negative parameters of the model; numbers, or arrays of shape (n,). If there are
-        fewer weights than rows in `products`, the other rows and columns are not used.
+        1, -b, -k, and then the model's other parameters, each with a negative sign; numbers, or
+        arrays of shape (n,). If P is larger than w, its last rows and columns are not used.
     """
     covariance = 0.0
     for row, weight in zip(products, weights, strict=False):

@@ -1,4 +1,4 @@
-"""Sums over the blocks of samples from which the misfit is computed (`estimation.misfit`)."""
+"""Sums over blocks of samples. The misfit is computed from these sums (`estimation.misfit`)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from estimation.compiled import Floats
 
 
 class BlockEnds(NamedTuple):
-    """Sums of products at the ends of the blocks of a number of samples, see `Misfit.ends`."""
+    """Data at the ends of blocks of samples. `Misfit.series` computes the misfits from them."""
 
     at: NDArray[np.intp]
     """Index of the last sample of each block that has a block before it, shape (blocks,)."""

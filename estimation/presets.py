@@ -115,9 +115,10 @@ def scaled_preset(x: ArrayLike, v: ArrayLike, f: ArrayLike, dt: ArrayLike) -> Pr
 
     The time constant of forgetting is half a period of the dominant oscillation. This is the
     shortest time in which damping and stiffness can be distinguished. The grid of the
-    multi-estimator has 10^8 candidates: b from -3 to 3 f_rms / v_rms, and k from 0 to
-    3 f_rms / x_rms, where rms is the root mean square of the data. The gate is open while the force
-    exceeds 2 % of f_rms and the speed exceeds 2 % of v_rms.
+    multi-estimator has 10^8 candidates. b is between -3 f_rms / v_rms and 3 f_rms / v_rms, and k is
+    between 0 and 3 f_rms / x_rms. x_rms, v_rms and f_rms are the root mean squares of displacement,
+    velocity and force in the data. The gate is open while the force exceeds 2 % of f_rms and the
+    speed exceeds 2 % of v_rms.
 
     Parameters
     ----------

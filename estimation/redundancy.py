@@ -77,7 +77,11 @@ def redundancy(gamma: Candidate, epsilon: Candidate, plant: Candidate) -> Redund
 
 
 class Ambiguity(NamedTuple):
-    """Range of the candidates that the data do not distinguish, as arrays over time, (n,)."""
+    """Range of the candidates that the data do not distinguish from the best candidate.
+
+    The best candidate is the candidate with the smallest monitoring signal. Each field is an array
+    over time, of shape (n,).
+    """
 
     candidates: Floats
     """Number of candidates within the margin of the best candidate, which is also counted."""
@@ -100,7 +104,11 @@ def ambiguity(
     margin: float,
     every: int = 1,
 ) -> Ambiguity:
-    """Process a recording; return over time the range of the candidates that are not distinguished.
+    """Process a recording; return the range of the candidates that the data do not distinguish.
+
+    These are the candidates that the data do not distinguish from the best candidate. The best
+    candidate is the candidate with the smallest monitoring signal. The result contains the range of
+    b and k, and the number of these candidates, over time.
 
     Parameters
     ----------
@@ -110,12 +118,11 @@ def ambiguity(
         Displacement [m], velocity [m/s], force [N] and time since the previous sample [s], each
         of shape (n,).
     margin
-        A candidate and the best candidate are not distinguished if the difference of their
-        monitoring signals is small. The margin is the largest such difference, as a fraction of
-        the smallest signal, >= 0.
+        A candidate is not distinguished from the best candidate if its monitoring signal is at most
+        (1 + margin) times the signal of the best candidate, margin >= 0.
     every
-        The result has one value for each `every` samples, so its arrays have the shape
-        (n // every,).
+        The candidates are determined once after every `every` samples. The returned arrays have the
+        shape (n // every,).
     """
     b, k = estimator.grid.b.values, estimator.grid.k.values
     rows = []

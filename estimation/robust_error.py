@@ -60,7 +60,7 @@ class RobustFit(NamedTuple):
 
     @property
     def leverage(self) -> Floats:
-        """Diagonal of X (X' X)^-1 X', shape (n,)."""
+        """Leverage of each sample: the diagonal of X (X' X)^-1 X', shape (n,)."""
         return np.asarray(np.einsum("ij,ji->i", self.regressors, self.inverse))
 
     def deviation(self, gradient: Floats, cycles: float = math.inf) -> float:

@@ -1,9 +1,9 @@
 """Smooth position, velocity and force with the same Gaussian kernel, without phase shift.
 
 If f = b v + k x, then H f = b H v + k H x for every linear filter H. Here H is the convolution with
-a Gaussian kernel. The kernel causes no delay, and neither b nor k is biased. H v is the
-convolution of the measured position with the derivative of the kernel. The result has less noise
-than a difference quotient.
+a Gaussian kernel. The kernel causes no delay, and no bias in b or k. The smoothed velocity H v is
+the convolution of the measured position with the derivative of the kernel. This velocity has less
+noise than a difference quotient.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ class EstimatorSummary(NamedTuple):
     """Summary of one estimator over a record.
 
     `b`, `k`, `e_f` and `one_step_rms` do not include the samples before the first estimate. If no
-    sample changed the estimate, all estimates and errors are NaN, and there is no note.
+    sample changed the estimate, all estimates and errors are NaN, and `note` is None.
     """
 
     b: float
@@ -125,8 +125,8 @@ class RunningSummary:
         Parameters
         ----------
         estimates
-            The estimates after each sample, or after evenly spaced samples, for the note of the
-            estimator. If there are none, the last estimates are used.
+            The estimates after each sample, or after evenly spaced samples. Only `Estimator.note`
+            uses them. If the arrays are empty, `Estimator.note` gets the last estimate instead.
         """
         estimator, some = self._estimator, self._known > 0
         end = self._before or estimates

@@ -56,7 +56,10 @@ def assert_finite(estimator: Estimator, estimates: Estimates) -> None:
 
 
 def check_names_and_units(estimator: Estimator) -> None:
-    """The first names are b and k. Each name has a value, a standard deviation and a unit."""
+    """The first two names in `names` are b and k.
+
+    For each name there is one value, one standard deviation and one unit.
+    """
     assert estimator.names[:2] == ("b", "k"), f"names are {estimator.names}, expected b, k, ..."
     sizes = {len(part) for part in (estimator.names, estimator.units)}
     sizes |= {len(estimator.state.theta), len(estimator.state.std)}

@@ -1,11 +1,16 @@
-"""Constants of the methods that are not in the paper, relative to the settings of a preset.
+"""Constants for the estimation methods that are not in the paper.
 
-Most docstrings give the settling time. This is the time from the exchange of the cube for another
-cube until k is within 5 % of the true value. `python benchmarks/tuning.py` prints the settling time
-and the standard deviation of k due to noise, for each value and for multiples of the value.
-Forgetting factors and rates were chosen in steps of 0.25. The chosen value has the smallest
-standard deviation for which the settling time is at most 0.3 s. "Memory" is
-`MethodSettings.memory`, the time constant of forgetting.
+Most constants are relative to the settings of a preset. "Memory" is `MethodSettings.memory`, the
+time constant of forgetting.
+
+Most descriptions of the constants contain a settling time. In the test, the specimen is suddenly
+replaced by another specimen. The settling time is the time from this change until the error of k
+remains below 5 %. `python benchmarks/tuning.py` prints the settling time and the standard deviation
+of k due to noise. It prints them for the value of each constant and for multiples of this value.
+
+The constants for forgetting factors and forgetting rates are multiples of 0.25. For each of these
+constants, the multiple was chosen with two conditions. The settling time must be at most 0.3 s.
+Under this condition, the standard deviation of k must be as small as possible.
 """
 
 from __future__ import annotations

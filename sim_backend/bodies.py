@@ -27,7 +27,7 @@ If the slave is outside of the body for a shorter time (because of tremor), the 
 
 @dataclass(frozen=True)
 class PreloadedLaw(Law):
-    """Law of the contact force with given parameters, including the preload."""
+    """Law of the contact force whose parameters, also the preload, are given as arguments."""
 
     k1: float
     k3: float
@@ -62,8 +62,9 @@ class Relaxing(Body):
     the branch acts as a damper with the coefficient k tau. If the displacement changes in a much
     shorter time than tau, the branch acts as a spring with the stiffness k.
 
-    If the body is not glued to the slave, its surface recovers after the slave has left it. The
-    surface then has the displacement at which the static force of body and branch together is zero.
+    If the body is not glued to the slave, the slave can leave the body. The surface then moves back
+    while the branch relaxes. At each time, its displacement is the one at which the sum of the
+    static forces of the body and the branch is zero.
 
     Parameters
     ----------
@@ -104,13 +105,20 @@ class Relaxing(Body):
         return Branch(self.body.initial)
 
     def law(self, state: Branch) -> Law:
-        """Return the law while the dashpot is fixed. The spring k is then parallel to the body."""
+        """Return the law for the present displacement of the dashpot.
+
+        The law is valid while the dashpot does not move. The spring k then acts in parallel with
+        the body.
+        """
         law = self.body.law(state.body)
         preload = law.preload + self.k * state.dashpot
         return PreloadedLaw(law.k1 + self.k, law.k3, law.b, law.glued, preload)
 
     def advanced(self, state: Branch, surface: float, dt: float) -> Branch:
-        """Return the state after `dt` [s], while the surface moves linearly to `surface` [m]."""
+        """Return the state after the time `dt` [s].
+
+        During this time, the surface moves at constant velocity to the displacement `surface` [m].
+        """
         decay = math.exp(-dt / self.tau)
         speed = (surface - state.surface) / dt
         stretch = (state.surface - state.dashpot) * decay + speed * self.tau * (1.0 - decay)
@@ -130,7 +138,7 @@ class Relaxing(Body):
 
     @property
     def further_laws(self) -> dict[str, Law]:
-        """Law of the force in fast motion, with the name `fast`."""
+        """Dictionary with one entry, `fast`: the law of the force in fast motion."""
         return {"fast": self.fast}
 
 
@@ -211,7 +219,10 @@ class Changing(Body):
         return self.before.law(state.before)
 
     def advanced(self, state: Progress, surface: float, dt: float) -> Progress:
-        """Return the state after `dt` [s], while the surface moves linearly to `surface` [m]."""
+        """Return the state after the time `dt` [s].
+
+        During this time, the surface moves at constant velocity to the displacement `surface` [m].
+        """
         began = state.contacts >= self.contact
         touches = surface > self.law(state).rest
         return Progress(
@@ -234,7 +245,10 @@ class Changing(Body):
 
     @property
     def further_laws(self) -> dict[str, Law]:
-        """Further laws of `before`, and all laws of `after`, whose names begin with `changed`."""
+        """Laws of the force by name, except the law in slow motion before the change.
+
+        A name that begins with `changed` belongs to a law after the change.
+        """
         after = {f"changed, {name}": law for name, law in self.after.further_laws.items()}
         return {**self.before.further_laws, "changed": self.after.slow, **after}
 

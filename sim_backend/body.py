@@ -1,7 +1,7 @@
 """Base classes of the environment that the slave touches.
 
-A `Law` computes the contact force from displacement and velocity. A `Body` has a law at each time,
-which can depend on the deformation in the past.
+A `Law` computes the contact force from displacement and velocity. The law of a `Body` can change
+with time, because it can depend on the deformation in the past.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Law:
 
     @property
     def rest(self) -> float:
-        """Displacement of the surface of the body without contact [m]. There, f(x, 0) = 0."""
+        """Displacement x of the body's surface without contact [m]. The force f(x, 0) is zero."""
         return root(self.k1, self.k3, self.preload) if self.preload else 0.0
 
     def surface(self, x: float) -> float:
@@ -50,9 +50,10 @@ class Law:
         return self.k1 + 3.0 * self.k3 * x * x if self.glued or x > self.rest else 0.0
 
     def compressed(self, x: float, compliance: float) -> float:
-        """Return the displacement y [m] of the body if a spring is connected in series.
+        """Return the displacement y of the body [m] when a spring is in series with the body.
 
-        y is the solution of x = y + c f(y, 0). f(y, 0) is the force of the body at zero velocity.
+        y is the solution of x = y + c f(y, 0). The function f(y, 0) is the force of the body at
+        displacement y and zero velocity.
 
         Parameters
         ----------
@@ -76,10 +77,10 @@ def root(linear: float, cubic: float, value: float) -> float:
 class Body(ABC):
     """Base class of bodies. The law of the contact force can depend on the deformation in the past.
 
-    A state contains everything that the law needs to know about the past. The object of the body
-    is constant and does not store the state, so that several simulations can use one object.
-    `initial` is the state before the first contact, and `advanced` returns the next state. The
-    simulation stores the state, but only the body can interpret it.
+    The state of a body contains everything that the law needs to know about the past. `initial` is
+    the state before the first contact, and `advanced` returns the next state. The simulation stores
+    the state, but only the methods of the body can interpret the state. The body itself never
+    changes. Several simulations can therefore use the same body.
     """
 
     @property
@@ -93,7 +94,10 @@ class Body(ABC):
 
     @abstractmethod
     def advanced(self, state: Any, surface: float, dt: float) -> Any:
-        """Return the state after `dt` [s], while the surface moves linearly to `surface` [m]."""
+        """Return the state after the time `dt` [s].
+
+        During this time, the surface moves at constant velocity to the displacement `surface` [m].
+        """
 
     @property
     @abstractmethod
@@ -113,4 +117,7 @@ class Body(ABC):
     @property
     @abstractmethod
     def further_laws(self) -> dict[str, Law]:
-        """Laws that are valid at other times or other speeds than `slow`, by name."""
+        """Further laws of the force, by name.
+
+        Each of them is valid at another time or at another speed than `slow`.
+        """

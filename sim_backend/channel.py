@@ -1,8 +1,9 @@
 """Communication channel between master and slave: delay, jitter and loss of packets.
 
-The channel has two directions. Each packet has the time at which it was sent. It arrives after the
-one-way delay plus a random time between 0 and the jitter, or is lost. The receiver uses the value
-of the newest packet that has arrived. A packet that arrives after a newer one is discarded.
+The channel has two directions. Each packet contains a value and the time at which the packet was
+sent. A packet is either lost, or arrives after the one-way delay plus a random time between 0 and
+the jitter. The receiver uses the value of the newest packet that has arrived. If a packet arrives
+after a packet that was sent later, it is discarded.
 """
 
 from __future__ import annotations
@@ -128,9 +129,9 @@ class Direction(Generic[T]):
         self._queue: deque[tuple[float, float, T]] = deque()
 
     def exchange(self, now: float, value: T) -> T:
-        """Send a value at the time `now` [s]; return the value that the receiver uses then.
+        """Send a value at the time `now` [s]; return the value that the receiver uses at this time.
 
-        This is the value of the newest packet that has arrived.
+        The receiver uses the value of the newest packet that has arrived.
         """
         if self._perfect and not self.cut:
             self.due = self.sent = now

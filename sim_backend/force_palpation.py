@@ -2,9 +2,10 @@
 
 The hand has an intended position p, and the arm is a spring of stiffness K between p and the
 handle [1]. Before a movement, a person chooses p from an internal model of the object. After each
-contact, the person corrects the internal model by its error in this contact [2, 3]. Here the
-internal model is the stiffness s that the person expects at the handle. With the intended force F,
-the person wants to reach the displacement x = min(F / s, depth). The intended position is then
+contact, the person uses the error of the internal model in this contact to correct the model
+[2, 3]. Here the internal model is the stiffness s that the person expects at the handle. With the
+intended force F, the person wants to reach the displacement x = min(F / s, depth). The intended
+position is then
 
     p = x + s x / K
 
@@ -106,7 +107,10 @@ class ForcePalpation(FreePalpation):
         self._correction: Stroke | None = None
 
     def movement(self, t: float) -> Intention:
-        """Return the planned movement, corrected if force or depth reached the intended value."""
+        """Return the planned movement plus the correction, if there is a correction.
+
+        The correction begins 175 ms after the force or the depth has reached the intended value.
+        """
         position, velocity = super().movement(t)
         if not self._correction:
             self._perceive(t)
@@ -141,7 +145,10 @@ class ForcePalpation(FreePalpation):
         super()._next(start)
 
     def _reach(self) -> float:
-        """Return the intended position of the next poke [m], from the force of the last poke."""
+        """Return the intended position at the end of the next poke [m].
+
+        Before that, correct the expected stiffness with the stiffness felt in the last poke.
+        """
         if self._held:
             position, force = (
                 sum(values) / len(values) for values in zip(*self._held, strict=True)

@@ -196,7 +196,10 @@ class MimickedSine(Operator):
         self._phase_wander = self._wander(0.3)
 
     def _wander(self, size: float) -> list[tuple[float, float, float]]:
-        """Return three slow sines as (amplitude, angular frequency [rad/s], phase [rad])."""
+        """Return three slow sines, whose sum is a slow random variation.
+
+        Each sine is a tuple: amplitude `size`, angular frequency [rad/s], and phase [rad].
+        """
         return [
             (size, 2 * math.pi * self.random.uniform(0.1, 0.5), self.random.uniform(0, 2 * math.pi))
             for _ in range(3)

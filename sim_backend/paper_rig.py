@@ -93,7 +93,10 @@ class Setup:
         return self.static_force(self.cube.slow, x)
 
     def static_force(self, law: Law, x: float) -> float:
-        """Return the static force [N] at x [m], as `force` does, for a body with the given law."""
+        """Return the static force [N] at displacement x [m], for a body with the given law.
+
+        The method `force` defines x and the static force.
+        """
         return law.force(law.compressed(x, self.transmission.compliance), 0.0)
 
     def __post_init__(self) -> None:

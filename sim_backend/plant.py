@@ -102,7 +102,7 @@ class Slave:
 
     @property
     def law(self) -> Law:
-        """Present law of the force of the body."""
+        """Law of the contact force of the body in its present state."""
         return self._body.law(self._state)
 
     @property
@@ -154,7 +154,8 @@ class Slave:
 class ForceChannel:
     """A force sensor with amplifier: a first-order lag tau y' = f - y.
 
-    The attribute `y` is the output [N], and the parameter `lag` is the time constant tau [s].
+    f is the force on the sensor [N]. The attribute `y` is the output [N]. The parameter `lag` is
+    the time constant tau [s].
     """
 
     def __init__(self, lag: float) -> None:
@@ -162,7 +163,11 @@ class ForceChannel:
         self._force = self.y = 0.0
 
     def advance(self, force: float, dt: float) -> None:
-        """Advance by `dt` [s], while the force changes linearly to `force` [N]; exact solution."""
+        """Advance the output by the time `dt` [s].
+
+        During this time, the force on the sensor changes linearly to `force` [N]. The result is
+        exact.
+        """
         behind = (force - self._force) / dt * self._lag
         decay = math.exp(-dt / self._lag)
         self.y = force - behind + (self.y - self._force + behind) * decay

@@ -35,8 +35,8 @@ class PointerOperator(Hand):
     Attributes
     ----------
     time
-        Time of the last reading of the pointer, counted from when the drives were enabled [s]; NaN
-        before the first reading.
+        Time at which the pointer was last read [s]. The time is zero when the drives are enabled.
+        Before the first reading, the value is NaN.
     depth
         Position of the pointer at `time` [m].
     grip

@@ -14,7 +14,7 @@ class Sensors:
     Raises
     ------
     ValueError
-        A value is negative or, for the resolution, zero.
+        The encoder resolution is not positive, or the force noise is negative.
     """
 
     encoder_resolution: float = 1e-6

@@ -11,12 +11,13 @@ Since g(y) = y + c f_s(y) increases with y, this is equivalent to
 
     g(y) = p = play(x),    phi = (x - p) / c
 
-play is the play operator of half width delta [1]: p is constant while |x - p| <= delta, and
-otherwise follows x at the distance delta. If x is a sine of amplitude A and angular frequency
-omega, the force of the cube has the amplitude and phase of the describing function of the play
-operator [2]. The phase has the same effect as a damping of -4 k delta (A - delta) / (pi omega A^2).
-k is the stiffness of cube and transmission in series. If delta is much smaller than A, this damping
-is about -4 k delta / (pi omega A).
+play is the play operator of half width delta [1]. Its output p is constant while
+|x - p| <= delta, and otherwise follows x at the distance delta. If x is a sine of amplitude A and
+angular frequency omega, the describing function of the play operator [2] gives the amplitude and
+the phase lag of the force of the cube. The phase lag has the same effect as an additional damping
+coefficient of -4 k delta (A - delta) / (pi omega A^2), in which k is the stiffness of cube and
+transmission in series. If delta is much smaller than A, this coefficient is about
+-4 k delta / (pi omega A).
 
 The damping force of the cube is computed from the speed of the tip according to these equations.
 The stretch of the transmission due to the damping force is neglected. Friction and damping of the
@@ -90,7 +91,11 @@ class Transmission:
         return self.tip_force(law, played, x, v) + (x - played) / compliance
 
     def tip_force(self, law: Law, played: float, x: float, v: float) -> float:
-        """Return the force of the body on the tip [N]; `played` is the position after the play."""
+        """Return the force of the body on the tip [N].
+
+        `x` [m] and `v` [m/s] are the position and velocity of the motor. `played` is the output of
+        the play operator at the position `x` [m].
+        """
         compliance, lost = self.compliance, self.lost_motion
         tip = law.compressed(played, compliance)
         slips = played <= x - lost if v > 0.0 else played >= x + lost

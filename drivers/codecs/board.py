@@ -1,7 +1,7 @@
 """Encode and decode messages of the serial protocol for boards (docs/serial-protocol.md).
 
 A board is a microcontroller board. Values in the messages are counts of the board's converters and
-encoders. For each signal, the rig file contains the scale of a count.
+encoders. For each signal, the rig file contains the scale, which is the value of one count.
 """
 
 from __future__ import annotations
@@ -45,7 +45,11 @@ SAMPLE_FRAME = struct.Struct(f"<BHIBBBHH{FORCES + 2 * AXES + ANALOGUES}i")
 
 
 class State(IntEnum):
-    """State of the board. A state other than IDLE and ENABLED remains until a DISABLE message."""
+    """State of the board.
+
+    The board leaves the states WATCHDOG, EMERGENCY_STOP and DRIVE_FAULT only when it receives the
+    message DISABLE, HELLO or CONFIGURE.
+    """
 
     IDLE = 0
     ENABLED = 1
@@ -65,7 +69,8 @@ class Input(IntEnum):
 class Identity(NamedTuple):
     """Answer of the board to a HELLO message.
 
-    If the board uses another version of the protocol, only the first three fields are known.
+    If the board uses another version of the protocol, only the fields `sequence`, `time` and
+    `version` are known.
     """
 
     sequence: int
@@ -144,7 +149,7 @@ def enable(axis: int) -> bytes:
 
 
 def command(*velocities: int) -> bytes:
-    """Return the payload of COMMAND. The arguments are one velocity per axis [counts]."""
+    """Return the payload of COMMAND. Each argument is the velocity of one axis [counts]."""
     return VELOCITIES.pack(*velocities)
 
 

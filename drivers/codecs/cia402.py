@@ -195,7 +195,7 @@ def statusword(data: bytes) -> int:
 
 
 def emergency(data: bytes) -> str:
-    """Return as text the error that the data of an EMCY message contain.
+    """Return a text that describes the error in the data of an EMCY message.
 
     The text is empty if the message reports the end of an error.
 

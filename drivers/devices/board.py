@@ -28,7 +28,7 @@ STOPPED: dict[int, str] = {
 
 
 class Axis(VelocityDrive):
-    """A velocity axis of the board. `idle` takes all axes of the board out of operation."""
+    """An axis of the board with velocity control. `idle` stops all axes of the board."""
 
     def __init__(self, board: Board, index: int, scale: float) -> None:
         self.velocity = 0
@@ -58,8 +58,8 @@ class Board(SerialDevice):
     on. The drives are `axis_0` and `axis_1`. All values in a sample have the same time, which is
     the time stamp of the board, converted to the controller's clock.
 
-    After a reset, the board counts positions from a new zero, so that the datum of the positions
-    is lost. The error that reports a reset therefore remains until the rig is opened again.
+    After a reset, the board measures positions from a new zero position. The old zero position is
+    lost. Therefore the error that reports the reset remains until the rig is opened again.
     """
 
     Settings = BoardSettings
@@ -195,7 +195,11 @@ class Board(SerialDevice):
         return True
 
     def _update_identity(self, board: Identity) -> None:
-        """Store the identity of the board, or detect a reset by the boot number or the clock."""
+        """Process an identity message.
+
+        Before the end of `start`, the identity is stored. Later, the method checks whether the
+        board was reset: after a reset, the boot number is different or the clock has decreased.
+        """
         if not self._started or self.identity is None:
             self.identity = board
         elif board.boot != self.identity.boot:
@@ -211,7 +215,7 @@ class Board(SerialDevice):
         self.error = self._reset
 
     def _update_state(self, sample: codec.Sample) -> None:
-        """Update the error from a sample. The error is latched while operation is requested."""
+        """Update state and error from a sample. Errors are latched while operation is requested."""
         stopped = sample.state == State.EMERGENCY_STOP
         self.emergency_stop = stopped or bool(sample.inputs & Input.EMERGENCY_STOP)
         self._enabled = sample.axes if sample.state == State.ENABLED else 0
@@ -230,9 +234,9 @@ class Board(SerialDevice):
         self.error = self._reset or self._latched or error
 
     def ping(self) -> bool:
-        """Send DISABLE, which a later sample acknowledges. Return whether it was sent.
+        """Send DISABLE, and return whether DISABLE was sent. A later sample acknowledges DISABLE.
 
-        It is not sent while operation is requested, because DISABLE would stop the axes.
+        While operation is requested, DISABLE is not sent, because DISABLE would stop the axes.
         """
         if self._wanted:
             return False

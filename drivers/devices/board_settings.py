@@ -45,9 +45,10 @@ class BoardSettings(DeviceSettings):
 
 
 def gains(settings: BoardSettings) -> Iterator[tuple[int, str, float]]:
-    """Yield three values per signal: the index in the counts of a sample, the name, and the scale.
+    """Yield the index, the name and the scale of each signal in use.
 
-    The scale is the value of one count, in the SI unit of the signal.
+    The index is the position of the signal in the list `counts` of a sample. The scale is the value
+    of one count, in the SI unit of the signal.
     """
     first = 0
     for name, _, unit, key, number in QUANTITIES:

@@ -24,7 +24,8 @@ CLOCK_JUMP = 1.0
 class BotaSettings(DeviceSettings):
     """Section of the rig file for a sensor of Bota Systems.
 
-    The filter of the sensor must be set on the sensor. This filter determines the sample rate.
+    The driver does not set the filter of the sensor. The user must set the filter on the sensor
+    itself. The filter determines the sample rate.
     """
 
     kind: Literal["bota"]
@@ -34,11 +35,12 @@ class BotaSettings(DeviceSettings):
 class Bota(SerialDevice):
     """A force-torque sensor of Bota Systems.
 
-    The signals are `fx`, `fy`, `fz` [N], `mx`, `my`, `mz` [N m] and `temperature` [degC]. The
-    sampling time of a frame is the time stamp of the sensor, converted to the controller's clock,
-    minus the transmission time of a frame. If the sensor reports that measurements are invalid,
-    they are not used, and `error` gives the reason. A restart of the sensor may change its zero
-    offsets. The error that reports a restart therefore remains until the rig is opened again.
+    The signals are `fx`, `fy`, `fz` [N], `mx`, `my`, `mz` [N m] and `temperature` [degC]. The time
+    of a sample is computed from the time stamp that the sensor sends. The time stamp is converted
+    to the controller's clock, and the transmission time of a frame is subtracted. If the sensor
+    reports that measurements are invalid, they are not used, and `error` gives the reason. A
+    restart of the sensor may change its zero offsets. The error that reports a restart therefore
+    remains until the rig is opened again.
     """
 
     Settings = BotaSettings
@@ -62,13 +64,13 @@ class Bota(SerialDevice):
     def start(self, port: SerialPort) -> None:
         """Wait for the first frame of the sensor.
 
-        A sensor in configuration mode sends no frames. Therefore, if no frame arrives, this mode is
-        ended, and the method waits once more.
+        A sensor in configuration mode sends no frames. If no frame arrives, this method sends the
+        command that ends the configuration mode, and waits again.
 
         Raises
         ------
         RigError
-            No frame is received after this either.
+            No frame arrives after this command.
         """
         self._line_time = port.line_time(FRAME.size)
         self._started, self._restarted, self._seen = False, "", None

@@ -54,8 +54,8 @@ class Cia402(CanDevice, VelocityDrive):
     `start` sets up the drive over SDO. After that, at each SYNC, the drive applies the latest
     command and takes its samples. If the controller's heartbeat or commands are missing for
     `watchdog_ms`, the drive stops on its quick stop ramp (CiA 402-2, 6007h). If the drive reports
-    an error, or leaves operation without a request, `error` stores this. The drive then remains out
-    of operation until it is enabled again.
+    an error, or leaves operation without a request, the attribute `error` contains a description of
+    the error. The drive then remains out of operation until it is enabled again.
 
     The sources are CiA 301 version 4.2 and CiA 402-2 version 3.0.
     """
@@ -176,7 +176,10 @@ class Cia402(CanDevice, VelocityDrive):
         self.samples["force"] = Sample(force, sampled)
 
     def _sampled(self, arrival: float) -> float:
-        """Return the sampling time of a TPDO [s], the time of the last SYNC before its arrival."""
+        """Return the time [s] at which the drive took the samples in a TPDO.
+
+        This is the time of the latest SYNC, or the arrival time of the TPDO if it is earlier.
+        """
         synchronised = self._master.synchronised
         return synchronised if synchronised <= arrival else arrival
 
@@ -207,7 +210,7 @@ class Cia402(CanDevice, VelocityDrive):
             self._control = Control.QUICK_STOP
 
     def update(self, now: float) -> None:
-        """Check the heartbeat of the drive, and send a SYNC if no tick has sent one recently."""
+        """Check the heartbeat of the drive. Send a SYNC if the latest SYNC is older than 8 ms."""
         if not self._bus or not self._running:
             return
         self._master.keep_sampling(self._bus, now)
@@ -263,7 +266,10 @@ class Cia402(CanDevice, VelocityDrive):
         return self._target * self._units.metres_per_second
 
     def transmit(self) -> None:
-        """Send RPDO1 if any drive on the bus was enabled. For the last drive, also send SYNC."""
+        """Send RPDO1 to the drive, but only if a drive on the bus was enabled before.
+
+        If this drive is the last drive on the bus, also send SYNC and, if due, the heartbeat.
+        """
         if self._bus and self._running:
             if self._master.armed:
                 self._send()
@@ -284,7 +290,10 @@ class Cia402(CanDevice, VelocityDrive):
         self._bus.send(RPDO1 + self.settings.node_id, command(self._control, target))
 
     def stop(self) -> None:
-        """Reset the communication of the drive, so that it reports no missing heartbeat later."""
+        """Reset the communication of the drive.
+
+        After this, the drive does not report the end of the controller's heartbeat as an error.
+        """
         if self._bus and self._running:
             with contextlib.suppress(RigError):
                 self._bus.send(NMT, nmt(NmtCommand.RESET_COMMUNICATION, self.settings.node_id))

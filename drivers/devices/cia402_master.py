@@ -70,7 +70,7 @@ class Master:
             bus.send(HEARTBEAT + NODE, bytes((NmtState.OPERATIONAL,)))
 
     def keep_sampling(self, bus: CanBus, now: float) -> None:
-        """Send a SYNC if the latest SYNC is older than `LONGEST`."""
+        """Send a SYNC if the time since the latest SYNC is longer than 8 ms (`LONGEST`)."""
         if now - self.synchronised > LONGEST:
             self.synchronise(bus)
 

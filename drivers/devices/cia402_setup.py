@@ -87,7 +87,7 @@ PDO mappings are declared as records, because canopen cannot write mappings that
 
 
 def object_dictionary() -> ObjectDictionary:
-    """Return an object dictionary of canopen that contains the objects in this file."""
+    """Return the object dictionary for the package `canopen`, with all objects of this module."""
     dictionary = ObjectDictionary()  # type: ignore[no-untyped-call]
     for index, kind in VARIABLES.items():
         dictionary.add_object(variable(index, 0, kind))
@@ -107,7 +107,9 @@ def variable(index: int, sub: int, kind: int) -> ODVariable:
 
 
 class Setup:
-    """Sets up one drive over SDO. canopen implements the protocol, and a `CanBus` sends the frames.
+    """Sets up one drive over SDO.
+
+    The package `canopen` implements the SDO protocol. A `CanBus` sends the frames.
 
     Parameters
     ----------
@@ -163,7 +165,10 @@ class Setup:
             self._write(0x60A9, 0, unit)
 
     def _monitor(self) -> None:
-        """Set up the heartbeats of both sides, and the drive's reaction to a missing heartbeat."""
+        """Set the period of the drive's heartbeat.
+
+        Also set the reaction of the drive if the controller's heartbeat is missing.
+        """
         watchdog = self._settings.watchdog_ms
         self._write(0x1017, 0, watchdog // 4)
         self._write(0x1016, 1, NODE << 16 | watchdog)
@@ -240,7 +245,7 @@ class Setup:
 
 
 class BusNetwork(Network):
-    """canopen network that sends its frames on a `CanBus`."""
+    """A network of the package `canopen`, which sends its frames on a `CanBus`."""
 
     def __init__(self, bus: CanBus) -> None:
         super().__init__()
@@ -252,7 +257,7 @@ class BusNetwork(Network):
 
 
 class PumpedNode(RemoteNode):
-    """canopen remote node whose SDO client reads a `CanBus` while it waits for an answer."""
+    """A remote node of the package `canopen`, with a `PumpedSdo` as SDO client."""
 
     def __init__(self, node: int, bus: CanBus) -> None:
         self._carrier = bus
@@ -272,7 +277,7 @@ class PumpedNode(RemoteNode):
 
 
 class PumpedSdo(SdoClient):
-    """canopen SDO client that reads a `CanBus` while it waits for an answer."""
+    """An SDO client of `canopen`. While it waits for an answer, it reads a `CanBus`."""
 
     RESPONSE_TIMEOUT = 1.0
     """Longest wait for an answer [s]."""

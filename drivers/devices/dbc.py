@@ -175,9 +175,10 @@ def identifier(message: Message) -> int:
 def signal_names(messages: list[Message]) -> dict[tuple[str, str], str]:
     """Return a unique name for each signal.
 
-    A key is a pair: the name of the message, and the name of the signal in the DBC file. The unique
-    name is the name of the signal, or `Message.signal` if several messages have a signal with this
-    name.
+    The result is a dictionary. Each key is a pair: the name of the message, and the name of the
+    signal in the DBC file. Each value is the unique name of the signal. If only one message has a
+    signal with this name, the unique name is the name of the signal. Otherwise it is
+    `Message.signal`.
     """
     count = Counter(signal.name for message in messages for signal in message.signals)
 

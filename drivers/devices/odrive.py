@@ -56,13 +56,14 @@ class ODriveSettings(DeviceSettings):
 class ODrive(CanDevice, VelocityDrive):
     """An axis of an ODrive.
 
-    The signals are `position` [m], `velocity` [m/s] and `force` [N]. The force is that of the motor
-    along the travel, 2 pi (motor torque) / (travel per turn). The firmware must be 0.5 or 0.6. The
-    ODrive sends encoder estimates, torques (firmware 0.6) and heartbeats at periods that are set on
-    the ODrive. With firmware 0.5, this class requests the motor current instead of the torque.
+    The signals are `position` [m], `velocity` [m/s] and `force` [N]. The force is computed from the
+    motor torque: 2 pi (motor torque) / (travel per turn). The firmware must be 0.5 or 0.6. The
+    ODrive sends encoder estimates, heartbeats and, with firmware 0.6, torques periodically. The
+    user must set the periods on the ODrive. Firmware 0.5 does not send torques. If the rig file
+    gives the torque constant of the motor, this class then requests the motor current instead.
 
     The device has one drive, `axis`, which is the device itself. An error is stored until the
-    axis is enabled again. The watchdog must be set on the ODrive. Velocity commands reset the
+    axis is enabled again. The user must set the watchdog on the ODrive. Velocity commands reset the
     watchdog timer. With firmware 0.5, every frame to the axis resets the watchdog timer.
 
     Parameters
@@ -103,14 +104,18 @@ class ODrive(CanDevice, VelocityDrive):
         self._answered = False
 
     def signals(self) -> Mapping[str, str]:
-        """Return the SI unit of each signal; force is a signal if the ODrive reports the torque."""
+        """Return the SI unit of each signal.
+
+        With firmware 0.5, the signal `force` exists only if the rig file gives the torque constant
+        of the motor.
+        """
         units = {"position": "m", "velocity": "m/s"}
         if self.settings.firmware == "0.6" or self.settings.torque_constant_nm_per_a is not None:
             units["force"] = "N"
         return units
 
     def identifiers(self) -> Iterable[int]:
-        """Yield the identifiers of the frames of the axis that `receive` processes."""
+        """Yield the CAN identifiers of the frames from the axis that this class uses."""
         torque = Command.GET_IQ if self.settings.firmware == "0.5" else Command.GET_TORQUES
         for command in (
             Command.GET_VERSION,
@@ -198,7 +203,11 @@ class ODrive(CanDevice, VelocityDrive):
         self._ready = operates
 
     def update(self, now: float) -> None:
-        """Detect missing heartbeats. While the axis is out of operation, request the current."""
+        """Detect missing heartbeats, and request the motor current.
+
+        The motor current is requested only if the rig file gives the torque constant of the motor.
+        While operation is requested, `transmit` requests the current instead of this method.
+        """
         self._now = now
         if self._heard:
             self._heard, self._heartbeat = False, now
@@ -245,11 +254,11 @@ class ODrive(CanDevice, VelocityDrive):
         return self._velocity
 
     def transmit(self) -> None:
-        """If operation is requested, send the velocity. This also resets the watchdog timer.
+        """If operation is requested, send the velocity. This frame also resets the watchdog timer.
 
-        With firmware 0.5, a request for the motor current also resets the watchdog timer. But the
-        watchdog must expire if no velocity is sent. So, while operation is requested, the current
-        is requested only together with a velocity.
+        The watchdog must expire if no velocity is sent. But with firmware 0.5, a request for the
+        motor current also resets the watchdog timer. Therefore, while operation is requested, only
+        this method requests the current, directly after it has sent a velocity.
         """
         if self._wanted:
             self._send(Command.SET_INPUT_VEL, codec.set_input_vel(self._velocity / self._travel))

@@ -17,9 +17,9 @@ RUN = 254
 
 
 def encode(data: bytes) -> bytes:
-    """Return the data of a frame encoded into non-zero bytes, without the delimiter.
+    """Encode the data of a frame into non-zero bytes; return these bytes without the delimiter.
 
-    The result is longer than the data by one byte, and by at most one more byte for each 254 bytes.
+    Encoding adds one byte to the data. For each 254 bytes of data, it can add one more byte.
     """
     parts = []
     runs = data.split(b"\0")

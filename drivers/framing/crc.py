@@ -1,8 +1,8 @@
 """Compute checksums of serial frames: two cyclic redundancy checks (CRC) of 16 bits.
 
-Both functions are fast enough for a loop at 1 kHz. The X.25 CRC is computed by C code of the
-standard library, for which the bits of each byte are reversed. The Modbus CRC is computed with one
-table look-up per byte.
+Both functions are fast enough for a loop at 1 kHz. A function of the standard library, written in
+C, computes the X.25 CRC. This function needs data in which the bits of each byte are reversed. The
+Modbus CRC is computed with one table look-up per byte.
 """
 
 from __future__ import annotations

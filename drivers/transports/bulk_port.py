@@ -104,9 +104,10 @@ class DescriptorPort(PortablePort):
         return data
 
     def close(self) -> None:
-        """Close the port, and discard the number of its file descriptor.
+        """Close the port, and set the number of its file descriptor to an invalid value.
 
-        This is necessary because the operating system may give the number to another file later.
+        The operating system may give the old number to another file later. This object must not
+        access that file.
         """
         self._descriptor = -1
         super().close()

@@ -61,11 +61,11 @@ class SlcanBus(can.BusABC):
 
     `recv` and `drain` read all waiting bytes of the port. Invalid lines, for example frames
     changed by noise, are counted and skipped. `send` does not wait for the adapter's answer. If the
-    adapter refused a frame, the call of `recv` or `drain` that reads this answer raises
-    CanOperationError. The frames that this call read are returned by the next call. Call `recv` or
-    `drain` about as often as `send`, because an adapter may stop if its answers are not read.
-    There is no `fileno`, because received frames may be waiting in this object while the port is
-    empty. Without `fileno`, python-can's Notifier uses a thread.
+    adapter refuses a frame, a later call of `recv` or `drain` reads the refusal and raises
+    CanOperationError. The frames that this call received are not lost: the next call returns them.
+    Call `recv` or `drain` about as often as `send`, because an adapter may stop if its answers are
+    not read. There is no `fileno`, because received frames can be stored in this object while the
+    port is empty. Without `fileno`, python-can's Notifier uses a thread.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ class SlcanBus(can.BusABC):
             )
 
     def _ask(self, command: bytes) -> bytes:
-        """Send a set-up command. Return the answer, CR or BEL, or no bytes if it is late."""
+        """Send a set-up command. Return the answer: CR or BEL, or b"" if there is no answer."""
         self._port.write(command + CR, ANSWER)
         deadline = time.monotonic() + ANSWER
         text = b""
@@ -284,7 +284,7 @@ class SlcanBus(can.BusABC):
             self.unassigned += 1
 
     def _process_refusal(self, line: bytes) -> None:
-        """Process a refusal. Adapters answer in order: it is for the oldest unanswered command."""
+        """Process a refusal by the adapter. It refers to the oldest unanswered command."""
         if not self._in_flight:
             self.unassigned += 1
         else:

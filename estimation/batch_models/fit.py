@@ -88,9 +88,9 @@ class BatchFit(NamedTuple):
 
     @property
     def identifiable(self) -> bool:
-        """Whether all parameters except `f1` are identifiable.
+        """True if all parameters except `f1` are identifiable.
 
-        `f1` is a force at the start of a piece of the record, see `fit_standard_linear_solid`.
+        Only the standard linear solid has the parameter `f1`, see `fit_standard_linear_solid`.
         """
         return all(one.identifiable for name, one in self.parameters.items() if name != "f1")
 
@@ -183,7 +183,7 @@ def with_intervals(
 def linear_solution(columns: Floats, f: Floats) -> Floats:
     """Return the parameters of a least-squares fit, shape (m,).
 
-    The columns are first scaled to equal size, which makes the solution more accurate.
+    Each regressor is first divided by its root mean square. This reduces rounding errors.
 
     Parameters
     ----------

@@ -1,12 +1,16 @@
-"""Fit the Hunt-Crossley model f = K d^n + B d^n v, d = x - xc, with unknown contact point xc.
+"""Fit the Hunt-Crossley model f = K d^n + B d^n v with d = x - xc.
 
-For a given contact point xc and exponent n the force is linear in K and B. Only xc and n are
-therefore found by a nonlinear search. K and B are found by linear least squares (variable
-projection). The estimates of K and n are strongly correlated, and the unit of K depends on n. In
-the search, d is therefore divided by its largest value D. Then K D^n is estimated, whose error is
-much smaller than that of K. If the estimate of n or of xc is at an end of the search range, the
-record does not determine this parameter. An example is a record with no sample near the contact
-point.
+xc is the contact point, which is also estimated. If xc and the exponent n are given, the force is
+linear in K and B. Therefore, only xc and n are found by a nonlinear search. K and B are found by
+linear least squares (variable projection).
+
+The estimates of K and n are strongly correlated, and the unit of K depends on n. In the search, d
+is therefore divided by its largest value D. The search then estimates K D^n instead of K. The
+relative error of K D^n is much smaller than that of K.
+
+The record does not determine n if the estimate of n is outside of the range `PLAUSIBLE`. It does
+not determine xc if the estimate of xc is at an end of the search range. Both can occur if the
+record has no sample near the contact point.
 
 References
 ----------

@@ -1,10 +1,12 @@
-"""Fit models that are linear in their parameters by least squares.
+"""Fit models by least squares. The models are linear in their parameters.
 
-The datum is the position and the force that are used as zero of x and f. The models are
+x is the displacement from a reference position, and f is the difference from a reference force. The
+two references are called the datum. There are three models:
 
-- Kelvin-Voigt: f = k x + b v;
-- Kelvin-Voigt with datum: f = k x + b v + f0. The estimates of k and b do not depend on the datum;
-- stiffening: f = k x + k3 x^3 + b v + f0. k is the stiffness at the datum.
+- Kelvin-Voigt: f = k x + b v.
+- Kelvin-Voigt with datum: f = k x + b v + f0, where f0 is a constant force. With f0, the estimates
+  of k and b do not depend on the datum.
+- Stiffening: f = k x + k3 x^3 + b v + f0, where k is the stiffness at x = 0.
 """
 
 from __future__ import annotations

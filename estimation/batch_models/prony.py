@@ -54,9 +54,10 @@ def fit_prony(t: Floats, f: Floats) -> Relaxation | None:
 
 
 def criterion(residual: Floats, parameters: int) -> float:
-    """Return the Bayesian information criterion of a fit with this number of parameters.
+    """Return the Bayesian information criterion of a fit.
 
-    `residual` is the residual force [N], shape (n,).
+    `residual` is the residual force [N], shape (n,). `parameters` is the number of fitted
+    parameters.
     """
     n = len(residual)
     return n * math.log(max(float(np.mean(residual**2)), 1e-300)) + parameters * math.log(n)

@@ -1,5 +1,6 @@
-"""The relaxing part of an elastic force, computed by a recursion.
+"""Compute the part of an elastic force that relaxes with a time constant.
 
+`relaxing_part` defines this part and computes it by a recursion. The function
 `scipy.signal.lfilter` gives the same numbers, but importing `scipy.signal` takes longer than the
 evaluation of a short record.
 """
@@ -23,8 +24,9 @@ These samples span about two standard deviations of the smoothing kernel.
 def relaxing_part(pieces: Iterable[Floats], period: float, tau: float) -> Floats:
     """Return the relaxing part of an elastic force y, shape (n,).
 
-    The relaxing part is the solution z of z' = y' - z / tau, with z = 0 at the start of each piece.
-    A piece is a part of the record without gaps.
+    The relaxing part is the solution z of the differential equation z' = y' - z / tau. A piece is a
+    part of the record without gaps. At the start of each piece, z is 0. n is the number of samples
+    of all pieces.
 
     Parameters
     ----------
@@ -51,8 +53,8 @@ def relaxing_part(pieces: Iterable[Floats], period: float, tau: float) -> Floats
 def value_at_start(y: Floats) -> float:
     """Return the value of y at the start of a piece, from a line fitted to the first samples.
 
-    Each sample is the mean of y over one sample period. So the piece starts half a sample period
-    before the time of its first sample.
+    A piece is a part of the record without gaps. Each sample is the mean of y over one sample
+    period. So the piece starts half a sample period before the time of its first sample.
     """
     first = y[:START]
     return float(np.polyfit(np.arange(len(first)) + 0.5, first, 1)[1])

@@ -44,7 +44,8 @@ def relaxing(data: BatchData, tau: float) -> tuple[Floats, Floats]:
 def fit_standard_linear_solid(data: BatchData) -> BatchFit:
     """Return the fit of the standard linear solid, with the parameters k, k1, tau, f0 and f1.
 
-    f1 is the force k1 z at the start of a piece of the record. f1 is the same for all pieces.
+    A piece is a part of the record without gaps. f1 is the force k1 z at the start of a piece. The
+    fit uses the same f1 for all pieces.
     """
     seconds = len(data.t) * float(data.t[1] - data.t[0])
     shortest = max(4.0 * data.width, 2.0 * float(data.t[1] - data.t[0]))

@@ -12,21 +12,22 @@ class ActiveObserver(RandomWalkKalman):
     The method is based on R. Cortesao, J. Park, O. Khatib, "Real-time adaptive control for haptic
     telemanipulation with Kalman active observers", IEEE Trans. Robotics 22(5), 2006, and
     R. Cortesao, "On Kalman active observers", J. Intelligent and Robotic Systems 48(2), 2007.
-    Two parts of these papers are used. The first part is the active state p, an additional state
-    for the force that phi' theta does not describe. p follows the first-order stochastic equation
+    The active state p is an additional state. It is the force at the surface [N] that phi' theta
+    does not describe. Its model is a random walk,
 
         p(n) - p(n-1) = w,    var w = Qp dt var e,
 
-    where e is the force noise. The second part is the Kalman filter of the augmented state. The
-    controller is not used. In these papers the observer is part of a robot under force control. p
-    acts at the input of the robot, and the stiffness is adapted from force errors. This estimator
-    has no input. Here p is a force at the surface [N]. The other states are the parameters, which
-    are random walks as in `RandomWalkKalman`.
+    where e is the force noise. The other states are the parameters. They are also random walks, as
+    in `RandomWalkKalman`. One Kalman filter estimates all states.
 
-    p contains the force due to friction, to slow relaxation, and to an error of the datum. In a
-    hold, p cannot be distinguished from k x. If Qp is small, p has nearly its initial value for a
-    long time. The standard deviations of k and p are then too large during several time constants
-    of p.
+    In the two papers, the observer is part of the force control of a robot. There p acts at the
+    input of the robot, and the stiffness is adapted from force errors. This class contains no
+    controller, and the estimator has no control input.
+
+    p contains the force due to friction, to slow relaxation, and to a wrong zero of x or f.
+    While x is constant, p cannot be distinguished from k x. If Qp is small, the estimate of p
+    changes slowly from its initial value 0. The standard deviations of k and p are too large during
+    several time constants of this change.
 
     Parameters
     ----------

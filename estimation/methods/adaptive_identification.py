@@ -55,9 +55,10 @@ def step(
 ) -> None:
     """Integrate the gradient law (8) of the paper over one sample period, with constant phi and f.
 
-    The force error Delta f = phi' theta - f then decays as Delta f' = -r Delta f, with
-    r = phi' Gamma phi. So theta changes by -Gamma phi Delta f (1 - e^-z) / r, with z = r dt and
-    Delta f at the start of the period. RK4 replaces 1 - e^-z by its Taylor series up to z^4.
+    Let e = phi' theta - f be the force error, and let r = phi' Gamma phi. With constant phi and f,
+    the force error decays as de/dt = -r e. So the exact change of theta in one sample period is
+    -Gamma phi e (1 - exp(-z)) / r. Here z = r dt, and e is the force error at the start of the
+    period. Runge-Kutta 4 replaces exp(-z) by its Taylor series up to z^4.
     """
     Gamma, L = parameters.Gamma, state.L
     rate = 0.0
@@ -88,9 +89,9 @@ class AdaptiveIdentification(LinearGainEstimator):
         Integration of (8) over a sample period:
 
         - `rk4`: Runge-Kutta 4 (RK4) as in the paper. RK4 is unstable for a sample with
-          phi' Gamma phi dt > 2.785. For such a sample the exact solution is used instead, and
-          `beyond_rk4` counts the sample. With the paper's gain for the hard cube and samples at
-          1 kHz, this occurs for a displacement of 17 mm.
+          phi' Gamma phi dt > 2.785. For such a sample, the exact solution is used instead, and
+          `beyond_rk4` increases by 1. With the gain of the paper for the hardest specimen and a
+          sample rate of 1 kHz, RK4 is unstable for displacements above 17 mm.
         - `exact`: the closed-form solution, which is stable for every gain and every `dt`.
     model
         Model that defines the regressors.

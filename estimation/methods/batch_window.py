@@ -207,9 +207,9 @@ class BatchWindow(Estimator):
     variance s is the sum of squared residuals divided by n - m, the degrees of freedom of n samples
     and m parameters (N. R. Draper, H. Smith, "Applied Regression Analysis", 1998).
 
-    The estimate does not change while the samples in the window do not determine all parameters.
-    Before the first solution, the standard deviations are `LARGEST`. After a gap in the data that
-    is longer than the window, the window is empty.
+    The estimate changes only if the samples in the window determine all parameters. Before the
+    first change, the standard deviations are `LARGEST`. If a gap in the data is longer than the
+    window, all samples before the gap are removed from the window.
 
     Parameters
     ----------

@@ -29,7 +29,10 @@ class GridAxis:
 
 @dataclass(slots=True)
 class MovingAxis:
-    """Candidate values of one parameter, which change over time. See also `GridAxis`."""
+    """Candidate values of one parameter. The values change over time.
+
+    `GridAxis` describes the first six fields.
+    """
 
     first: float
     spacing: float
@@ -70,7 +73,7 @@ def least_candidate(
 
 
 def grid_axis(axis: Axis) -> GridAxis:
-    """Return the axis as a dataclass of numbers that a step can use."""
+    """Convert an `Axis` to a `GridAxis` for the function `least_candidate`."""
     last = axis.count - 1
     zero = float(axis.nearest_zero)
     return GridAxis(axis.first, axis.spacing, last, zero, axis.spacing * last, 1.0 / (last * last))

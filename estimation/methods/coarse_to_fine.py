@@ -64,7 +64,7 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Select the candidate with the smallest monitoring signal, and adapt the grid to it."""
+    """Select the candidate with the smallest monitoring signal, and adapt both axes of the grid."""
     v, x = phi
     decay_and_add(parameters.twice_lambda, state, v, x, f, dt)
     b, k = least_candidate(state, state.b, state.k, TIE)
@@ -88,20 +88,20 @@ def follow(
     tie: float,
     dt: float,
 ) -> None:
-    """Adapt one axis of the grid to the best value of its parameter.
+    """Adapt one axis of the grid to `value`, the selected value of its parameter.
 
-    If the best value is at the edge, the spacing is doubled. If the best value was not at the edge
-    during the time `patience`, the spacing is halved. In both cases the axis is centred at the best
-    value.
+    If `value` is at the edge of the axis, the spacing is doubled. If `value` was not at the edge
+    during the time `patience`, the spacing is halved. In both cases, the middle of the axis is
+    moved to `value`.
 
-    At a distance d from its minimum, the monitoring signal is larger by `curvature` d^2. The
-    spacing is not halved if the new spacing would be below one of three limits:
+    The spacing is halved only if the new spacing is not below any of three limits:
 
-    - `finest`;
-    - a quarter of sqrt(spread) / curvature, which is the standard deviation that the parameter
-      would have if the other parameter were known;
-    - the spacing for which the monitoring signal increases by `tie` from the middle to the edge of
-      the axis. With a smaller spacing, the tie-breaking term could change the result.
+    - The first limit is `finest`.
+    - The second limit is a quarter of sqrt(spread) / curvature. This quotient is the standard
+      deviation that the parameter would have if the other parameter were known.
+    - The third limit makes sure that the tie-breaking term does not change the result. At a
+      distance d from its minimum, the monitoring signal is larger by `curvature` d^2. At the third
+      limit, the signal increases by `tie` from the middle to the edge of the axis.
     """
     half, spacing = parameters.half, axis.spacing
     if abs(value - axis.middle * spacing) > (half - 0.5) * spacing:
@@ -119,7 +119,7 @@ def follow(
 
 
 def place(axis: MovingAxis, half: float, middle: float, spacing: float) -> None:
-    """Set the spacing of an axis, and the middle value of the axis in units of the spacing."""
+    """Set the spacing of an axis, and move the middle of the axis to the value middle * spacing."""
     axis.middle = middle
     axis.spacing = spacing
     axis.first = (middle - half) * spacing
@@ -141,12 +141,17 @@ class CoarseToFine(Estimator):
 
     The monitoring signals of all candidates are one quadratic function of (b, k). Its six
     coefficients are sums that do not depend on the grid. So no information is lost when the grid
-    moves. At each sample, if the best candidate is at the edge of the grid, the grid is centred at
-    this candidate and the spacing is doubled. If the best candidate was not at the edge for some
-    time, the grid is centred at the best candidate and the spacing is halved. The spacing decreases
-    until it is at most an eighth of the 95 % confidence interval. Candidates are integer multiples
-    of the spacing. So zero is either a candidate or outside of the grid. If several candidates have
-    equal signals, the candidate nearest to zero is selected as in `MultiEstimator`.
+    moves.
+
+    The axes of b and k are adapted separately at each sample. If the selected value is at the edge
+    of its axis, the spacing of this axis is doubled. If the selected value was not at the edge
+    during the time `patience`, the spacing is halved. In both cases, the middle of the axis is
+    moved to the selected value. The spacing decreases until it is at most an eighth of the width of
+    the 95 % confidence interval.
+
+    All candidate values are integer multiples of the spacing. So zero is either a candidate or
+    outside of the grid. If several candidates have equal signals, the candidate nearest to zero is
+    selected as in `MultiEstimator`.
 
     A parameter that the data do not determine has the standard deviation `UNKNOWN`.
 

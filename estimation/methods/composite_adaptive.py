@@ -34,7 +34,10 @@ class CompositeParameters:
 
 @dataclass(slots=True)
 class CompositeState(State):
-    """Variables that `step` updates. They are for regressors divided by their typical sizes."""
+    """Variables that `step` updates.
+
+    All regressors in these variables are divided by their typical sizes.
+    """
 
     W: Vector
     """Filtered regressors, (m,)."""
@@ -106,8 +109,9 @@ def accumulate(
 ) -> None:
     """Update the information matrix R, and compute the normal equations of the implicit Euler step.
 
-    The update is (8.115) of Slotine and Li, see `CompositeAdaptive`. The matrix of the normal
-    equations is R + c s s', where c is `instant` times the weight of the sample.
+    R is updated by (8.115) of Slotine and Li, see `CompositeAdaptive`. The matrix of the normal
+    equations is R + c s s'. s contains the regressors of this sample, divided by their typical
+    sizes. c is the setting `instant` times `dt`, where `dt` is limited to 1 / forgetting rate.
     """
     s, W, R, factor, move = state.s, state.W, state.R, state.factor, state.move
     kept = math.exp(-parameters.forgetting_rate * dt)
@@ -170,16 +174,21 @@ class CompositeAdaptive(Estimator):
     to the environment of a teleoperator. Let W be the regressors and f_W the force, both filtered
     by a first-order lag. Then
 
-        theta' = P (W (f_W - W' theta) + instant phi (f - phi' theta)),
-        d(P^-1)/dt = -lambda (P^-1 - P_0^-1) + W W',
+        d theta / dt = P (W (f_W - W' theta) + instant phi (f - phi' theta)),
+        d(P^-1) / dt = -lambda (P^-1 - P_0^-1) + W W'.
 
-    where the forgetting is (8.115) of Slotine and Li. P never exceeds its initial value P_0. The
-    forgetting rate lambda is constant, so that the estimate of k follows changes even while the
-    motion contains no information on b. A variable rate lambda (1 - |P| / |P_0|) would be zero
-    during such a motion. The published law uses the error of a force controller. Here the force
-    error is used instead. For true parameters theta_0, the function
-    V = (theta - theta_0)' P^-1 (theta - theta_0) never increases. This is also true for the
-    implicit Euler method, all settings and every `dt`.
+    In the published method, theta is adapted by the error of a force controller and by the filtered
+    prediction error f_W - W' theta. Here the force error f - phi' theta replaces the error of the
+    force controller.
+
+    The second equation is (8.115) of Slotine and Li. P never exceeds its initial value P_0. The
+    forgetting rate lambda is constant. So the estimate of k follows changes of the stiffness even
+    during a motion without information on b. With a variable rate lambda (1 - |P| / |P_0|), there
+    would be no forgetting during such a motion.
+
+    Let theta_0 be the true parameters. If they are constant and there is no noise, the function
+    V = (theta - theta_0)' P^-1 (theta - theta_0) never increases. The implicit Euler method has
+    this property for all settings and every `dt`.
 
     There are no standard deviations, because the filter makes the noise correlated.
 
@@ -188,14 +197,15 @@ class CompositeAdaptive(Estimator):
     forgetting_rate
         Forgetting rate lambda [1/s].
     sizes
-        Typical root mean square of each regressor, [m/s] for v, [m] for x. A size is suitable for
-        regressors of 0.1 to 10 times this size.
+        Typical root mean square of each regressor, [m/s] for v, [m] for x. An approximate value is
+        sufficient: a regressor may be 0.1 to 10 times its typical size.
     bandwidth
         Bandwidth of the filter [1/s].
     instant
         Weight of the force error, relative to the filtered prediction error, >= 0.
     bound
-        P_0 in units of lambda / size^2. In these units, P is about 1 during sufficient motion.
+        Each diagonal element of P_0, in units of lambda / size^2. In these units, P is about 1
+        while the motion excites all regressors.
     model
         Model that defines the regressors.
 

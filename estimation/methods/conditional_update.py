@@ -32,10 +32,10 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Update by recursive least squares if z' P z > c (1 - beta); otherwise set `held`.
+    """Update by recursive least squares if z' P z > c (1 - beta).
 
     z contains the scaled regressors (`ud_factors`), c is the threshold, and beta is the forgetting
-    factor.
+    factor. If the condition is false, theta and P do not change, and `held` is set to True.
     """
     beta = forgetting_factor(parameters, state, dt)
     if predicted_variance(parameters, state, phi) > parameters.c * (1.0 - beta):

@@ -55,11 +55,14 @@ class ConstantTrace(FactoredEstimator):
 
     After each sample the covariance P is set to c1 P / tr P + c2 I, in units of P0 (K. J. Astrom
     and B. Wittenmark, "Adaptive Control", 2nd edition, Addison-Wesley, 1995, chapter 11). So P does
-    not wind up at rest, and does not decrease to zero in motion. Let the scaled square
-    q = phi_i^2 P0_i be the same for all m regressors. Then c1 = m (1 - beta) / q has the same
-    effect as a forgetting factor beta. For a given c1, a larger motion causes faster forgetting. In
-    a direction without excitation, the variance increases up to the whole trace. The estimate in
-    this direction then follows the noise.
+    not wind up at rest, and does not decrease to zero in motion.
+
+    For a given c1, a larger motion causes faster forgetting. Let phi_i^2 P0_i have the same value q
+    for all m regressors. Then a forgetting factor beta has the same effect as the trace
+    c1 = m (1 - beta) / q.
+
+    In a direction without excitation, the variance increases until it is nearly the whole trace.
+    The estimate in this direction then follows the noise.
 
     Parameters
     ----------
@@ -69,7 +72,8 @@ class ConstantTrace(FactoredEstimator):
         Diagonal of P0, which is the unit of P: one value for each parameter of the model, first
         b [(N s/m)^2] and k [(N/m)^2], for force noise with a variance of 1 N^2.
     ratio
-        c1 / c2, from 1 to 1e8. This is the largest ratio of the variances in two directions.
+        Ratio c1 / c2, from 1 to 1e8. The variance in one direction is at most 1 + c1 / c2 times the
+        variance in another direction, in units of P0.
     model
         Model that defines the regressors.
     correlation

@@ -47,10 +47,10 @@ def step(
 class DirectionalForgetting(FactoredEstimator):
     """Recursive least squares with directional forgetting.
 
-    Information is forgotten only in the direction of the present sample. So the covariance does
-    not wind up in directions without excitation, or at phi = 0. In the direction of the samples the
-    variance converges to phi' P phi = (1 - beta) / beta, even for very small samples. So sensor
-    noise at rest has the same effect as motion.
+    Information is forgotten only in the direction of the present regressors phi. So the covariance
+    does not wind up in directions without excitation, or while phi = 0. If the direction of phi is
+    constant, phi' P phi converges to (1 - beta) / beta. This limit does not depend on the magnitude
+    of phi. So the noise of x and v at rest has the same effect as motion.
 
     The method is from R. Kulhavy and M. Karny, "Tracking of slowly varying parameters by
     directional forgetting", 9th IFAC World Congress, Budapest, 1984, IFAC Proceedings Volumes

@@ -27,7 +27,13 @@ def clamp(value: float, low: float, high: float) -> float:
 
 
 def check_contact(memory: float, displacement: float, velocity: float, threshold: float) -> None:
-    """Raise ValueError unless all values are between 1e-30 and 1e30, so that squares are finite."""
+    """Check the arguments of an estimator of the Hunt-Crossley model.
+
+    Raises
+    ------
+    ValueError
+        An argument is not between 1e-30 and 1e30. Outside of this range, its square could overflow.
+    """
     for name, value in (
         ("memory", memory),
         ("displacement", displacement),

@@ -47,7 +47,10 @@ class DoubleStageParameters:
 
 @dataclass(slots=True)
 class DoubleStageState(State):
-    """Variables of the normal equations, with g = (x/x0)^n, u = v/v0 and l = ln(x/x0)."""
+    """Variables of the normal equations, with g = (x/x0)^n, u = v/v0 and l = ln(x/x0).
+
+    x0 is the typical displacement, and v0 is the typical velocity.
+    """
 
     gg: float
     """`gg` to `guf` are weighted sums of the products of g, g u and f, for stage 1."""
@@ -105,10 +108,13 @@ def second_stage(
 ) -> float:
     """Return the exponent n from a weighted least-squares fit of ln(f / relative) = n l.
 
-    Here l = ln(x / x0) (`lx`), and `relative` is the force at x0 with the velocity v that the first
-    stage predicts. The weight of a sample is f^2 (estimate / f)^(3/2), where `estimate` is the
-    force that the previous n predicts. The factor f^2 gives less weight to small forces, whose
-    logarithm has more noise. The second factor removes the bias of the logarithm of a noisy force.
+    Here l = ln(x / x0) (`lx`). `relative` is the force [N] that the first stage predicts for the
+    displacement x0 and the present velocity. The argument n is the previous estimate.
+
+    The weight of a sample is f^2 (predicted / f)^(3/2). `predicted` is the force that the first
+    stage and the previous n predict for this sample. The factor f^2 gives less weight to small
+    forces, because the logarithm of a small force has more noise. The other factor removes the bias
+    of the logarithm of a noisy force.
     """
     if relative <= LEAST_RELATIVE * f:
         return n

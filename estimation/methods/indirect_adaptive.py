@@ -65,14 +65,15 @@ class IndirectAdaptive(LinearGainEstimator):
     k x + f0 is equal to the measured force. The surface is at x_e = -f0 / k. For the desired force
     f_r, they compute the reference position x_r = x_e + f_r / k. D. Erickson, M. Weber and
     I. Sharf, "Contact stiffness and damping estimation for robotic systems", International Journal
-    of Robotics Research, 2003, predict the force b v + k x: they estimate the damping b instead of
-    the location of the surface.
+    of Robotics Research, 2003, predict the force by b v + k x. They estimate the damping b, but not
+    the position of the surface.
 
     This class contains only the estimator, without the impedance controller. By default, it is the
-    estimator of Erickson et al. With the model `datum`, it estimates both damping and location. Two
-    changes were made. First, the gain is normalised by s' s, with s_i = phi_i / size_i, so that one
-    rate is suitable for every depth and cube. Second, the gradient law is solved exactly over a
-    sample period. The exact solution is stable for every rate and `dt`.
+    estimator of Erickson et al. With the model `datum`, the class estimates b, k and f0. It differs
+    from the published estimators in two points. First, the gain is normalised by s' s, with
+    s_i = phi_i / size_i. So one rate is suitable for every depth and every specimen. Second, the
+    gradient law is solved exactly over a sample period. The exact solution is stable for every rate
+    and every `dt`.
 
     A gradient method cannot converge faster than the direction of phi changes. So a rate above the
     angular frequency of the motion has no advantage.

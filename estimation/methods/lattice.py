@@ -1,22 +1,26 @@
 """Find the minimum of a positive definite quadratic function over the integer points of a box.
 
-The grid of the multi-estimator is such a box, and the monitoring signal is such a function,
+The multi-estimator uses these functions. Its grid is the box, and its monitoring signal, up to a
+constant, is the quadratic function
 
     q(i, j) = a i^2 + 2 b i j + c j^2 + 2 g i + 2 h j,    0 <= i <= i_last, 0 <= j <= j_last.
 
-The computing time does not depend on the size of the box. The real minimum is the minimum of q over
-real i and j. A Lagrange-Gauss reduced basis (u, w) divides the integer points into rows along u.
-The step u is that for which the quadratic part of q is smallest. Without the limits of the box, the
-integer point with the smallest q is on one of the two rows next to the real minimum.
+The computing time does not depend on the size of the box. The search has three steps:
 
-If this integer point is outside of the box, rows are searched in both directions. The search starts
-at the row through that point on the border of the box where q is smallest. In each direction, the
-search ends at a row on which the real minimum of q is larger than q at the best integer point so
-far.
+1. A Lagrange-Gauss reduced basis (u, w) of the integer points is computed. u is the integer vector
+   for which the quadratic part of q is smallest. All integer points are on rows parallel to u.
+2. The minimum is first computed without the limits of the box. The point of the minimum over all
+   real (i, j) is between two rows. The best integer point is on one of these two rows. If this
+   integer point is in the box, it is the result.
+3. Otherwise, rows are searched one after the other, in both directions. The search starts at the
+   two rows next to the point on the border of the box where q is smallest. For each row, the
+   minimum of q over the real points in the box is computed. In each direction, the search ends when
+   this minimum is not smaller than q at the best integer point found so far, or when a row has no
+   point in the box.
 
-All functions use only scalars, so that the interpreter and numba can run them.
+All functions use only scalars, so that both the Python interpreter and numba can run them.
 
-Reference: P. Q. Nguyen, D. Stehle, "Low-dimensional lattice basis reduction revisited", ACM
+References: P. Q. Nguyen, D. Stehle, "Low-dimensional lattice basis reduction revisited", ACM
 Trans. Algorithms 5(4), 2009 (reduction); U. Fincke, M. Pohst, Math. Comp. 44, 1985 (search).
 """
 

@@ -105,12 +105,15 @@ UNDETERMINED = (0.0, 0.0, math.inf, math.inf)
 def least_point(correlation: float, state: MonitoringState) -> tuple[float, float, float, float]:
     """Return the (b, k) with the smallest monitoring signal mu, and the variances of b and k.
 
-    b and k are any real numbers, not only candidates. They are the solution of the weighted
-    least-squares problem R theta = r. R contains the sums of phi phi', and r contains the sums of
-    phi f. For white noise with the variance s, the covariance of theta is s R^-1 Q R^-1, where Q
-    is R with squared weights. The expectation of mu at this (b, k) is
-    s (sum of weights - trace(R^-1 Q)). So s is estimated from a mean of mu with the time constant
-    `NOISE_MEMORY`. The variances are multiplied by `correlation`.
+    b and k are real numbers, which need not be candidates. They are the solution theta of the
+    weighted normal equations R theta = r. R is the weighted sum of phi phi', and r is the weighted
+    sum of phi f. Let Q be the same sum as R, but with squared weights. For white force noise with
+    the variance s, the covariance of theta is s R^-1 Q R^-1. If the noise is correlated, this
+    covariance is multiplied by `correlation`.
+
+    The expected value of the smallest mu is s (sum of the weights - trace(R^-1 Q)). So s is
+    estimated by the smallest mu divided by the expression in brackets. This estimate is averaged
+    with the time constant `NOISE_MEMORY`.
     """
     vv, vx, xx = state.vv, state.vx, state.xx
     determinant = vv * xx - vx * vx
@@ -140,8 +143,9 @@ def least_point(correlation: float, state: MonitoringState) -> tuple[float, floa
 def deviation(variance: float, distance: float, most: float) -> float:
     """Return the root mean square error of a candidate value, sqrt(variance + distance^2).
 
-    `variance` is the variance of the real value with the smallest monitoring signal. `distance` is
-    the distance of the candidate value from this real value. The result is limited to `most`.
+    `least_point` computes the best real number for a parameter. `variance` is the variance of this
+    number. `distance` is the difference between this number and the candidate value. The root mean
+    square error is limited to `most`.
     """
     square = variance + distance * distance
     std = math.sqrt(square) if square > 0.0 else 0.0

@@ -129,16 +129,19 @@ class MultiEstimator(Estimator):
         return np.maximum(signal + 2.0 * b * k * s.vx, 0.0)
 
     def ties(self, margin: float) -> Floats:
-        """Return the candidates whose monitoring signal is near the smallest monitoring signal.
+        """Return the candidates that the monitoring signal hardly distinguishes from the estimate.
+
+        The signal of such a candidate is at most 1 + margin times the signal of the estimate.
 
         Parameters
         ----------
         margin
-            Largest difference from the smallest monitoring signal, as a fraction of it, >= 0.
+            Relative margin, >= 0. For example, 0.1 permits signals that are 10 % larger than the
+            signal of the estimate.
 
         Returns
         -------
-        Array of shape (n, 2) with rows (b, k), including the best candidate.
+        Array of shape (n, 2). Each row is a candidate (b, k). The estimate is one of the rows.
 
         Raises
         ------
@@ -154,7 +157,11 @@ class MultiEstimator(Estimator):
         return np.concatenate(rows)
 
     def tied_rows(self, margin: float) -> tuple[Indices, Indices]:
-        """Return the candidates of `ties` as one range of indices of k for each b.
+        """Return the same candidates as `ties`, but in a compact form.
+
+        For each value of b, the candidates that `ties` returns have successive values of k. So the
+        first and the last index of k are sufficient. The computing time does not depend on the
+        number of values of k.
 
         Parameters
         ----------
@@ -163,9 +170,8 @@ class MultiEstimator(Estimator):
 
         Returns
         -------
-        First and last index of k for each b, two arrays of shape (grid.b.count,). For a b without
-        candidates in `ties`, the first index is larger than the last index. The computing time
-        does not depend on the number of values of k.
+        Two arrays of shape (grid.b.count,): for each b, the first and the last index of k. If
+        `ties` returns no candidate with this b, the first index is larger than the last index.
         """
         if not margin >= 0.0:
             raise ValueError(f"margin must be >= 0, got {margin}")

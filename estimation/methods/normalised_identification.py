@@ -78,13 +78,16 @@ def step(
 class NormalisedIdentification(LinearGainEstimator):
     """Adaptive identification with a gain that is normalised by the mean square of each regressor.
 
-    The gradient law is equation (8) of the paper, theta' = -Gamma phi (phi' theta - f). In the
-    paper, the gain Gamma must be chosen for the cube and the depth. Here Gamma_i is
-    rate / <phi_i^2>, where < > is a mean over time. So, if the regressors are uncorrelated, all
-    parameters converge at the rate `rate`, for all units and sizes of the regressors. This is the
+    The gradient law is equation (8) of the paper, d theta / dt = -Gamma phi (phi' theta - f). In
+    the paper, the gain Gamma must be chosen for the specimen and the depth. Here the diagonal
+    elements of Gamma are Gamma_i = rate / <phi_i^2>, where < > is a mean over time. This is the
     normalised gradient of P. A. Ioannou and J. Sun, "Robust Adaptive Control", 1996, section 4.3,
-    applied to each regressor. The gradient law is solved exactly over a sample period. The exact
-    solution is stable for every rate and `dt`.
+    but each regressor is normalised separately. So all parameters converge at the rate `rate` if
+    the regressors are uncorrelated. The rate does not depend on the units and sizes of the
+    regressors.
+
+    The gradient law is solved exactly over a sample period. The exact solution is stable for every
+    rate and every `dt`.
 
     A gradient method cannot converge faster than the direction of phi changes. So a rate above half
     the angular frequency of the motion has no advantage.
@@ -94,9 +97,9 @@ class NormalisedIdentification(LinearGainEstimator):
     rate
         Rate [1/s] at which the parameters converge.
     sizes
-        Typical root mean square of each regressor, [m/s] for v, [m] for x. The order of
-        magnitude is sufficient: if the mean square is 0.1 to 100 times the typical mean square, the
-        gain is fully normalised.
+        Typical root mean square of each regressor, [m/s] for v, [m] for x. The order of magnitude
+        is sufficient: the normalisation works for a mean square between 0.1 and 100 times the
+        square of the typical value.
     memory
         Time constant [s] of the mean squares.
     model

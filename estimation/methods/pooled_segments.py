@@ -32,7 +32,7 @@ class SegmentParameters:
 
 @dataclass(slots=True)
 class Pool:
-    """Statistics of one parameter over all complete segments."""
+    """Statistics of one parameter over all segments that were fitted."""
 
     count: int
     """Number of segments."""
@@ -52,7 +52,10 @@ class Pool:
 
 @dataclass(slots=True)
 class SegmentState(State):
-    """Sums of products over the present segment, and statistics of the earlier segments."""
+    """Sums of products of f, v and x over the present segment, and statistics of earlier segments.
+
+    The name of each sum is the product that is summed.
+    """
 
     ff: float
     fv: float
@@ -97,7 +100,10 @@ def begin(state: SegmentState) -> None:
 
 
 def end(parameters: SegmentParameters, state: SegmentState) -> None:
-    """Fit the segment by least squares, and add the result to the statistics of b and k."""
+    """Fit the segment by least squares, and add the estimates to the statistics of b and k.
+
+    The segment is ignored if its motion is not sufficient to distinguish b and k.
+    """
     ff, fv, fx, vv, vx, xx = state.ff, state.fv, state.fx, state.vv, state.vx, state.xx
     determinant = vv * xx - vx * vx
     if determinant > 1e-9 * vv * xx:
@@ -128,8 +134,8 @@ def add(pool: Pool, value: float, variance: float) -> None:
 def pooled(pool: Pool) -> tuple[float, float]:
     """Return the weighted mean of a parameter, and the standard deviation of this mean.
 
-    The standard deviation is that due to noise. If the segments disagree, it also includes the
-    variance between the segments.
+    The standard deviation contains the effect of noise. If the segments disagree, the standard
+    deviation also contains the variance between the segments.
     """
     variance = 1.0 / pool.weights
     if disagree(pool):
@@ -138,10 +144,10 @@ def pooled(pool: Pool) -> tuple[float, float]:
 
 
 def disagree(pool: Pool) -> bool:
-    """Return whether the segments have significantly different values of a parameter.
+    """Return True if the segments have significantly different values of a parameter.
 
-    This is true if Cochran's Q exceeds the 99.9 % quantile of the chi-squared distribution. The
-    quantile is computed by the approximation of Wilson and Hilferty.
+    The difference is significant if Cochran's Q exceeds the 99.9 % quantile of the chi-squared
+    distribution. The quantile is computed by the approximation of Wilson and Hilferty.
     """
     freedom = pool.count - 1
     if freedom < 1:
@@ -152,7 +158,10 @@ def disagree(pool: Pool) -> bool:
 
 
 def spread(pool: Pool) -> float:
-    """Return the variance between the segments, the total variance minus that of noise, >= 0."""
+    """Return the variance of a parameter between the segments, >= 0.
+
+    This is the variance of the estimates of the segments, minus the mean variance due to noise.
+    """
     if pool.count < 2:
         return 0.0
     return max(pool.squares / (pool.count - 1) - pool.variance, 0.0)
@@ -166,14 +175,15 @@ class PooledSegments(Estimator):
     Cochran's Q, the weighted sum of the squared deviations from the mean, has a chi-squared
     distribution. If Q exceeds the 99.9 % quantile of this distribution, the segments do not have
     the same b or k. The standard deviation of the estimate then includes the variance between the
-    segments. If the segments disagree, the property `misfit` contains the relative standard
-    deviation between the segments, unless it is 10 % or less.
+    segments. In this case, the property `misfit` contains the relative standard deviation between
+    the segments, provided that it is above 10 %.
+
+    A segment is ignored if its motion is not sufficient to distinguish b and k.
 
     Parameters
     ----------
     length
-        Length of a segment [s], about one period of the motion. The motion in one segment must be
-        sufficient to distinguish b and k.
+        Length of a segment [s]. A suitable length is about one period of the motion.
     correlation
         Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
@@ -224,15 +234,15 @@ class PooledSegments(Estimator):
 
     @property
     def segments(self) -> int:
-        """Number of completed segments."""
+        """Number of segments that were fitted."""
         return self.state.b.count
 
     @property
     def misfit(self) -> dict[str, float]:
         """Relative standard deviation between segments, by name of the parameter.
 
-        Parameters on which the segments agree are omitted. So are parameters with a relative
-        standard deviation of at most `SMALLEST_REPORTED`.
+        A parameter is included only if the segments disagree on its value, and if the relative
+        standard deviation is above `SMALLEST_REPORTED`.
         """
         found = {}
         for name, pool in (("b", self.state.b), ("k", self.state.k)):

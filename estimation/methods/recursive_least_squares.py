@@ -70,8 +70,8 @@ class RecursiveLeastSquares(FactoredEstimator):
         Number of samples per independent value of the force noise, see `LinearGainEstimator`.
     guess_variance
         Variances of the error of the initial guess theta = 0, in the units of the initial
-        covariance. They have an effect only on the standard deviations. Give them if the initial
-        covariance is smaller. Default: the initial covariance.
+        covariance. They have an effect only on the standard deviations. Give these variances if
+        they are larger than the initial covariance. Default: the initial covariance.
 
     Raises
     ------

@@ -30,7 +30,7 @@ class ReferenceState(State):
     """Variables that the function `step` updates."""
 
     e: float
-    """Output error e [N]. It is (output of the reference - output of the model) / n."""
+    """Output error e [N]: the output of the reference minus the output of the model."""
 
 
 def step(
@@ -42,9 +42,10 @@ def step(
 ) -> None:
     """Integrate e and theta over one sample period by the implicit Euler method.
 
-    With s_i = phi_i / size_i, G = diag(1 / size_i^2) and n^2 = floor + s' s,
+    e is the output error, and a is the bandwidth, see `ReferenceModel`. With s_i = phi_i / size_i,
+    G = diag(1 / size_i^2) and n^2 = floor + s' s, the equations are
 
-        e' = -a e + a (f - phi' theta) / n,    theta' = rate G phi e / n.
+        de/dt = -a e + a (f - phi' theta) / n,    d theta / dt = rate G phi e / n.
     """
     theta, per_size = state.theta, parameters.per_size
     square = 0.0
@@ -68,21 +69,23 @@ class ReferenceModel(Estimator):
     The method is based on S. K. Singh and D. O. Popa, "An analysis of some fundamental problems
     in adaptive control of force and impedance behavior: theory and experiments", IEEE
     Transactions on Robotics and Automation, 1995. In their paper, the parameters are adapted by the
-    tracking error between a force loop and a reference model. An estimator alone has no force loop,
-    so this class has the structure but not the regressor of their paper. The reference is the force
-    after a first-order lag with the bandwidth a. The model is the same lag with the input
-    phi' theta. theta is adapted by the error e, which is the output of the reference minus the
-    output of the model:
+    tracking error between a force loop and a reference model. An estimator alone has no force loop.
+    This class has the structure of the estimator in their paper, but other regressors.
 
-        e' = -a e + a (f - phi' theta) / n,    theta' = rate G phi e / n,
+    The reference is a first-order lag with the bandwidth a and the input f / n. The model is the
+    same lag with the input phi' theta / n. The error e is the output of the reference minus the
+    output of the model. theta is adapted by e:
+
+        de/dt = -a e + a (f - phi' theta) / n,    d theta / dt = rate G phi e / n,
 
     where G = diag(1 / size_i^2), and n^2 = floor + s' s with s_i = phi_i / size_i. n increases with
-    phi, so that one rate is suitable for every depth and cube. For a constant environment theta_0,
-    the Lyapunov function V never increases:
+    the magnitude of phi. So one rate is suitable for every depth and every specimen.
 
-        V = e^2 + a (theta - theta_0)' G^-1 (theta - theta_0) / rate,    V' = -2 a e^2.
+    Let the true parameters theta_0 be constant. Then the Lyapunov function V never increases:
 
-    With the implicit Euler method, V does not increase either, for every rate and every `dt`.
+        V = e^2 + a (theta - theta_0)' G^-1 (theta - theta_0) / rate,    dV/dt = -2 a e^2.
+
+    The implicit Euler method has the same property for every rate and every `dt`.
 
     There are no standard deviations, because the lag makes the noise correlated.
 
@@ -95,8 +98,8 @@ class ReferenceModel(Estimator):
         Typical root mean square of each regressor, [m/s] for v, [m] for x. The ratios of these
         values determine the relative adaptation gains of the parameters.
     bandwidth
-        Bandwidth a [1/s] of the reference and of the model. If it is below four times the rate, e
-        oscillates.
+        Bandwidth a [1/s] of the reference and of the model. If the bandwidth is below four times
+        the rate, e oscillates.
     floor
         The rate is halved at this value of s' s. Samples with a smaller s' s have little effect.
     model

@@ -71,7 +71,11 @@ class SpectralState(State):
 def step(
     parameters: SpectralParameters, state: SpectralState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Estimate the frequency of the motion, advance the window, and solve F = b V + k X."""
+    """Find the frequency of the motion, add the sample to the window, and solve F = b V + k X.
+
+    X, V and F are the spectra of x, v and f at this frequency, see `SpectralRatio`. The solution is
+    the estimate of b and k.
+    """
     v, x = phi
     frequency = find_frequency(parameters, state, v, x, dt)
     slide(parameters, state, v, x, f, frequency * dt)
@@ -94,7 +98,11 @@ def step(
 def find_frequency(
     parameters: SpectralParameters, state: SpectralState, v: float, x: float, dt: float
 ) -> float:
-    """Return the angular frequency w of the motion [rad/s], from w^2 = <v^2> / <(x - <x>)^2>."""
+    """Return the angular frequency w of the motion [rad/s].
+
+    This is the setting `frequency` if it is positive. Otherwise, w is estimated from
+    w^2 = <v^2> / <(x - <x>)^2>, where < > is a mean over time.
+    """
     share = parameters.per_memory * dt
     share /= 1.0 + share
     state.filled += share * (1.0 - state.filled)
@@ -149,7 +157,10 @@ def update(spectrum: Spectrum, value: float, share: float, cos: float, sin: floa
 
 
 def coefficient(state: SpectralState, signal: Spectrum) -> tuple[float, float]:
-    """Return the real and the imaginary part of <e s> - <e> <s> of a signal s."""
+    """Return the real and the imaginary part of <e s> - <e> <s> for a signal s.
+
+    `Spectrum` defines e and < >.
+    """
     return signal.re - signal.mean * state.one.re, signal.im - signal.mean * state.one.im
 
 
@@ -171,9 +182,9 @@ class SpectralRatio(Estimator):
     window V is not j w X, but the equations are still exact for every motion and every angular
     frequency w. The value of w only selects a part of the spectrum. A constant force has no effect.
 
-    The angular frequency is computed from w^2 = <v^2> / <(x - <x>)^2>, where the means are over a
-    longer time. The estimate does not change while the motion in the window is not sufficient to
-    distinguish b and k.
+    If `frequency` is not given, w is estimated from w^2 = <v^2> / <(x - <x>)^2>. These means have
+    the time constant `memory`. The estimate of b and k changes only if the motion in the window is
+    sufficient to distinguish b and k.
 
     There are no standard deviations.
 
@@ -181,9 +192,9 @@ class SpectralRatio(Estimator):
     ----------
     periods
         Time constant of the window, in periods of the motion. With a short window, the estimate
-        follows changes faster. With a long window, the estimate has less noise. For short windows
-        the noise depends strongly on this parameter, because the determinant of the equations is
-        proportional to its sixth power.
+        follows changes faster. With a long window, the estimate has less noise. For short windows,
+        the noise depends strongly on `periods`, because the determinant of the equations is
+        proportional to the sixth power of `periods`.
     frequency
         Frequency of the motion [Hz]. Default: estimated from the motion.
     motion
@@ -235,8 +246,9 @@ class SpectralRatio(Estimator):
 
 
 def sine_determinant(angle: float) -> float:
-    """Return |Re V Im X - Im V Re X| of a sine, divided by the root mean squares of v and x.
+    """Return the determinant of the equations F = b V + k X for a sinusoidal motion.
 
-    `angle` is the time constant of the window, as a phase angle of the sine [rad].
+    The determinant is |Re V Im X - Im V Re X|, divided by the root mean squares of v and x. `angle`
+    is the time constant of the window, as a phase angle of the motion [rad].
     """
     return 2.0 * angle**6 / ((1.0 + angle**2) ** 2 * (1.0 + 4.0 * angle**2))

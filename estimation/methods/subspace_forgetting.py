@@ -59,11 +59,13 @@ def information(state: FactoredState) -> float:
 def step(
     parameters: SubspaceParameters, state: FactoredState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Set R <- R - (1 - beta) R z z' R / z' R z + z z' with R = P^-1, and update theta.
+    """Set R <- R - (1 - beta) R z z' R / (z' R z) + z z' with R = P^-1, and update theta.
 
-    z contains the scaled regressors (`ud_factors`). The gain is P z, with P after the update. The
-    second term of the sum is the forgetting. For P it is P <- P + (1 - beta) / beta z z' / z' R z.
-    If |z| is below the threshold, theta and P do not change.
+    z contains the scaled regressors (`ud_factors`), and beta is the forgetting factor. The update
+    has two parts. First, old information is forgotten: R <- R - (1 - beta) R z z' R / (z' R z). For
+    P, this is P <- P + (1 - beta) / beta z z' / (z' R z). Second, the information z z' of the
+    sample is added. The gain is P z, with P after both parts. If |z| is below the threshold, theta
+    and P do not change.
     """
     if scale(parameters, state, phi) < parameters.epsilon:
         state.held = True
@@ -78,14 +80,14 @@ class SubspaceForgetting(FactoredEstimator):
     """Recursive least squares with forgetting in the subspace of the new information, SIFt-RLS.
 
     Information in a direction is forgotten only when a sample contains new information in this
-    direction. Samples with a smaller regressor than `threshold` permits are ignored. P is bounded
-    below and above for every motion. The upper bound is P0 times the larger of 1 and
-    (1 - beta) / threshold^2.
+    direction. Samples with small regressors are ignored, see `threshold`. For every motion, P has a
+    positive lower bound and an upper bound. The upper bound is P0 multiplied by 1 or by
+    (1 - beta) / threshold^2, whichever is larger.
 
     The method is Algorithm 1 of B. Lai and D. S. Bernstein, "SIFt-RLS: Subspace of Information
     Forgetting Recursive Least Squares", arXiv:2404.10844, 2024, for one measurement per sample. The
-    forgetting is that of L. Cao and H. Schwartz, "A directional forgetting algorithm based on the
-    decomposition of the information matrix", Automatica 36(11), 1725-1731, 2000.
+    forgetting is the method of L. Cao and H. Schwartz, "A directional forgetting algorithm based on
+    the decomposition of the information matrix", Automatica 36(11), 1725-1731, 2000.
 
     Parameters
     ----------

@@ -148,7 +148,7 @@ class SwitchingMultiEstimator(MultiEstimator):
 
     @property
     def switches(self) -> int:
-        """Number of changes of sigma, including the selection at the first sample."""
+        """Number of changes of sigma. A change at the first sample is also counted."""
         return self.state.switches
 
     def note(self, estimates: Estimates) -> str | None:

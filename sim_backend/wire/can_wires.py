@@ -87,8 +87,8 @@ class SlcanWire(CanWire):
     def to_host(self, frames: list[can.Message]) -> None:
         """Send the answers of the adapter, followed by the CAN frames from the bus.
 
-        Error frames are not sent; they set status flags of the adapter. While the flag of a bus
-        error is set, no frames are sent.
+        Error frames are not sent. Instead, an error frame sets a status flag of the adapter. While
+        the status flag for a bus error is set, no CAN frames are sent.
         """
         for error in [frame for frame in frames if frame.is_error_frame]:
             self.adapter.flags |= BUS_ERROR if error.arbitration_id & BUS_OFF else ERROR_WARNING

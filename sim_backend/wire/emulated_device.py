@@ -42,9 +42,9 @@ class EmulatedDevice(ABC):  # noqa: B024
     """Base class of emulated devices: software with the protocol of a real device.
 
     An emulated device uses the settings of its driver, but shares no other code with the driver. A
-    test of driver and emulated device can therefore find an error in either one. The emulated
-    device has the watchdogs of the real device. Its methods must therefore be called often, with
-    the present time.
+    test with both can therefore find errors of the driver and errors of the emulated device. The
+    emulated device has the same watchdogs as the real device. It checks them only when one of its
+    methods is called. The methods must therefore be called often, with the present time.
 
     Parameters
     ----------

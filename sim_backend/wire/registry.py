@@ -1,4 +1,7 @@
-"""Registry of emulated devices by kind: those of this package and of other installed packages."""
+"""Find the class of an emulated device for the kind that a rig file gives.
+
+The class can be in this package or in another installed package.
+"""
 
 from __future__ import annotations
 

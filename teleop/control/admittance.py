@@ -129,8 +129,9 @@ class Admittance:
         the present position X, where k3 x^3 is about 3 k3 X^2 x - 2 k3 X^3. The linear equation
         is then solved exactly, as in `step`. A body that is not glued has no effect at x < 0.
 
-        X is the position at the start of the period. While the body is loaded, the cubic term
-        therefore stores more energy than the hand gives to it. The difference is at most
+        X is the position at the start of the period. While x increases, the linearised force is
+        therefore smaller than k3 x^3. The work of the hand against the linearised force is then
+        smaller than the energy that the cubic term stores. The difference is at most
         k3 X (v dt)^2 per unit of travel. The damping d dissipates more energy than this difference
         if v < d / (k3 X dt^2).
         """

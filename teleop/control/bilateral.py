@@ -57,7 +57,8 @@ class BilateralLink(Link):
     seed
         Seed of the random jitter and packet loss of the channel.
     closed
-        Whether the hand feels the slave. A sustained oscillation at the hand is then a fault.
+        Whether the law displays a force to the hand. If True, a sustained oscillation at the hand
+        is a fault.
     """
 
     def __init__(
@@ -136,10 +137,10 @@ class BilateralLink(Link):
         return new_tuple(Command, (admittance.velocity, slave))
 
     def follow(self, verdict: Verdict, desired: Command, applied: Command, dt: float) -> None:
-        """Give the virtual mass the motion of the handle if a limit of the master reduced it.
+        """Move the virtual mass like the handle if a limit reduced the velocity of the master.
 
-        A limit of the slave reduces only the velocity of the slave. The hand feels such a limit
-        only through the channel and the force-feedback law.
+        A limit of the slave reduces only the velocity of the slave. The hand feels a limit of the
+        slave only through the channel and the force-feedback law.
         """
         if verdict.command.master_velocity != desired.master_velocity:
             admittance, velocity = self._admittance, applied.master_velocity
@@ -148,7 +149,11 @@ class BilateralLink(Link):
     def _detected(
         self, now: float, silence: float, energy: float, share: float
     ) -> tuple[DetectedFault, ...]:
-        """Return a fault for a silent channel, for generated energy, and for an oscillation."""
+        """Return the faults of the link at this tick.
+
+        There are three possible faults: the channel is silent for too long, the displayed
+        environment has generated too much energy, or the loop sustains an oscillation of the hand.
+        """
         faults = []
         if silence > (most := self._max_silence):
             source = f"silent for {silence * 1e3:.0f} ms, at most {most * 1e3:g} ms"

@@ -70,7 +70,10 @@ class Clock(ABC):
 
 
 class VirtualClock(Clock):
-    """Clock with virtual time, which advances by one period per tick. Trials are repeatable."""
+    """Clock with virtual time, which advances by one period per tick.
+
+    The virtual time does not depend on the speed of the machine. Trials are therefore repeatable.
+    """
 
     def __init__(self, rate: float) -> None:
         super().__init__(rate)

@@ -38,8 +38,8 @@ class Controller:
     """Runs the ticks of the control loop: measurement, velocities, limits, commands and estimates.
 
     An exception within a tick becomes a fault for the supervisor, which stops the drives. The first
-    exception is stored in `error`. `tick` itself raises only KeyboardInterrupt, and any exception
-    that occurs while the first measurement is read.
+    exception is stored in `error`. The method `tick` raises an exception only in two cases: it is a
+    KeyboardInterrupt, or it occurs while the first measurement is read.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class Controller:
     period
         Nominal time between ticks [s]; used as the time step of the first tick.
     limits
-        Limits of channels and commands for the supervisor.
+        Limits that the supervisor applies to measurements and commands.
     tare
         Zero offsets of force and position.
     stopwatch
@@ -210,7 +210,11 @@ class Controller:
         return measurement, measurement.time - last.time
 
     def _complete(self, request: Request, tick: Tick, measurement: Measurement) -> Request:
-        """Return the request, completed with data of the loop and the link, such as faults."""
+        """Return the request of a person, together with data of the loop and the link.
+
+        These data are the detected faults, the skipped periods, the elapsed time, and the expected
+        slope of the contact force.
+        """
         elapsed = (1 + tick.skipped) * self._period + tick.lateness - self._lateness
         self._lateness = tick.lateness
         trips = (*request.faults, *self._faults)
@@ -229,7 +233,7 @@ class Controller:
             return False
 
     def _apply(self, verdict: Verdict, now: float) -> Command:
-        """Send the command to the drives, or disable the drives, and return the applied command.
+        """Send the command to the drives; disable them if required. Return the applied command.
 
         Before the drives are disabled, zero velocity is commanded once. If `Rig.idle` fails, it is
         called again at each tick until it succeeds. Until then no command is sent, so that the

@@ -20,7 +20,7 @@ NO_ESTIMATE = Estimate(math.nan, math.nan, math.nan, math.nan, held=False)
 
 
 class Estimated(NamedTuple):
-    """Estimates after a pair of position and force, and quantities that belong to them."""
+    """Inputs and results of the estimators for one pair of slave position and contact force."""
 
     x: float
     """Displacement passed to the estimators [m]."""
@@ -61,7 +61,7 @@ class Estimation:
     Attributes
     ----------
     unknown
-        Value of a tick at which the estimators are not updated; all numbers are NaN.
+        Result for a tick at which the estimators are not updated. All its numbers are NaN.
     """
 
     def __init__(self, conditioner: Conditioner, bank: Bank) -> None:

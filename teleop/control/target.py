@@ -15,7 +15,8 @@ class Target:
     """Target position of the slave, which the operator follows.
 
     During the count-in, the target is constant at 0.1 times the depth. After the count-in, the
-    target is depth (0.1 + 0.45 (1 - cos(2 pi f t))). t is the time since the end of the count-in.
+    target is depth (0.1 + 0.45 (1 - cos(2 pi f t))). f is `frequency`, and t is the time since the
+    end of the count-in.
     """
 
     frequency: float

@@ -110,11 +110,15 @@ class Analysis:
 
     @cached_property
     def rows(self) -> list[dict[str, Any]]:
-        """The phases, with the slope of force against position, and the relaxation in holds."""
+        """List of the phases, as dictionaries for JSON (see `phase_row`)."""
         return [self.phase_row(phase) for phase in self.phases.phases]
 
     def phase_row(self, phase: Phase) -> dict[str, Any]:
-        """Return one phase as a dictionary for JSON."""
+        """Return one phase as a dictionary for JSON.
+
+        For loading and unloading, it contains the slope of the force against the position. For a
+        hold, it contains the relaxation of the force.
+        """
         record = self.record
         part = slice(phase.start, phase.end)
         t, x, f = record.t[part], record.x[part], record.f[part]
@@ -166,8 +170,8 @@ class Analysis:
         """Return the complex modulus at the frequency of the palpation.
 
         It consists of storage stiffness k' [N/m], loss stiffness k'' [N/m] and tan delta. The
-        result is None if the motion has no cycles, if k is not identifiable, or if the best model
-        has relaxing parts: then b is not the whole loss.
+        result is None in three cases: the motion has no cycles, k is not identifiable, or the best
+        model contains relaxation. With relaxation, b does not describe the whole loss of energy.
         """
         result, record = self.result, self.record
         cyclic = math.isfinite(record.frequency) and not result.times

@@ -26,7 +26,7 @@ class AveragedPart(NamedTuple):
     """Description of the samples outside the part; empty if it is the whole record."""
 
     def after(self, time: float) -> AveragedPart:
-        """Return this part with start and end later by `time` [s]."""
+        """Return a copy of this part that starts and ends later by `time` [s]."""
         return self._replace(start=self.start + time, end=self.end + time)
 
     def contains(self, t: Floats) -> NDArray[np.bool_]:
@@ -34,7 +34,13 @@ class AveragedPart(NamedTuple):
         return (t >= self.start) & (t < self.end)
 
     def indices(self, t: Floats) -> slice:
-        """Return the indices of those of the increasing times `t` [s] that are in this part."""
+        """Return a slice of the samples that are in this part.
+
+        Parameters
+        ----------
+        t
+            Times of the samples [s], increasing.
+        """
         start, end = np.searchsorted(t, (self.start, self.end))
         return slice(int(start), int(end))
 

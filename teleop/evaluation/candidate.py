@@ -76,9 +76,11 @@ def evaluate(
     times
         Time constants of the relaxing parts [s].
     relaxing
-        The relaxing parts of the elastic force, one array of shape (n,) for each time constant.
+        The smoothed relaxing parts z_j of the elastic force (see `local_stiffness`), one array of
+        shape (n,) for each time constant.
     cornered
-        The relaxing parts with corners that are not rounded by the smoothing (`with_corners`).
+        The same relaxing parts. At sharp corners, they contain the values before the smoothing
+        (see `with_corners`).
     """
     fit = rows.fit(degree, relaxing)
     theta, first = fit.theta, rows.v_column + 1
@@ -94,7 +96,10 @@ def evaluate(
     top, bottom = int(np.argmax(without)), int(np.argmin(without))
 
     def effect(i: int) -> Floats:
-        """Return the derivatives of the elastic force at usable sample i, one per parameter."""
+        """Return the derivative of the elastic force with respect to each parameter.
+
+        The derivatives are those at sample `i` of the samples `rows.fine`.
+        """
         found = np.zeros(m)
         found[first:] = [*rows.fine_powers[i, :degree], *(z[index[i]] for z in cornered)]
         return found
@@ -162,14 +167,17 @@ def evaluate(
 
 
 def surroundings(x: Floats, at: int, most: int, record: Prepared) -> tuple[int, int]:
-    """Return indices before and after a sample, between which a slope is above the noise.
+    """Return the indices of two samples from which a slope of a signal against x is computed.
+
+    One sample is before and the other is after a given sample. Their distance is increased until
+    the difference of their positions is much larger than the noise, or until it reaches `most`.
 
     Parameters
     ----------
     x
         Position [m], shape (n,).
     at
-        Index of the sample.
+        Index of the given sample.
     most
         Largest distance between the two indices [samples].
     record
@@ -185,10 +193,11 @@ def surroundings(x: Floats, at: int, most: int, record: Prepared) -> tuple[int, 
 
 
 def with_neighbours(mask: NDArray[np.bool_], index: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the indices of the true values of a mask; if its runs are short, also of neighbours.
+    """Return the indices of the samples that a mask selects, with neighbours if they are few.
 
-    The slope within a run needs three samples. In a fast motion, fewer samples are near half of the
-    force range.
+    The samples of one pass through half of the force range form a run. At least three samples are
+    necessary for the slope in a run. If the runs have fewer samples on average, the samples
+    directly before and after each run are also used. This occurs in fast motions.
 
     Parameters
     ----------
@@ -209,7 +218,17 @@ def with_neighbours(mask: NDArray[np.bool_], index: NDArray[np.intp]) -> NDArray
 
 
 def middle_position(x: Floats, f: Floats, force: float) -> float:
-    """Fit position as a parabola of force, and return the position at `force` [m]."""
+    """Return the position [m] at the force `force` [N].
+
+    A polynomial of degree 2 in the force is fitted to the positions.
+
+    Parameters
+    ----------
+    x, f
+        Position [m] and force [N], shape (n,).
+    force
+        Force at which the position is computed [N].
+    """
     if np.ptp(f) == 0.0 or len(x) < 4:
         return float(x.mean())
     size = float(np.max(np.abs(f - force)))
@@ -219,7 +238,10 @@ def middle_position(x: Floats, f: Floats, force: float) -> float:
 
 
 def loading_slope(x: Floats, v: Floats, z: Floats, pass_of: NDArray[np.int_]) -> float:
-    """Return the slope of z against x within passes, without the part that is proportional to v.
+    """Return the slope of z against x within the passes, from a least-squares fit.
+
+    If the velocity v varies enough, it is a second regressor. The part of z that is proportional to
+    v then does not change the slope.
 
     Parameters
     ----------

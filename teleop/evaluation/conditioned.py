@@ -1,4 +1,8 @@
-"""Condition the evaluated part of a record, relative to the datum, in each piece between gaps."""
+"""Condition the samples of a record for the estimators.
+
+Position and force are measured from the datum. If the record has gaps, each piece between two gaps
+is conditioned separately.
+"""
 
 from __future__ import annotations
 
@@ -73,7 +77,10 @@ class ConditionedBlocks:
         self._last: tuple[int, float] | None = None
 
     def add(self, signals: Signals) -> Conditioned:
-        """Condition the next samples. In the result, `used` contains indices in these samples."""
+        """Condition the next samples of the record, and return the result.
+
+        In the attribute `used` of the result, index 0 is the first sample of `signals`.
+        """
         t, datum = signals.t, self._datum
         whole, settled = self._pieces.run(
             t, signals.x - datum.x, signals.f - datum.f, signals.dt, signals.gaps

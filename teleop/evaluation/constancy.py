@@ -48,7 +48,7 @@ class Change(NamedTuple):
 
     @property
     def with_frequency(self) -> bool:
-        """Whether the frequency also changes."""
+        """Whether the frequency changes together with the stiffness."""
         return max(self.frequency) > FREQUENCIES * min(self.frequency)
 
     @property
@@ -67,11 +67,12 @@ class Change(NamedTuple):
 
 
 def rise_at_rest(record: Prepared) -> tuple[float, float] | None:
-    """Return the rise of the force at rest [N] and its duration [s]; None if there is none.
+    """Return the rise of the force at rest [N] and its duration [s]; None if it does not rise.
 
-    After loading, the force of a passive body at a constant position decreases. Two cases are not
-    considered: rests after unloading, in which the force can increase again, and a record whose
-    baseline is removed.
+    If the position is constant after loading, the force of a passive body decreases. A rise of the
+    force is therefore a drift. After unloading, the force of a passive body can increase. Rests
+    after unloading are therefore ignored. If a baseline is removed from the record, the result is
+    None.
     """
     if record.order:
         return None

@@ -46,8 +46,8 @@ def contact_at(analysis: Analysis, t: Floats, f: Floats) -> NDArray[np.bool_]:
     """Return whether there is contact at each time.
 
     The analysis of a long record contains only sections of the record. Between two sections, there
-    is contact if the force is above its level out of contact. Before the first analysed sample, the
-    contact is the same as at this sample.
+    is contact if the force is above its level out of contact. The times before the first analysed
+    sample have the same contact state as this sample.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def contact_at(analysis: Analysis, t: Floats, f: Floats) -> NDArray[np.bool_]:
     t
         Times [s], shape (n,).
     f
-        Force at these times [N], shape (n,), with the zero of the file.
+        Force at these times [N], shape (n,), as in the file (the datum is not subtracted).
 
     Returns
     -------

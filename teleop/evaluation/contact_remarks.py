@@ -1,4 +1,8 @@
-"""Remarks on the contact: adhesion at release, one ramp, friction, and inverted signs."""
+"""Remarks on the contact.
+
+They concern adhesion, a record that is only a single ramp, friction, and inverted signs of force
+and position.
+"""
 
 from __future__ import annotations
 

@@ -44,8 +44,8 @@ class Rows:
     record, phases
         The prepared record and its phases.
     baseline
-        Whether the baseline may contain cosines. It contains none if the force out of contact is
-        steady.
+        Whether the baseline of the force may contain slow cosines in addition to its constant. If
+        the force out of contact is steady, the baseline is always only a constant.
     """
 
     def __init__(self, record: Prepared, phases: Phases, baseline: bool = True) -> None:
@@ -95,7 +95,7 @@ class Rows:
         )
 
     def in_contact(self, y: Floats) -> Floats:
-        """Return y, with the values out of contact replaced by the value at the contact point."""
+        """Return y with a constant value out of contact: the value of y at the contact point."""
         point = self.phases.contact_point
         if point is None:
             return y
@@ -108,7 +108,7 @@ class Rows:
 
     @property
     def cycles(self) -> float:
-        """Number of cycles of the palpation; infinite for a motion without cycles."""
+        """Number of cycles of the palpation; infinite for a motion of fewer than three cycles."""
         record = self.record
         return record.frequency * float(record.clock[-1]) if record.order else math.inf
 
@@ -116,9 +116,10 @@ class Rows:
     def relaxation(self) -> bool:
         """Whether the candidates may have relaxing parts.
 
-        They have none if the motion is a sine, and the force has a baseline or the record is in
-        contact throughout. In a steady sine, elastic force and velocity describe any linear body,
-        and k and b are k' and k''/omega.
+        Relaxing parts are not used if the motion is a sine and one of two conditions holds: the
+        baseline contains cosines, or the whole record is in contact. In a steady sine, elastic
+        force and damping are sufficient to describe any linear body. Then k is the storage
+        stiffness k', and b is k''/omega.
         """
         constant = self.order == 0 and self.phases.free_force is not None
         return constant or not self.record.sinusoidal
@@ -138,9 +139,9 @@ class Rows:
     def rounding_error(self, to_force: Floats, slopes: Floats) -> Floats:
         """Return standard deviations of parameters due to the resolution of position and force.
 
-        The rounding error is the same at all samples with the same count of the channel, for
-        example throughout a hold or in every cycle. Averaging over such samples does not reduce the
-        error.
+        Samples with the same digital value of a channel have the same rounding error, for example
+        all samples of a hold, or the corresponding samples of all cycles. An average over these
+        samples does not reduce the error.
 
         Parameters
         ----------
@@ -184,9 +185,10 @@ class Rows:
 
 
 def with_corners(raw: Floats, smoothed: Floats, noise: float, largest: float) -> Floats:
-    """Return the smoothed values, with the measured values at corners that the smoothing rounds.
+    """Return the smoothed values, in which corners are replaced by the measured values.
 
-    At the corner of a triangle wave, the smoothing reduces the largest value.
+    Smoothing rounds a corner. For example, it reduces the peaks of a triangle wave. A sample is at
+    a corner if the smoothing changes it much more than noise can.
 
     Parameters
     ----------
@@ -202,7 +204,10 @@ def with_corners(raw: Floats, smoothed: Floats, noise: float, largest: float) ->
 
 
 def summed_by_count(sensitivity: Floats, values: Floats, count: float) -> Floats:
-    """Sum the sensitivities at each count, and return the root of the sum of squares over counts.
+    """Combine the sensitivities to rounding errors that are equal at equal measured values.
+
+    The sensitivities of all samples with the same rounded value are added. The result is the root
+    of the sum of the squares of these sums.
 
     Parameters
     ----------
@@ -211,7 +216,7 @@ def summed_by_count(sensitivity: Floats, values: Floats, count: float) -> Floats
     values
         Measured values, shape (n,).
     count
-        Resolution of the values. If it is 0, the result is 0.
+        Resolution of the values. If the resolution is 0, the result is 0.
 
     Returns
     -------

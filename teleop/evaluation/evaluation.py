@@ -68,8 +68,9 @@ def evaluate(
     settings
         Settings of the evaluation.
     most
-        Approximate largest product of the number of samples whose estimates are kept and the number
-        of estimators. For a longer record, evenly spaced samples and the last sample are kept.
+        Approximate limit of n m, where n is the number of samples whose estimates are kept, and m
+        the number of estimators. If the record has more than n samples, evenly spaced samples and
+        the last sample are kept.
     write
         Function that is called with the columns and units of each block of samples.
 

@@ -41,8 +41,9 @@ known to 10 %, a loss tangent b omega / k below one can then not be measured.
 class Evaluation(Presented):
     """Online estimates and batch evaluation of one recording.
 
-    Arrays have shape (n,): the n samples that the estimators processed, or evenly spaced samples of
-    these (see `evaluate`). The summaries are those of all samples in the part `averaged`.
+    Arrays have shape (n,), where n is the number of samples whose estimates are kept. These are all
+    samples that the estimators processed, or evenly spaced samples of a long record (see
+    `evaluate`). The summaries are always computed from all samples in the part `averaged`.
     """
 
     online: OnlineResult

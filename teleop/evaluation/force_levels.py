@@ -89,9 +89,11 @@ def levels(record: Prepared, width: float) -> tuple[NDArray[np.bool_] | None, bo
 
 
 def peak_height(f: Floats) -> float:
-    """Return the mean of the middle third of a force minus that of the other thirds [N].
+    """Return a measure of the height of a peak of the force [N].
 
-    It is 4/9 of the height of a parabola, and nearly zero for a constant force.
+    The samples are divided into three parts of equal length. The result is the mean of the middle
+    part minus the mean of the two outer parts. It is 4/9 of the height of a parabola, and nearly
+    zero for a constant force.
     """
     third = len(f) // 3
     if third == 0:
@@ -102,9 +104,9 @@ def peak_height(f: Floats) -> float:
 def continued(x: Floats, start: int, end: int, inwards: bool, margin: int = 0) -> float:
     """Return how far the motion continues in its direction while the force stays constant [m].
 
-    After a reversal, the force also stays constant while lost motion between position sensor and
-    tip is passed. This travel is not counted, except at the ends of the record, where the motion
-    before or after is not known.
+    After a reversal, the force also stays constant until the lost motion (backlash) between
+    position sensor and tip is passed. This travel in the opposite direction is not counted. At the
+    ends of the record, a reversal cannot be detected. There, the whole travel is counted.
 
     Parameters
     ----------
@@ -124,10 +126,11 @@ def continued(x: Floats, start: int, end: int, inwards: bool, margin: int = 0) -
 
 
 def clipped(record: Prepared) -> bool:
-    """Return whether many samples have exactly the highest force while the position changes.
+    """Return whether the force sensor is saturated.
 
-    The position may change by one count of the force divided by the stiffness without saturation,
-    because the force is then still within the same count.
+    A saturated sensor gives exactly the highest force at many samples while the position changes.
+    Without saturation, the force can also be constant during a small travel, because it changes by
+    less than the resolution of the sensor. Only a travel that is several times larger is counted.
     """
     f, x = record.raw_f, record.raw_x
     count = smallest_step(f)

@@ -63,8 +63,9 @@ def grouped(
 ) -> list[Group]:
     """Return the groups of recordings with the same levels, in the order of the levels.
 
-    The levels of a factor have the order of the plan. Levels that no plan contains follow these, in
-    the order of their numbers, or in the order in which they first occur if one is not a number.
+    The levels of a factor have the order of the plan. Levels that the plan does not contain follow.
+    If all of them are numbers, they are sorted by their values. Otherwise they have the order in
+    which they first occur.
 
     Parameters
     ----------
@@ -146,7 +147,10 @@ def group_of(
 
 
 def ranges(results: Sequence[Result]) -> dict[str, tuple[float, float]]:
-    """Return the smallest and largest value of each quantity in `HOLDING` that has values."""
+    """Return the smallest and largest value of each quantity in `HOLDING`.
+
+    A quantity that no result contains is omitted.
+    """
     found = {}
     for name, attribute in HOLDING.items():
         values = [getattr(one, attribute) for one in results]

@@ -24,9 +24,9 @@ LAST = 1 << 16
 class Sections:
     """Evenly spaced sections of samples that arrive in blocks.
 
-    There are at most `SECTIONS` sections of `SECTION` s. If there are more, every second section is
-    dropped. The number of samples in a section is computed from the median sample period of the
-    first block.
+    A section has the duration `SECTION` [s], and at most `SECTIONS` sections are kept. If a further
+    section arrives, every second section is dropped. The number of samples in a section is computed
+    from the median sample period of the first block.
     """
 
     def __init__(self) -> None:
@@ -59,13 +59,20 @@ class Sections:
 
     @property
     def starts(self) -> Sequence[int]:
-        """Index of the first sample of each section that is preceded by a dropped section."""
+        """Index of the first sample of each kept section, without the first section.
+
+        The indices are those in the array that `samples` returns. The list is empty if no section
+        was dropped, because there are no gaps between the sections in this case.
+        """
         size = self._size
         return [] if self._every == 1 else list(range(size, len(self._kept) * size, size))
 
 
 class Last:
-    """Stores the end of columns that arrive in blocks: about `LAST` ticks."""
+    """Stores the last ticks of a recording whose columns arrive in blocks.
+
+    About `LAST` ticks are stored. Older ticks are dropped.
+    """
 
     def __init__(self) -> None:
         self._blocks: deque[dict[str, Floats]] = deque()

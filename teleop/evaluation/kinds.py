@@ -41,7 +41,8 @@ quantity."""
 def kinds_of_estimates(further: Iterable[str]) -> dict[str, str]:
     """Return the kind of each value of an estimator, by symbol.
 
-    All force errors are of the same kind; the name of this kind is empty.
+    The result contains the kinds of k, b and the force error e_f. The force errors of all
+    estimators are of the same kind. Its name is the empty string.
 
     Parameters
     ----------

@@ -4,6 +4,8 @@ The candidate models are
 
     f(t) = baseline(t) + P(x) + b v + sum_j c_j z_j,    z_j' = dP/dt - z_j / tau_j
 
+with the force f, the position x, the velocity v and the time constants tau_j.
+
 - P is a polynomial of degree 1 to 5.
 - The baseline is a constant. For a palpation of many cycles, it also contains cosines that are
   slower than the palpation.
@@ -19,8 +21,8 @@ weighted by the Bayesian information criterion. A candidate that does not determ
 With these weights, the candidates form a mixture of normal distributions. The standard deviation of
 each normal distribution is that of the candidate (`estimation.robust_error`). The result is the
 median of the mixture, and its interval contains 95 % of the mixture. Uncertainty about the model
-therefore widens the interval. An unlikely candidate that is far from the others does not widen it,
-but would increase the variance of the mixture. Therefore the variance is not used.
+therefore widens the interval. The interval is not computed from the variance of the mixture,
+because a single unlikely candidate that is far from the others would increase the variance.
 
 References
 ----------
@@ -142,13 +144,20 @@ def local_stiffness(
 
 
 def explained(rows: Rows, found: list[Candidate]) -> float:
-    """Return the largest R^2 of the candidates, for the force minus its baseline."""
+    """Return the largest coefficient of determination R^2 of the candidates.
+
+    It is the fraction of the variance of the force without its baseline that a candidate explains.
+    """
     least = min(one.rms for one in found)
     return 1.0 - least**2 / max(float(np.mean(rows.fits.rest**2)), 1e-300)
 
 
 def has_friction(rows: Rows, best: Candidate) -> bool:
-    """Return whether the residual is halved if b v is replaced by Coulomb friction in the model."""
+    """Return whether Coulomb friction describes the loss of energy better than the best candidate.
+
+    For this test, Coulomb friction replaces the damping b v and the relaxing parts of the best
+    candidate. The result is True if the residual then becomes less than half as large.
+    """
     record = rows.record
     sign = record.smoothed(np.sign(record.v))[rows.rows]
     columns = np.column_stack([sign, *rows.powers[: best.degree]])
@@ -210,16 +219,20 @@ def with_relaxation(rows: Rows, y: Floats, degrees: tuple[int, ...]) -> list[Can
 
 
 def is_passive(candidate: Candidate) -> bool:
-    """Return whether no relaxing part has a negative coefficient, as in a generalised Maxwell body.
+    """Return whether the coefficients of all relaxing parts are zero or positive.
 
-    Two parts with opposite signs can describe any change of the force, such as that at the start of
-    a motion. Beside a baseline, they do not determine the stiffness.
+    This is the case for a passive body (generalised Maxwell body). Two relaxing parts with opposite
+    signs can describe any change of the force, for example the change at the start of a motion. If
+    the model also has a baseline, the stiffness cannot be determined with such parts.
     """
     return bool(np.all(candidate.theta[len(candidate.theta) - len(candidate.times) :] >= 0.0))
 
 
 def merged(times: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the time constants [s]; two nearly equal ones are replaced by their geometric mean."""
+    """Return the time constants [s], for a report.
+
+    Two time constants that are nearly equal are replaced by their geometric mean.
+    """
     if len(times) == 2 and max(times) < SAME_TIME * min(times):
         return (math.sqrt(times[0] * times[1]),)
     return times

@@ -8,18 +8,20 @@ proportional to
     Re{F V*} = Re{Z} |V|^2,
 
 where Z is the displayed impedance. In tremor the hand moves a passive impedance, so that the power
-is positive: Re{Z} >= 0 at each frequency is the definition of a passive linear port [1]. In an
-oscillation without a voluntary or involuntary motion of the hand, F = -Z_a V with the impedance Z_a
-of the arm. The arm dissipates energy, so that the power is -Re{Z_a} |V|^2 < 0: the displayed
-environment must replace the energy that the arm dissipates. So an oscillation of the loop is motion
-at frequencies at which the hand receives energy.
+is positive: Re{Z} >= 0 at each frequency is the definition of a passive linear port [1]. In a pure
+oscillation of the loop, the muscles of the hand cause no motion, neither voluntarily nor by tremor.
+Then F = -Z_a V, where Z_a is the impedance of the arm. The arm dissipates energy, so that the power
+is -Re{Z_a} |V|^2 < 0: the displayed environment must replace the energy that the arm dissipates. So
+an oscillation of the loop is motion at frequencies at which the hand receives energy.
 
 An environment with -Re{Z_a} < Re{Z} < 0 amplifies the tremor, but the arm keeps the loop stable.
-Motion is therefore counted only at frequencies at which -Re{Z} is above a threshold. On a hardware
-rig the arm is not known. Any arm has at least the damping `LEAST_DAMPING`, which is the threshold.
-If only a greater damping of the arm keeps the loop stable, the trial is counted as not stable. On
-the simulated rig the arm is known. The threshold is then `SUSTAINING` Re{Z_a}, but at least
-`LEAST_DAMPING`.
+Motion is therefore counted only at frequencies at which -Re{Z} is above a threshold:
+
+- On a hardware rig, the arm is not known. The threshold is `LEAST_DAMPING`, the damping that any
+  arm has at least. A trial can therefore be counted as not stable although an arm with greater
+  damping keeps the loop stable.
+- On the simulated rig, the arm is known. The threshold is the product of `SUSTAINING` and Re{Z_a},
+  but at least `LEAST_DAMPING`.
 
 [1] J. E. Colgate, N. Hogan, Int. J. Control 48(1), 1988, 65-88.
 """
@@ -55,8 +57,8 @@ class RunningSpectra:
     """Spectra of velocity and force, from which oscillations of the loop are detected.
 
     The spectra are averages over overlapping segments (P. D. Welch, IEEE Trans. Audio
-    Electroacoust. 15(2), 1967). The sample period is the mean period of the first `FIRST` samples
-    or more.
+    Electroacoust. 15(2), 1967). The spectra are computed with a constant sample period. This is the
+    mean period of about the first `FIRST` samples.
 
     Parameters
     ----------
@@ -91,8 +93,9 @@ class RunningSpectra:
     def sustained_share(self) -> float:
         """Return the share of the power of the motion that is in an oscillation of the loop.
 
-        It is the fraction of the power of the velocity above `FASTEST`, at frequencies at which the
-        hand receives more energy than the threshold (see the module's documentation).
+        The power of the velocity is summed over the frequencies above `FASTEST` at which -Re{Z} is
+        above the threshold (see the documentation of the module). The result is this sum divided by
+        the power of the velocity at all frequencies.
         """
         if not self._length:
             if not self._pending.shape[1]:

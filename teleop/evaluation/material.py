@@ -1,6 +1,7 @@
 """Compute the elastic modulus from the stiffness and the geometry of an indenter.
 
-With E* = E / (1 - nu^2), the tangent stiffness k at the indentation depth d is
+E is the elastic modulus, and nu is Poisson's ratio. With E* = E / (1 - nu^2), the tangent stiffness
+k at the indentation depth d is
 
 - flat punch of radius a (Sneddon): k = 2 a E*;
 - sphere of radius R (Hertz): k = 2 E* sqrt(R d), with the contact radius a = sqrt(R d);
@@ -138,8 +139,8 @@ def elastic_modulus(result: Result, indenter: Indenter, depth_known: bool) -> di
     Raises
     ------
     InputError
-        The stiffness is not identifiable, or the depth for a sphere or a cone is not known, or its
-        error is larger than the depth.
+        The stiffness is not identifiable. For a sphere or a cone: the depth is not known, or the
+        error of the depth is as large as the depth or larger.
     """
     if result.k is None or result.k_low is None or result.k_high is None:
         raise InputError("elastic modulus: no stiffness is identifiable from the record")

@@ -43,14 +43,14 @@ def mean_of(values: Sequence[Value]) -> Mean:
     Values of different kinds have no mean. The half width of the interval is the root of the sum of
     the squares of two parts:
 
-    - the half width from Student's t and the spread between the recordings, for two or more
-      recordings. It does not contain errors that all recordings have in common, such as that of a
-      wrong model.
-    - the mean of the half widths of the recordings' own intervals, if the recordings have
-      intervals. This is the largest possible half width of the mean of their errors. It is reached
-      if all recordings have the same error.
+    - A half width from the spread between the recordings and Student's t. It needs two or more
+      recordings. It does not contain an error that is equal in all recordings, for example because
+      the model is wrong.
+    - The mean of the half widths of the intervals of the single recordings, if they have intervals.
+      The error of the mean is this large if all recordings have the same error.
 
-    If the interval of each recording contains zero, that of the mean therefore contains it too.
+    Because of the second part, the interval of the mean contains zero if the intervals of all
+    recordings contain zero.
     """
     if len({one.kind for one in values}) != 1:
         return Mean(math.nan, math.nan, 0)
@@ -67,10 +67,11 @@ def mean_of(values: Sequence[Value]) -> Mean:
 def mean_tracking(tracked: Sequence[Tracking]) -> dict[str, Mean]:
     """Return the means of gain, phase_deg, rms_m and frequency_hz; empty without recordings.
 
-    The mean of the phase is the direction of the mean of the unit vectors with these phases. An
-    interval that exceeds the possible values states nothing, and is NaN: that of the phase if its
-    half width is half a turn or more, and that of the other values, which are positive, if its
-    lower end is negative.
+    The mean of the phase is a circular mean: the direction of the sum of unit vectors with these
+    phases. The half width of an interval that contains impossible values is replaced by NaN:
+
+    - for the phase, if the half width is 180 degrees or more;
+    - for the other quantities, which are positive, if the lower end of the interval is negative.
     """
     if not tracked:
         return {}

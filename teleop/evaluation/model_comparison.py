@@ -76,7 +76,7 @@ def compare(
 
 
 class Errors(NamedTuple):
-    """Sums from which the `Comparison` of one estimator is computed, over the same samples."""
+    """Sums over the compared samples, from which the `Comparison` of one estimator is computed."""
 
     force: float = 0.0
     """Sum of the squares of the error of the force prediction one step ahead [N^2]."""
@@ -104,8 +104,9 @@ class RunningComparison:
     names
         Names of the estimators that are compared.
     dt
-        Time since the previous sample [s], shape (n,), of all samples or of a part of them. The
-        usual sample period is computed from it, and the time at the start that is not compared.
+        Time since the previous sample [s], shape (n,), of all samples or of a part of them. Two
+        values are computed from `dt`: the usual sample period, and the duration of the part at the
+        start of the record that is not compared (see `Comparison`).
     b, k
         The reference, see `compare`.
     """
@@ -190,10 +191,10 @@ class RunningComparison:
 
 
 def cost(estimator: Estimator, regression: Regression) -> float:
-    """Measure the computing time per sample on this machine [s], the shortest of three runs.
+    """Measure the computing time of an estimator per sample on this machine [s].
 
-    For this measurement, the estimator runs as interpreted Python, which is slower than compiled
-    code. The result is different in each call.
+    The result is the shortest time of three runs, and is different in each call. The estimator runs
+    as interpreted Python, which is slower than compiled code.
     """
     part = regression.part(slice(TIMED))
     further = part.further if estimator.model.further else None

@@ -26,7 +26,10 @@ Table = tuple[dict[str, Floats], dict[str, str]]
 
 
 class OnlineResult(NamedTuple):
-    """Samples and estimates of a record: all samples, or evenly spaced samples, and the last."""
+    """Samples and estimates of a record.
+
+    Arrays contain all samples of the record, or evenly spaced samples and the last sample.
+    """
 
     t: Floats
     """Time [s], shape (kept,)."""
@@ -58,17 +61,19 @@ class OnlineRun:
     Parameters
     ----------
     bank, misfit, measure
-        The estimators, their misfit and the excitation measure, which have processed no sample.
+        The estimators, the measure of their misfit, and the excitation measure. None of them has
+        processed a sample before.
     comparisons
-        Comparisons of estimators with a reference. Each is a comparison of some of the estimators.
+        Comparisons of estimators with a reference. Each comparison may contain only some of the
+        estimators.
     period
         Usual sample period [s].
     count
-        Largest number of samples.
+        Largest number of samples that will be processed.
     every
-        Distance of the samples that are kept; 1 to keep all samples.
+        One of this number of samples is kept; 1 to keep all samples.
     write
-        Function that is called with the table of each block; None for none.
+        Function that is called with the table of each block; None if no function is called.
     averaged
         The part of the record over which the estimates are averaged. The estimators process all
         samples.
@@ -176,14 +181,15 @@ class OnlineRun:
 
 
 class KeptArrays:
-    """Arrays of some samples of a record that is processed in blocks.
+    """Stores some samples of a record that is processed in blocks.
 
-    The arrays are made once: many short arrays would fragment the memory.
+    There is one array for each quantity. It is created once, with space for all samples that will
+    be stored, because many short arrays would fragment the memory.
 
     Parameters
     ----------
     size
-        Largest number of samples.
+        Largest number of samples that will be stored.
     """
 
     def __init__(self, size: int) -> None:

@@ -16,14 +16,15 @@ f = f0 + a d + q d^2 + b v [d > 0], with d = (x - xc)+, where x is the position 
 point. This model is fitted to the measured signals for a grid of values xc. The value with the
 smallest sum of squares is the contact point. Its interval is the range of xc in which the sum of
 squares exceeds the smallest sum by no more than noise can cause. If there are several approaches,
-the median of the contact points is reported. The half width of the interval is then the larger of
-two values: the median half width, and Student's t times the standard deviation between approaches.
+the median of the contact points is reported, and the half width of the interval is the median of
+the half widths. For three or more approaches, the half width is at least the standard deviation of
+the contact points times Student's t.
 
 **Phases.** In contact, loading and unloading are the monotone parts between turning points. A
-reversal counts as a turning point if it exceeds 5 % of the travel and the force follows it. A hold
-is the beginning or the end of a monotone part, in which the position changes by less than 2 % of
-its range in this part. A hold is longer than a third of the median duration of the motion in the
-monotone parts.
+reversal counts as a turning point if it exceeds 5 % of the travel and the force follows it. At the
+beginning and at the end of a monotone part, the position can be nearly constant: it changes by less
+than 2 % of its range in this part. Such a time is a hold if it is longer than a third of the median
+duration of the motion in the monotone parts.
 """
 
 from __future__ import annotations
@@ -130,7 +131,10 @@ def find_phases(record: Prepared) -> Phases:
 
 
 def level_width(record: Prepared) -> float:
-    """Return the width of a force level [N]: contact begins this far from the free force."""
+    """Return the width of a force level [N].
+
+    Contact begins when the force is above its level out of contact by more than this width.
+    """
     low, high = record.force_range
     return max(NOISE * record.f_noise_smoothed, LEVEL * (high - low))
 

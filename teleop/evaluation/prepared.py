@@ -2,8 +2,8 @@
 
 1. The record is interpolated linearly onto a grid of constant period
    (`teleop.evaluation.resampled`).
-2. If the sampling rate is much higher than the bandwidth of the force requires, blocks of samples
-   are averaged.
+2. If the sampling rate is much higher than necessary for the bandwidth of the force, successive
+   samples are averaged in blocks.
 3. Position and force are smoothed with the same Gaussian kernel (`estimation.smoothing`).
    Therefore, a model that is linear in its parameters also holds for the smoothed signals.
 
@@ -109,9 +109,10 @@ class Prepared:
     def sinusoidal(self) -> bool:
         """Whether the motion is a sine of three cycles or more.
 
-        For a sine, (std of v)^2 = (std of x) (std of the acceleration). The ratio is larger for
-        a triangle wave, for holds, and if the frequency varies. Single outliers of the position are
-        removed before, because they would count as corners.
+        The shape factor of a motion is (std of x) (std of the acceleration) / (std of v)^2. It is 1
+        for a sine. It is larger for a triangle wave, for a motion with holds, and if the frequency
+        varies. Single outliers of the position are removed first, because they would increase the
+        shape factor.
         """
         x = self.smoothed(median_filter(self.raw_x, OUTLIERS, mode="nearest"))
         x = without_baseline(x, self.order)
@@ -141,12 +142,15 @@ class Prepared:
         return np.concatenate([smooth(piece, self.width / self.period) for piece in pieces])
 
     def sharpened(self, values: Floats) -> Floats:
-        """Return smoothed values y with corrected peaks: 2 y - H y, where H is the smoothing."""
+        """Return smoothed values y with peaks that are nearly as high as before the smoothing.
+
+        The result is 2 y - H y, where H y are the values y after a second smoothing.
+        """
         return 2.0 * values - self.smoothed(values)
 
     @property
     def f_noise_smoothed(self) -> float:
-        """Standard deviation of the noise in the smoothed force [N], for white measured noise."""
+        """Standard deviation of the noise of the smoothed force [N], if measured noise is white."""
         return self.f_noise * self.noise_gain
 
     @property
@@ -156,7 +160,10 @@ class Prepared:
 
     @property
     def stride(self) -> int:
-        """Distance at which smoothed noise is nearly independent [samples], 2.5 kernel widths."""
+        """Distance of two samples whose noise is nearly independent after smoothing [samples].
+
+        It is 2.5 kernel widths.
+        """
         return max(1, round(2.5 * self.width / self.period))
 
 

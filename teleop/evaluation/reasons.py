@@ -211,7 +211,13 @@ def longest_hold(record: Prepared, phases: Phases) -> float:
 
 
 def negative_damping(force_lag: float) -> Reason:
-    """Return the remark on a negative damping after a lag of the force [s] was compensated."""
+    """Return the remark on a negative damping.
+
+    Parameters
+    ----------
+    force_lag
+        Lag of the force that was compensated [s]; 0 if no lag was compensated.
+    """
     lost = f"{LOST_MOTION}, which biases k too"
     if not force_lag:
         lags = "damping is negative: the force lags behind the position"

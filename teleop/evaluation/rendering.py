@@ -24,7 +24,8 @@ slave. No communication channel delays a motion by this time."""
 class Rendering(NamedTuple):
     """Summary of what the hand felt in a trial.
 
-    Without contact after `SETTLING`, the stiffness and the errors are NaN.
+    If there are too few ticks with contact after the time `SETTLING`, the stiffness and the errors
+    are NaN.
     """
 
     rendered_k: float
@@ -58,12 +59,13 @@ class Hand(NamedTuple):
 
 
 class RunningHand:
-    """Quantities at the hand in a trial whose ticks in mode active arrive in blocks.
+    """Computes quantities at the hand from the ticks in mode active, which are added in blocks.
 
-    The force of the environment is the measured force of the hand minus the force that the
-    admittance needs for its motion. The centre of its spring is the position at the start. Where a
-    limit reduced the velocity of the master, the virtual mass moved at the applied velocity, and
-    the force is the displayed force that the controller recorded.
+    The force that the hand felt from the environment is computed as follows. It is the measured
+    force of the hand minus the force that moves the virtual mass, damping and spring of the
+    admittance. The spring is relaxed at the position at the start. At ticks at which a limit
+    reduced the velocity of the master, the virtual mass moved at the applied velocity. At these
+    ticks, the force is the displayed force that the controller recorded.
 
     Parameters
     ----------
@@ -106,7 +108,9 @@ def hand(
 
 
 class RunningRendering:
-    """Summary of what the hand felt in a trial whose ticks in mode active arrive in blocks.
+    """Computes the summary of what the hand felt in a trial.
+
+    The ticks in mode active are added in blocks.
 
     Parameters
     ----------

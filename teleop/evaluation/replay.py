@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 
 
 def is_replayed(column: str) -> bool:
-    """Return whether a column is needed for the true values, or the tracking, of a recording."""
+    """Return whether a column of a recording is needed for the true values or the tracking.
+
+    The true values are those of the simulated rig. The tracking is computed from the target.
+    """
     return column in ("time", "slave_position", "target")
 
 

@@ -1,9 +1,10 @@
 """Compute the result for publication: stiffness and damping with intervals, or reasons for none.
 
 k is the tangent stiffness at half of the force range, in loading (`local_stiffness`). k depends
-neither on the zero of position and force nor on the length of the record. The secant stiffness F /
-x depends on both. The secant stiffness is reported in addition to k, with the change that a datum
-error of 0.1 mm would cause.
+neither on the zero of position and force nor on the length of the record. The secant stiffness (the
+force divided by the depth) depends on the zero and on the length of the record. It is reported in
+addition to k. The result also states how much the secant stiffness would change if the zero of the
+position had an error of 0.1 mm.
 
 The interval accounts for the autocorrelation of the residual, for the spread between models, and
 for the change of k with the smoothing bandwidth. If the data are not sufficient for k, both k and b
@@ -79,7 +80,10 @@ class Result:
 
     @property
     def b_change_per_ms(self) -> float | None:
-        """Change of b for 1 ms of lag of the force that is not compensated [N s/m]."""
+        """Decrease of b that each millisecond of a lag of the force causes [N s/m].
+
+        This applies to a lag that is not compensated. The value is None if k is not identifiable.
+        """
         return None if self.k is None else 1e-3 * self.k
 
     def interval(self, symbol: str) -> tuple[float, float]:
@@ -176,7 +180,13 @@ def publishable(
 
 
 def without_result(against: Sequence[Reason]) -> Result:
-    """Return the result of a record without k and b, with the reasons for this."""
+    """Return a result without k and b, for a record from which they cannot be determined.
+
+    Parameters
+    ----------
+    against
+        Reasons why k and b are not reported.
+    """
     reasons, hints = texts_and_hints(against)
     return Result(reasons=reasons, hints=hints)
 

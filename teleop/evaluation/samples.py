@@ -146,7 +146,7 @@ class RecordedSamples(Samples):
 
 
 def measured(block: Mapping[str, Floats], further: Sequence[str] = ()) -> Floats:
-    """Return the samples of the estimators in a block of ticks, shape (channels, n).
+    """Return the samples that the estimators received in a block of ticks.
 
     Parameters
     ----------
@@ -154,6 +154,10 @@ def measured(block: Mapping[str, Floats], further: Sequence[str] = ()) -> Floats
         Columns of the ticks. Ticks at which the estimators were not updated are omitted.
     further
         Names of columns that are returned besides `MEASURED`.
+
+    Returns
+    -------
+    Array of shape (channels, n). Its rows are the columns `MEASURED` and `further`.
 
     Raises
     ------
@@ -182,10 +186,10 @@ def with_gaps(
     starts: Sequence[int] = (),
     before: Floats = NOTHING,
 ) -> tuple[int, ...]:
-    """Return the index of the first sample after each gap, and change its `dt`.
+    """Return the index of the first sample after each gap, and correct `dt` at this sample.
 
-    The recorded `paired_dt` is the time since a sample that is missing. It is replaced by the time
-    since the last sample before the gap.
+    There, the recorded `dt` is the time since a sample that these arrays do not contain. It is
+    replaced by the time since the last sample before the gap. The array `dt` is changed in place.
 
     Parameters
     ----------
@@ -198,7 +202,8 @@ def with_gaps(
     starts
         Further indices of samples that follow a gap.
     before
-        Time of the sample before these samples [s], shape (1,); shape (0,) if there is none.
+        Time of the sample before the first of the n samples [s], shape (1,). If there is no such
+        sample, the array is empty.
     """
     found = {int(i) for i in np.searchsorted(t, ends) if i < len(t)} | set(starts)
     for i in found:
@@ -208,7 +213,10 @@ def with_gaps(
 
 
 def joined(blocks: Iterable[Floats], size: int) -> Iterator[Floats]:
-    """Join arrays of shape (channels, n) to arrays of `size` samples; the last may be shorter."""
+    """Join arrays of samples, and yield arrays of `size` samples, shape (channels, size).
+
+    The last array may contain fewer samples.
+    """
     parts: list[Floats] = []
     count = 0
     for block in blocks:

@@ -41,7 +41,8 @@ class PiecewiseConditioner:
     Parameters
     ----------
     conditioner
-        The filters that condition the signals. They are reset now, and at each gap.
+        The filters that condition the signals. They are reset when this object is created, and
+        after each gap.
     """
 
     def __init__(self, conditioner: Conditioner) -> None:
@@ -64,8 +65,8 @@ class PiecewiseConditioner:
 
         Returns
         -------
-        The regression of n samples, and a mask of shape (n,) that is True where the filters have
-        settled since the last gap.
+        The n conditioned samples, and a mask of shape (n,). The mask is True at samples at which
+        the filters have settled after the last gap.
         """
         conditioner = self._conditioner
         bounds = sorted({0, len(t), *gaps})

@@ -20,5 +20,5 @@ def short(remark: str) -> str:
 
 
 def remark_counts(results: Iterable[Result]) -> dict[str, int]:
-    """Return the short remarks on results, with the number of results that have each."""
+    """Return the short form of each remark, with the number of results that have this remark."""
     return dict(Counter(text for one in results for text in dict.fromkeys(map(short, one.reasons))))

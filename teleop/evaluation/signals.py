@@ -86,7 +86,10 @@ def read_signals(
 
 
 def chosen_table(path: Path, wanted: Wanted, whole: Collection[str] = ()) -> Table:
-    """Return the table that has the wanted columns, or the number that the user states.
+    """Return the table of a file that is evaluated.
+
+    If the user states the number of a table, this table is returned. Otherwise it is the table that
+    has the wanted columns. If no table has them, the table with the most samples is returned.
 
     Parameters
     ----------
@@ -100,7 +103,8 @@ def chosen_table(path: Path, wanted: Wanted, whole: Collection[str] = ()) -> Tab
     Raises
     ------
     InputError
-        The file cannot be read, or more than one table has the columns.
+        The file cannot be read, there is no table with the stated number, or more than one table
+        has the wanted columns.
     """
     tables = read_tables(path, picker(wanted, whole), wanted)
     if wanted.block is not None:
@@ -184,7 +188,9 @@ def signals_of(table: Table, wanted: Wanted) -> Signals:
 
 
 def rising(table: Table, t: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Return a mask, shape (n,): True if the time of a sample is later than the previous time.
+    """Return a mask of shape (n,) of the samples to keep.
+
+    The mask is False at a sample with the same time as the previous sample.
 
     Raises
     ------

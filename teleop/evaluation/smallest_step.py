@@ -29,9 +29,10 @@ def repeated_rounding(count: float, noise: float) -> float:
     """Return the standard deviation of the repeatable part of the rounding error of a signal.
 
     Rounding to counts causes an error with standard deviation count / sqrt(12). Without noise, the
-    error is the same whenever the signal has the same value. Noise that is added before the
-    rounding varies the error, and reduces the mean error at a value. The factor of this reduction
-    is the characteristic function of the noise at 2 pi / count (Widrow).
+    error is the same whenever the signal has the same value: the error is repeatable. If noise is
+    added to the signal before the rounding, the error varies randomly, and its mean at a given
+    value is smaller. This mean is the repeatable part. The noise reduces it by a factor that is the
+    characteristic function of the noise at 2 pi / count (Widrow).
 
     Parameters
     ----------

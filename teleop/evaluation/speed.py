@@ -1,4 +1,4 @@
-"""Typical speed of a motion, whatever the duration of the rests in the record."""
+"""Typical speed of a motion, which does not depend on the duration of rests in the record."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ from estimation.compiled import Floats
 
 
 def typical_speed(v: Floats) -> float:
-    """Return the speed above which half of the distance is travelled.
+    """Return the typical speed of a motion, in the unit of `v`.
 
-    This speed is used instead of a percentile over time: in a record that is mostly at rest, such a
-    percentile is the speed of the noise.
+    Half of the distance is travelled at a higher speed than this, and half at a lower speed. The
+    median of the speed over time is not used. In a record that is mostly at rest, the median is
+    only noise.
 
     Parameters
     ----------
     v
-        Velocity at samples of equal distance in time, shape (n,).
+        Velocity at samples with a constant sample period, shape (n,).
     """
     speeds = np.sort(np.abs(v))
     distance = np.cumsum(speeds)

@@ -60,9 +60,9 @@ class Tracking(NamedTuple):
 def tracking(t: Floats, target: Floats, position: Floats, frequency: float) -> Tracking | None:
     """Return gain, phase and error of a position relative to a sinusoidal target.
 
-    As many whole periods as possible at the end of the record are evaluated. The first period of
-    the target is omitted, because the position starts to move in it. Sines and a linear trend are
-    fitted by least squares.
+    The first period of the target is omitted, because the position starts to move in this period.
+    After it, the largest possible number of whole periods before the end of the target is
+    evaluated. Sines and a linear trend are fitted by least squares.
 
     Parameters
     ----------

@@ -26,13 +26,18 @@ of the simulated rig, the slope at the surface is at least 0.13 times the mean s
 
 
 def least_stroke(x: Floats) -> float:
-    """Return the smallest stroke that counts [m], also if the record is mostly at rest."""
+    """Return the smallest stroke that counts as part of a cycle [m].
+
+    The value is also suitable for a record that is mostly at rest.
+    """
     low, high = np.percentile(x, [1.0, 99.0])
     return max(float(np.std(x)), STROKE * float(high - low))
 
 
 def cycle_frequency(x: Floats, period: float) -> float | None:
-    """Return the mean frequency of the cycles of a motion [Hz]; None if it has fewer than two.
+    """Return the mean frequency of the cycles of a motion [Hz].
+
+    The result is None if the motion has fewer than two inward strokes.
 
     A cycle lasts from the middle of one inward stroke to the middle of the next. Rests before,
     after and between the cycles are not counted.
@@ -61,21 +66,27 @@ def cycle_frequency(x: Floats, period: float) -> float | None:
 
 
 def middle_of_stroke(x: Floats, start: int, end: int) -> float:
-    """Return the index, with fraction, at which an inward stroke is at half of its travel."""
+    """Return the place at which an inward stroke reaches half of its travel.
+
+    It is an index in `x`, interpolated linearly between two samples.
+    """
     level = 0.5 * (x[start] + x[end])
     i = start + int(np.argmax(x[start : end + 1] >= level))
     return float(i - (x[i] - level) / (x[i] - x[i - 1]))
 
 
 def turning_points(x: Floats, least: float) -> list[int]:
-    """Return 0, the indices of the samples at which the motion reverses, and n.
+    """Return the indices of the samples at which the motion reverses.
+
+    The list also contains 0 as the first element, and n as the last element.
 
     Parameters
     ----------
     x
         Position [m], shape (n,).
     least
-        Smallest distance of a motion in the opposite direction that counts as a reversal [m].
+        The motion has reversed if it moves by more than this distance in the opposite direction
+        [m].
     """
     turns = [0]
     highest = lowest = 0
@@ -102,10 +113,11 @@ def turning_points(x: Floats, least: float) -> list[int]:
 
 
 def without_lost_motion(turns: list[int], x: Floats, f: Floats) -> list[int]:
-    """Return turning points without those between which the force does not follow the position.
+    """Remove turning points that are caused by lost motion (backlash), and return the others.
 
-    If motion is lost between the position sensor and the tip, a drive that oscillates within the
-    lost motion moves the sensor, but not the tip. Two such turning points are removed together.
+    If there is lost motion between the position sensor and the tip, a small oscillation of the
+    drive moves the sensor, but not the tip. Then the position changes between two successive
+    turning points, but the force hardly changes. These two turning points are removed.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Detect recordings of tests from which no model gives a tangent stiffness."""
+"""Detect recordings of tests that are not suited to determine a tangent stiffness."""
 
 from __future__ import annotations
 
@@ -68,7 +68,10 @@ def unsuited(record: Prepared, phases: Phases) -> Reason | None:
 
 
 def no_contact(record: Prepared) -> str:
-    """Return the text of the reason that the force does not follow the displacement."""
+    """Return the text of a reason: the force does not follow the displacement.
+
+    The text is more detailed for a motion that never reverses.
+    """
     if is_single_stroke(record.raw_x, record.x_noise):
         return (
             f"the force changes by less than {LEAST_RISE:g} standard deviations of its scatter "
@@ -85,7 +88,11 @@ def rests_at_zero(record: Prepared) -> bool:
 
 
 def negative_force(record: Prepared) -> bool:
-    """Return whether the lowest force is negative, and over three times as large as the highest."""
+    """Return whether the force is mainly negative.
+
+    This is the case if the lowest force is negative, and its magnitude is more than three times the
+    highest force.
+    """
     low, high = record.force_range
     return low < 0.0 and high < -low / 3.0
 
@@ -143,14 +150,16 @@ def puncture(record: Prepared) -> tuple[float, float, float] | None:
 
 
 def largest_fall(x: Floats, f: Floats, travel: float) -> tuple[int, int]:
-    """Return the indices between which the force falls most within a travel [m] of the position.
+    """Return the indices of the two samples between which the force falls most.
+
+    The position increases by at most `travel` between these samples.
 
     Parameters
     ----------
     x, f
         Position [m], which increases, and force [N], shape (n,).
     travel
-        Largest travel [m].
+        Largest distance between the positions of the two samples [m].
     """
     ends = np.searchsorted(np.maximum.accumulate(x), x + travel, side="right") - 1
     before = int(np.argmax(f - f[ends]))

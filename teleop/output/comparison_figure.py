@@ -109,9 +109,10 @@ def comparison_figure(
 def placed(
     rows: Sequence[Compared], groups: Sequence[Group], by: Sequence[str]
 ) -> tuple[list[Place], int | None]:
-    """Return the place of each group in the figure, and which factor has rows of panels.
+    """Return the place of each group in the figure, and the factor that is divided into rows.
 
-    The factor is an index of `by`. It is None if all groups are in the same panels.
+    If the figure has one row of panels for each level of a factor, this factor is returned as an
+    index of `by`. It is None if all groups are in the same panels.
     """
     results = [
         [r.result for r in rows if r.levels(by) == group.levels and r.result.identifiable]
@@ -144,7 +145,10 @@ def placed(
 def draw_panel(
     axes: Axes, places: Iterable[Place], names: Sequence[tuple[str, ...]], symbol: str
 ) -> None:
-    """Draw k or b (`symbol`) of each group, at the place that the group has in `names`."""
+    """Draw k or b (`symbol`) of each group.
+
+    The position of a group on the horizontal axis is the index of its name in `names`.
+    """
     intervals: list[Interval] = []
     for place in places:
         at = names.index(place.name)

@@ -46,7 +46,13 @@ DEPTHS = (
 
 
 def pooled_text(names: Sequence[str]) -> str:
-    """Return a note that explains means over recordings with different levels of these factors."""
+    """Return a note on means over recordings that differ in the levels of some factors.
+
+    Parameters
+    ----------
+    names
+        Names of these factors.
+    """
     several = ", ".join(names)
     return (
         f"Recordings that differ in {several} are pooled: the interval contains the differences "
@@ -67,7 +73,13 @@ def damping_note(kinds: Collection[str]) -> str:
 
 
 def model_notes(kinds: Collection[str]) -> list[str]:
-    """Return a note for each kind of value of an estimator that has further parameters."""
+    """Return notes that state the models of estimators with further parameters, such as k3.
+
+    Parameters
+    ----------
+    kinds
+        Kinds of the stiffness of the estimators (see `kinds_of_estimates`).
+    """
     return [
         f"{kind}: the estimator has the model {meaning}."
         for kind in kinds
@@ -110,9 +122,9 @@ def missing_text(method: str, missing: Mapping[str, str]) -> str:
 
 
 def holding_text(groups: Sequence[Group]) -> str:
-    """Return a note that states force, depth and frequency at which k and b of each group hold.
+    """Return a note that states for which force, depth and frequency k and b of each group hold.
 
-    The note is empty if they are not known for any group.
+    The note is empty if no group has known values of force, depth or frequency.
     """
     parts = [
         f"{levels_text(group)}: {where}" if group.levels else where

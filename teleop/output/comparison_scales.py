@@ -29,11 +29,12 @@ Drawn = Mapping[tuple[str, ...], Sequence[Sequence[Interval]]]
 
 
 def factor_of_rows(drawn: Drawn) -> int | None:
-    """Return the index of the factor whose levels have their own row of panels; None for none.
+    """Return the index of the factor that has one row of panels for each level, or None.
 
-    A linear axis shows values of similar size only. If one quantity differs by more than the factor
-    `WIDE` between groups, the groups are divided by the factor that leaves the most similar sizes
-    in each row.
+    A linear axis is useful only for values of similar size. Therefore the groups are divided into
+    rows if the ratio of the largest to the smallest size of a quantity is above `WIDE`. The chosen
+    factor makes the largest ratio within a row as small as possible. The result is None if no
+    division is needed, or if no factor is suitable.
 
     Parameters
     ----------
@@ -54,13 +55,19 @@ def factor_of_rows(drawn: Drawn) -> int | None:
 
 
 def widest(groups: Sequence[Sequence[Sequence[Interval]]]) -> float:
-    """Return the largest ratio of sizes of one quantity in these groups."""
+    """Return the ratio of the largest to the smallest size of a quantity in these groups.
+
+    If there are several quantities, it is the largest of their ratios.
+    """
     quantities = zip(*groups, strict=True)
     return max((size_ratio([i for part in one for i in part]) for one in quantities), default=1.0)
 
 
 def sizes(intervals: Sequence[Interval]) -> list[float]:
-    """Return the largest magnitude in each interval, without zeros."""
+    """Return the size of each interval, without the sizes that are zero.
+
+    The size is the largest absolute value in the interval.
+    """
     return [size for low, high in intervals if (size := max(abs(low), abs(high))) > 0.0]
 
 
@@ -73,9 +80,12 @@ def size_ratio(intervals: Sequence[Interval]) -> float:
 def set_scale(axes: Axes, intervals: Sequence[Interval]) -> None:
     """Set the scale of the vertical axis.
 
-    The axis is linear if the sizes of the intervals are similar. Otherwise it is logarithmic if
-    all values are positive. If not, it is linear up to the power of ten nearest to the smallest
-    size, and logarithmic beyond. Without values, the axis has no ticks.
+    - If the sizes of the intervals are similar, the axis is linear.
+    - If the sizes differ and all values are positive, the axis is logarithmic.
+    - If the sizes differ and some values are not positive, the axis is linear near zero and
+      logarithmic for larger magnitudes. The limit is the power of ten that is nearest to the
+      smallest size.
+    - If there are no intervals, the axis has no ticks.
 
     Parameters
     ----------

@@ -84,7 +84,10 @@ def published_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
 
 
 def marked(notes: list[tuple[str, str]], text: str) -> str:
-    """Return the mark of the note `text`, which is added to the notes if it is not there."""
+    """Return the mark of the note with this text, such as (a).
+
+    If the notes do not contain the text, it is added to them with a new mark.
+    """
     known = {note: mark for mark, note in notes}
     if text not in known:
         known[text] = f"({letters(sum(bool(mark) for mark, _ in notes))})"
@@ -194,7 +197,10 @@ def kind_of_b(row: Compared) -> str | None:
 
 
 def damping_text(row: Compared, kinds: Sequence[str]) -> str:
-    """Return b with its interval, and with a mark if it is not of the first of several kinds."""
+    """Return b with its interval as text.
+
+    The text has a mark if the kind of b is not the first one in `kinds`.
+    """
     text = result_text(row, "b")
     return f"{OTHER_KIND} {text}" if kind_of_b(row) in kinds[1:] else text
 
@@ -206,11 +212,14 @@ def shared(texts: Iterable[Iterable[str]]) -> list[tuple[str, int]]:
 
 
 def common_part(files: Sequence[str]) -> tuple[str, list[str]]:
-    """Return a pattern of the names of files, and the part that differs.
+    """Divide the names of files into a common pattern and the parts that are different.
 
-    If all files are recordings of one folder, the pattern is the folder with `*.mcap`, and the
-    parts are the names without ending. If they are other files of one folder, the pattern is the
-    folder. Otherwise it is empty.
+    Returns
+    -------
+    The pattern, and the different part of each name. If all files are recordings in one folder, the
+    pattern is the folder with `*.mcap`, and the parts are the names of the files without the
+    ending. If they are other files in one folder, the pattern is the folder, and the parts are the
+    names of the files. Otherwise the pattern is empty, and the parts are the unchanged names.
     """
     paths = [Path(file) for file in files]
     if len({path.parent for path in paths}) > 1 or str(paths[0].parent) == ".":
@@ -238,7 +247,10 @@ def result_text(row: Compared, symbol: str) -> str:
 
 
 def tangent_texts(result: Result) -> list[str]:
-    """Return force [N] and depth [mm] of the tangent as text; dashes for no result."""
+    """Return the force [N] and the depth [mm] at which k holds, as two texts.
+
+    Both texts are dashes if the result has no k.
+    """
     if result.force is None or result.depth is None:
         return ["-", "-"]
     return [small(result.force), small(result.depth * 1e3)]

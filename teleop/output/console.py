@@ -134,7 +134,8 @@ def print_table(
 class TrimmedTable(Table):
     """A table without spaces at the ends of its lines.
 
-    In a terminal that is as wide as the text, a space more would begin another line.
+    If a line fills the whole width of the terminal, an additional space at its end would cause an
+    empty line.
     """
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
@@ -242,8 +243,8 @@ def parts(columns: Sequence[int], left: int, width: int) -> list[list[int]]:
 
     Returns
     -------
-    Indices of the columns of each table. Each table has at least one column in addition to the
-    `left` columns, if there is one.
+    Indices of the columns of each table. If there are other columns than the `left` columns, each
+    table has at least one of them.
     """
     first = list(range(left))
     found = [first[:]]

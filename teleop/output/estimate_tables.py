@@ -166,7 +166,10 @@ def percent(share: float) -> str:
 
 
 def left_out_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return a line with the part of the record that results and tables leave out, if any."""
+    """Return lines that state which part of the record was not used for results and tables.
+
+    There are no lines if the whole record was used.
+    """
     left_out = summary["left_out"]
     return [f"results and tables leave out {left_out}"] if left_out else []
 
@@ -248,7 +251,11 @@ def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
 
 
 def print_model(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print which estimators use a model other than the chosen one or need a contact point."""
+    """Print remarks on the models of the estimators.
+
+    They state which estimators do not use the chosen model. If the datum is the mean of the motion,
+    they also state which estimators need a position that is measured from the contact point.
+    """
     from_contact = summary["from_contact"]
     if summary["own_model"]:
         console.print(f"  model {summary['model']}, but for {', '.join(summary['own_model'])}")

@@ -48,7 +48,10 @@ def save(figure: Figure, path: Path, overwrite: bool = False) -> None:
 
 
 def is_small(figure: Figure) -> bool:
-    """Return whether a figure is for print and therefore needs more pixels per inch."""
+    """Return whether a figure is smaller than a figure for the screen.
+
+    Such a figure is meant for print, and needs more pixels per inch.
+    """
     return bool(figure.get_figwidth() < WIDTHS["screen"])
 
 

@@ -108,7 +108,10 @@ def best_fit(evaluation: Evaluation) -> BatchFit | None:
 
 
 def drawn_name(evaluation: Evaluation, fit: BatchFit) -> str:
-    """Return the name of the model that is drawn, and why it is not the first of the table."""
+    """Return the name of the drawn model.
+
+    If it is not the first model of the table, the text also states why the first is not drawn.
+    """
     if fit is evaluation.models[0]:
         return fit.name
     name = f"{fit.name} ({evaluation.models[0].name}: not all parameters identifiable)"

@@ -38,8 +38,8 @@ LIGATURE = re.compile("(?<=-)(?=-)|(?<=')(?=')")
 def latex(text: str) -> str:
     r"""Return a text in LaTeX.
 
-    A cell of a table must not begin with "[" or "*", which belong to the command \\ before it.
-    Therefore an empty group is added before these characters.
+    If a cell of a table begins with "[" or "*", LaTeX treats the character as an option of the
+    command \\ at the end of the previous row. Therefore an empty group {} is added before it.
     """
     parts = TERM.split(MINUS.sub("\u2212", text))
     found = "".join(TERMS[part] if i % 2 else escaped(part) for i, part in enumerate(parts))
@@ -47,6 +47,9 @@ def latex(text: str) -> str:
 
 
 def escaped(text: str) -> str:
-    """Return a text with replacements for `CHARACTERS`, and without ligatures."""
+    """Return a text in which the characters in `CHARACTERS` are replaced.
+
+    Empty groups {} prevent that LaTeX prints two characters, such as --, as one character.
+    """
     pieces = LIGATURE.split(text)
     return "{}".join("".join(CHARACTERS.get(one, one) for one in piece) for piece in pieces)

@@ -94,7 +94,7 @@ def report_page(
 
 
 def of_recording(recording: Recording | None, motion: Mapping[str, str]) -> dict[str, Any]:
-    """Return the template variables of the page that describe a recorded trial.
+    """Return those variables of the page template that describe a recorded trial.
 
     `motion` contains depth, and target or excitation signal, see `report_page`.
     """
@@ -143,7 +143,10 @@ def event_rows(events: Iterable[Mapping[str, Any]]) -> list[list[str]]:
 
 
 def facts(recording: Recording, motion: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-    """Yield name and value of date, rig, each setting in `STATED`, the motion, and the software."""
+    """Yield the name and the value of each fact that the page states about a trial.
+
+    The facts are date, rig, the settings in `STATED`, the motion, and the software and computer.
+    """
     session = recording.session
     yield "date", session.get("created", "not known")
     yield "rig", session.get("rig", "not known")
@@ -164,7 +167,7 @@ def of_evaluation(
     summary: Mapping[str, Any] | None,
     truth: Truth | None,
 ) -> dict[str, Any]:
-    """Return the template variables of the page that describe an evaluation."""
+    """Return those variables of the page template that describe an evaluation."""
     if evaluation is None or summary is None:
         return {"summary": None, "gaps": ()}
     e = evaluation
@@ -195,7 +198,11 @@ def of_evaluation(
 
 
 def ambiguity_drawing(evaluation: Evaluation) -> Markup:
-    """Return a figure of the tied candidates over time (see `MARGIN`) as an SVG element."""
+    """Return a figure of the tied candidates of the multi-estimator as an SVG element.
+
+    Candidates are tied if they fit the data about equally well (see `MARGIN`). The figure shows
+    them over time.
+    """
     e = evaluation
     t, regression, *_ = e.sampled
     every = max(1, len(t) // LOOKS)

@@ -166,7 +166,16 @@ def with_half(value: float, half: float) -> str:
 
 
 def significant(value: float, width: float) -> str:
-    """Return a value as text, rounded to two significant digits of its uncertainty `width`."""
+    """Return a value as text, rounded according to its uncertainty.
+
+    Parameters
+    ----------
+    value
+        The value.
+    width
+        Uncertainty of the value. The last digit of the rounded value is the second significant
+        digit of this uncertainty.
+    """
     decimals = 3
     if width > 0.0:
         decimals = min(1 - math.floor(math.log10(width)), MOST_DECIMALS)
@@ -174,7 +183,11 @@ def significant(value: float, width: float) -> str:
 
 
 def print_together(together: Mapping[str, Any]) -> None:
-    """Print Kelvin-Voigt fits to each file and to all files, and whether one fit describes all."""
+    """Print Kelvin-Voigt fits to each single file, and one fit to all files together.
+
+    The complex moduli, the ratios of the values, and a statement whether a single body explains all
+    files follow.
+    """
     console = plain_console()
     names = [Path(row["file"]).name for row in together["alone"]]
     if len(set(names)) < len(names):

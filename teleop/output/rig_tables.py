@@ -73,7 +73,10 @@ def channel_tables(title: str, channels: Sequence[Row]) -> list[TrimmedTable | s
 
 @contextlib.contextmanager
 def live_channels(stream: TextIO) -> Iterator[Callable[[Sequence[Row]], None]]:
-    """Show a table of the channels within the block, if the stream is a terminal.
+    """Context manager that shows a table of the channels in a terminal.
+
+    The table is shown during the block of the `with` statement. If the stream is not a terminal,
+    nothing is shown.
 
     Yields
     ------

@@ -72,7 +72,8 @@ def levels_of(values: Sequence[float | str]) -> Levels:
 def main_effects_figure(rows: SweepRows) -> Figure:
     """Return a figure of the mean result at each level of a factor, with a panel for each factor.
 
-    Error bars are 95 % intervals of the mean over all other factors and seeds.
+    The mean is computed over all levels of the other factors and all seeds. Error bars are 95 %
+    intervals of this mean.
 
     Parameters
     ----------

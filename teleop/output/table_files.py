@@ -111,7 +111,7 @@ def shortened(rows: Sequence[Sequence[str]], left: int) -> list[list[str]]:
     """Return rows of a table in which repeated cells at the left are empty.
 
     A cell becomes empty if this cell and all cells to its left are the same as in the row above.
-    The last of the `left` columns, and the columns after it, are not changed.
+    Only the first `left` - 1 columns are changed.
     """
     found = []
     for i, row in enumerate(rows):

@@ -104,15 +104,16 @@ def timing_figure(recording: Recording) -> Figure:
 
 
 def ambiguity_figure(t: Floats, tied: Ambiguity, winner: Estimates) -> Figure:
-    """Return a figure of the candidates that fit the data about as well as the best candidate.
+    """Return a figure of k and b of the best candidate and of the tied candidates over time.
+
+    Candidates are tied if they fit the data about as well as the best candidate.
 
     Parameters
     ----------
     t
         Times at which the candidates are compared [s], shape (n,).
     tied
-        Ranges of k and b at each time. They contain all tied candidates, which fit the data about
-        as well as the best candidate.
+        Ranges of k and b at each time. They contain the values of all tied candidates.
     winner
         The best candidate at each time, which is the estimate of the multi-estimator.
     """

@@ -1,4 +1,4 @@
-"""Limit the number of bytes and the memory when a file is read that may be damaged."""
+"""Read a file that may be damaged, with limits for the bytes per read and for the memory."""
 
 from __future__ import annotations
 
@@ -35,9 +35,10 @@ def check_memory(path: Path | str, size: int) -> None:
 
 
 class BoundedFile:
-    """A file that is read only up to its end, and at most `LARGEST_RECORD` bytes at a time.
+    """A file from which one read returns at most `LARGEST_RECORD` bytes.
 
-    A reader may request more bytes than that, because a damaged record can state a wrong length.
+    A damaged record can state a wrong length, so that a reader requests too many bytes. Bytes that
+    are added to the file later are not read.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Decompress the chunks of MCAP files.
 
-At most one byte more than the size that a chunk declares is decompressed, so that no chunk can fill
-the memory.
+Each chunk declares the size of its decompressed data. The decompression stops one byte after this
+size. A damaged chunk can therefore not fill the memory.
 """
 
 from __future__ import annotations

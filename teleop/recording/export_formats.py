@@ -202,7 +202,7 @@ def export_recording(file: Path, path: Path, overwrite: bool = False) -> Recordi
 
 
 def blocks(recording: RecordingStream) -> Iterator[dict[str, Floats]]:
-    """Read a recording again, and yield its columns in blocks of ticks."""
+    """Open the file of a recording again, and yield its columns in blocks of ticks."""
     return RecordingStream(recording.path).blocks()
 
 

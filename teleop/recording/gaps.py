@@ -1,4 +1,4 @@
-"""Find the gaps in a recording, in which ticks are missing that the recorder did not receive."""
+"""Find the gaps in a recording. In a gap, ticks are missing that the recorder did not receive."""
 
 from __future__ import annotations
 

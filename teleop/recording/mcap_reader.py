@@ -106,15 +106,18 @@ def read_intact(path: Path) -> Contents:
 
 
 def read_ticks(path: Path, contents: Contents) -> Iterator[NDArray[np.uint8]]:
-    """Yield the messages of ticks in the intact part of a recording, and read its other content.
+    """Yield the messages of the ticks in the intact part of a recording.
+
+    The function also reads the other data of the recording, such as events and metadata, and
+    stores these data in `contents`.
 
     Parameters
     ----------
     path
         The recording.
     contents
-        Object to which the other content is added while the ticks are read. `contents.messages`
-        remains empty. When the first ticks are yielded, `contents` already contains the
+        Object in which the other data are stored while the ticks are read. `contents.messages`
+        remains empty. When the first ticks are yielded, `contents` already contains the message
         definition, and the metadata at the beginning of the file.
 
     Yields

@@ -45,7 +45,9 @@ EVENT_SCHEMA = {
 
 
 class Disk(io.RawIOBase):
-    """An open file that stores its first write error, which the MCAP writer does not report.
+    """An open file that stores its first write error.
+
+    The error is stored here because the MCAP writer does not report write errors.
 
     If the path is a symbolic link and `overwrite` is True, the target of the link is written. If
     the path is a symbolic link and `overwrite` is False, an error is raised.

@@ -44,7 +44,7 @@ class Layout:
         Columns of channel and force feedback; empty if there is neither a channel nor force
         feedback.
     pointer
-        The operator, if it is the pointer of the live page; otherwise None.
+        The simulated operator that follows the pointer of the live page; None for no pointer.
 
     Attributes
     ----------
@@ -53,8 +53,8 @@ class Layout:
     columns
         Name, unit and meaning of each double in the message.
     first_of_estimates
-        Index of the first column that depends on the estimators. These columns are the regressors
-        besides v and x, the estimates, and the misfits, in this order.
+        Index of the first column of the estimators. The columns of the estimators are the
+        regressors other than v and x, the estimates, and the misfits, in this order.
     size
         Size of the message [bytes].
     """

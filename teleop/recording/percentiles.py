@@ -57,7 +57,11 @@ class Percentiles:
         return float(high - step * (1.0 - share) if share >= 0.5 else low + step * share)
 
     def _merge(self) -> None:
-        """Count equal values together, and round them if there are too many different values."""
+        """Replace equal values by one value and its count.
+
+        If there are still too many different values, they are rounded, and equal values are counted
+        again.
+        """
         if not self._waiting:
             return
         values = np.concatenate([self._values, *self._new])

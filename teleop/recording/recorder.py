@@ -53,8 +53,9 @@ class RecorderProcess(Sink):
     show
         Whether to show the progress line.
     wait
-        Whether the loop waits while the pipe is full. True for trials in virtual time. In real
-        time, ticks wait in the memory, and are dropped if too many wait.
+        Whether the loop waits while the pipe is full. It is True for trials in virtual time. If it
+        is False, ticks are kept in memory while the pipe is full. If too many ticks are kept, new
+        ticks are dropped.
     overwrite
         Whether to overwrite an existing file.
     hint
@@ -178,7 +179,10 @@ class RecorderProcess(Sink):
             self._failure = "the recorder was killed"
 
     def event(self, event: Event) -> None:
-        """Store an event, which is sent before the next tick, as soon as the pipe is not full."""
+        """Store an event in the queue of waiting messages.
+
+        The event is sent before the next tick. If the pipe is full, it is sent later.
+        """
         data = json.dumps(event_record(event)).encode()
         self._waiting.append(FRAME.pack(EVENT, len(data)) + data)
 
@@ -238,7 +242,7 @@ class RecorderProcess(Sink):
 
     @contextlib.contextmanager
     def _timeout(self) -> Iterator[None]:
-        """Kill the recorder if the `with` block lasts longer than `TIMEOUT`."""
+        """Return a context manager that kills the recorder if its block exceeds `TIMEOUT`."""
         watchdog = threading.Timer(TIMEOUT, self.process.kill)
         watchdog.start()
         try:

@@ -70,9 +70,10 @@ class RecordingFile:
         return load_intact(self.path)
 
     def evenly_spaced(self) -> Recording:
-        """Return evenly spaced ticks at which the estimators were updated, and always the last one.
+        """Return some of the ticks at which the estimators were updated.
 
-        The result has about `IN_MEMORY` values or fewer.
+        These ticks are evenly spaced. The last tick with an update is always included. The result
+        has at most about `IN_MEMORY` values (ticks times columns).
         """
         every = max(1, math.ceil(self._ticks * len(self.units) / IN_MEMORY))
         parts: list[Recording] = []

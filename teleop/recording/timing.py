@@ -19,7 +19,10 @@ PARTS = ("read_time", "compute_time", "write_time", "busy_time")
 
 
 class RunningTiming:
-    """Statistics of rate, lateness, overruns and durations of the ticks, which arrive in blocks."""
+    """Statistics of the timing of the loop, computed from ticks that are added in blocks.
+
+    These are statistics of the rate, the lateness, the overruns, and the durations of the ticks.
+    """
 
     def __init__(self) -> None:
         self._ticks = self._overruns = self._skipped = 0

@@ -170,7 +170,10 @@ class DriveCheck(Condition):
             )
 
     def _check_length(self, length: float) -> None:
-        """Add a problem, which ends the check, if the limits shortened a stroke too much."""
+        """Check that the limits did not shorten the latest stroke too much.
+
+        If a stroke was too short, a problem is added. The check of the drives then ends.
+        """
         for name, strokes in self.strokes.items():
             if strokes[-1].commanded < ENOUGH * length:
                 self.problems.setdefault(

@@ -122,8 +122,9 @@ class SpringRecord:
         lag
             Time constant of the first-order lag of the force channel [s].
         lost_motion
-            Lost motion [m]. A negative value means that the tip is ahead of the encoder position.
-            Negative values are permitted so that a numerical search can pass through zero.
+            Lost motion [m]. If it is negative, the computed position of the tip is ahead of the
+            encoder position. Negative values are permitted so that a numerical search can pass
+            through zero.
         """
         tip = play(self.position, abs(lost_motion))
         if lost_motion < 0.0:
@@ -137,8 +138,9 @@ class SpringRecord:
     def slope(self, lag: float, lost_motion: float, lag_step: float, lost_step: float) -> Floats:
         """Return the derivative of the residual with respect to lag [N/s] or lost motion [N/m].
 
-        One of the two steps is 0. The derivative is with respect to the other parameter, and has
-        the shape (m,) of `SpringFit.residual`.
+        The derivative is a finite difference. One of `lag_step` and `lost_step` must be 0. The
+        other one is the step of the finite difference. The derivative has the same shape (m,) as
+        `SpringFit.residual`.
         """
         ahead = self.fit(lag + lag_step, lost_motion + lost_step).residual
         return (ahead - self.fit(lag, lost_motion).residual) / (lag_step + lost_step)
@@ -191,8 +193,8 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
     Raises
     ------
     InputError
-        All positions or all forces are zero, the estimated stiffness is not positive, or the
-        estimated lag without lost motion is close to zero or to `LONGEST`.
+        All positions or all forces are zero, the estimated stiffness is not positive, or the lag
+        is close to zero or to `LONGEST` if it is estimated for zero lost motion.
     """
     from scipy.optimize import least_squares, minimize_scalar
 
@@ -250,7 +252,7 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
 
 
 def not_separated(record: SpringRecord, alone: float, equal: float) -> ForceLag:
-    """Return the result if lag and lost motion cannot be separated.
+    """Return the result for a record in which lag and lost motion cannot be separated.
 
     The upper bound of the lag is computed for zero lost motion. The upper bound of the lost motion
     is computed for zero lag.

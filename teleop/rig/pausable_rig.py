@@ -36,7 +36,10 @@ class PausableRig(Rig):
         """Do nothing: the caller that opened the rig closes it."""
 
     def read(self) -> Measurement:
-        """Return the measurement of the rig. While paused, it contains no errors of the drives."""
+        """Return the measurement of the rig.
+
+        While the commands are paused, errors of the drives are removed from the measurement.
+        """
         measurement = self._rig.read()
         if not self.paused:
             return measurement

@@ -189,9 +189,9 @@ def contact_position(recording: Recording) -> float:
 
 
 def squared_residuals(x: Floats, f: Floats, start: float) -> float:
-    """Fit the stiffness of a spring that begins at `start`; return the sum of squares [N^2].
+    """Fit the stiffness of a spring that begins at `start`.
 
-    The sum of squares is that of the residuals of the force.
+    The function returns the sum of the squared residuals of the force [N^2].
 
     Parameters
     ----------

@@ -10,7 +10,9 @@ LARGEST = 4096
 
 
 class TypedLines:
-    """Reads complete lines from standard input, but none while the process is in the background.
+    """Reads the complete lines that a person types.
+
+    While the process is in the background, no lines are read.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ A sample that is read twice is not a sign of a frozen sensor.
 
 
 class ChannelState(NamedTuple):
-    """State of the check of one channel, which is passed from one tick to the next."""
+    """Data of the check of one channel that are needed at the next tick."""
 
     value: float = math.nan
     """Latest value, in the channel's SI unit; NaN before the first sample."""
@@ -66,8 +66,8 @@ def check_channels(
     measurement
         Measurement of this tick.
     travels
-        Magnitude of the commanded change of each value since the previous tick, in the channel's
-        SI unit.
+        Change that the commands since the previous tick cause in the value of each channel. It is
+        an absolute value in the channel's SI unit.
     limits
         Limits of each channel, by its name.
 
@@ -116,7 +116,8 @@ def invalid_sample(
 ) -> DetectedFault | None:
     """Return the fault of a sample that is out of range or too old.
 
-    The result is None if the value is NaN because the rig does not have the channel.
+    A value of NaN is not a fault if the channel is not required and has never had a valid value.
+    The result is then None.
 
     Parameters
     ----------

@@ -25,7 +25,9 @@ def check_motion(
     drift: float,
     limits: Limits,
 ) -> list[DetectedFault]:
-    """Return the faults of rig, loop and hard limits, which stop a moving slave without a ramp.
+    """Return the faults of the rig, of the timing of the loop, and of the hard limits.
+
+    Each of these faults stops the drives without a ramp, even if the slave moves.
 
     Parameters
     ----------
@@ -49,7 +51,7 @@ def check_motion(
 
 
 def check_rig(measurement: Measurement) -> list[DetectedFault]:
-    """Return a fault for an emergency stop, and for a drive error that the rig reports."""
+    """Return the faults that the rig reports: an emergency stop and an error of a drive."""
     faults, now = [], measurement.time
     if measurement.emergency_stop:
         faults.append(DetectedFault(Fault.EMERGENCY_STOP, "input", math.nan, math.nan, now))
@@ -165,10 +167,10 @@ def update_following_error(
 ) -> float:
     """Return the following error of the slave after this tick [m].
 
-    The following error is the commanded travel minus the measured travel. The compliance of the
-    drive and an allowed gain error (`GAIN_ERROR`) can also cause a difference between these
-    travels, which is subtracted. If `check_loop` detects a fault in the time step of a tick, the
-    following error stays the same at this tick, because the command during this time is not known.
+    The following error is the commanded travel minus the measured travel. From this difference,
+    the function subtracts the part that the compliance of the drive and an allowed gain error
+    (`GAIN_ERROR`) can cause. If `dt` is negative or larger than `max_gap`, it is not known how far
+    the slave was commanded to move. The following error then keeps its value of the previous tick.
 
     Parameters
     ----------
@@ -205,9 +207,9 @@ def update_skipped_fraction(state: Supervision, request: Request, dt: float) -> 
 def update_clock_drift(state: Supervision, request: Request, dt: float, limits: Limits) -> float:
     """Return the time [s] by which the rig's clock fell behind the loop's clock.
 
-    Only about the last `AVERAGING_TIME` seconds have an effect. The result is at least -`max_gap`,
-    even if the rig's clock jumps forward. If the clock stops after such a jump, the fault is
-    therefore still detected.
+    The result depends only on about the last `AVERAGING_TIME` seconds. If the rig's clock jumps
+    forward, the result is negative, but not smaller than -`max_gap`. Because of this bound,
+    `check_loop` also detects a clock that stops after a forward jump.
     """
     if state.mode is DISCONNECTED:
         return 0.0

@@ -72,11 +72,13 @@ def limit_command(
 ) -> tuple[Command, int]:
     """Apply the soft limits to the desired command.
 
-    If `stiffness` is None, the velocities of master and slave are reduced by the same factor, so
-    that the operator feels the limit of the slave. d is the distance to a soft position limit, and
-    a the largest acceleration. Towards the limit, the speed is at most sqrt(a d). A deceleration of
-    a / 2 can then stop the slave at the limit. If the contact force exceeds the soft force limit,
-    the slave does not move against this force.
+    If `stiffness` is None, the velocities of master and slave are reduced by the same factor. The
+    operator then feels the limits of the slave. If `stiffness` is given, see `limit_separately`.
+
+    When the slave moves towards a soft position limit, its speed is at most sqrt(a d). d is the
+    distance to the limit, and a is the largest acceleration. A deceleration of a / 2 can then stop
+    the slave at the limit. If the contact force exceeds the soft force limit, the slave does not
+    press further.
 
     Parameters
     ----------
@@ -139,12 +141,15 @@ def limit_together(
 def limit_separately(
     desired: Command, measurement: Measurement, ramp: float, stiffness: float, limits: Limits
 ) -> tuple[Command, int]:
-    """Limit the velocity of the master by its own limit, and that of the slave by all others.
+    """Limit the velocities of master and slave independently of each other.
 
-    The hand therefore feels the limits of the slave only through the channel, with its delay. f is
-    the contact force. The speed of the slave into the contact is at most
-    (soft_force - |f|) / (stiffness times `APPROACH_TIME`), so that the expected force does not
-    exceed the soft limit within `APPROACH_TIME`.
+    The velocity limit of the master applies only to the master. All other limits apply only to the
+    slave. The hand feels the limits of the slave only through the communication channel, with its
+    delay.
+
+    When the slave moves into the contact, its speed is at most
+    (soft_force - |f|) / (stiffness times `APPROACH_TIME`), where f is the contact force. The
+    expected force then does not exceed the soft limit within `APPROACH_TIME`.
     """
     master, slave = desired
     flags, speed = 0, abs(slave)

@@ -42,7 +42,9 @@ class TightenedLimits:
         return {name: value for name, value in values.items() if value is not None}
 
     def applied(self, limits: Limits) -> Limits:
-        """Return the limits of the rig, with the limits of this object that are not None.
+        """Return the limits for the trial.
+
+        A limit of this object that is not None replaces the same limit of the rig.
 
         Raises
         ------

@@ -1,7 +1,7 @@
 """The part of a trial over which the estimates are averaged.
 
-The count-in of `mimic` and the ramp at the end of `autonomous` do not belong to this part. In both,
-the motion has no excitation.
+The count-in of `mimic` and the ramp at the end of `autonomous` do not belong to this part. In the
+count-in, the target does not move. In the ramp, the excitation decreases to zero.
 """
 
 from __future__ import annotations

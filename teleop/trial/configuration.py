@@ -70,9 +70,9 @@ def read_configuration(path: Path, complete: bool = False) -> TrialSettings:
 def as_recorded_now(document: Mapping[str, Any]) -> dict[str, Any]:
     """Convert recorded settings of any version of teleop to settings of the present version.
 
-    Values that were computed from the settings are removed. Before version 0.2, the setting
-    `signal` had no effect in the condition `mimic`, and `cube` had none on a hardware rig. Such a
-    setting is removed too.
+    Values that were computed from the settings are removed. Two settings are removed if they had
+    no effect in the recorded trial: `cube` on a hardware rig, and `signal` in the condition
+    `mimic` before version 0.2.
 
     Parameters
     ----------

@@ -59,7 +59,10 @@ def check_feedback(settings: TrialSettings) -> str:
 
 
 def unknown_values(settings: TrialSettings) -> list[str]:
-    """Return the missing settings of a hardware rig that the check of position-force needs."""
+    """Return the settings that are missing for the check of the law position-force.
+
+    Only a trial on a hardware rig can have missing settings.
+    """
     if settings.rig is None:
         return []
     unknown = []
@@ -76,7 +79,10 @@ def lag(settings: TrialSettings) -> float:
 
 
 def sensor_lag(settings: TrialSettings) -> float:
-    """Return the lag of the contact force [s]; on a hardware rig, from settings and rig file."""
+    """Return the lag of the force channel that measures the contact force [s].
+
+    On a hardware rig, it is the sum of the lags in the settings and in the rig file.
+    """
     if settings.rig is None:
         return settings.plant_parameters.contact_force_lag
     return settings.force_lag + settings.rig.sections.channels.contact_force.lag_ms * 1e-3
@@ -90,10 +96,11 @@ def arm_lag(settings: TrialSettings) -> float:
 
 
 def arm_damping(settings: TrialSettings, frequency: Floats) -> Floats:
-    """Return the damping with which the arm of the simulated operator acts on the virtual mass.
+    """Return the effective damping of the simulated operator's arm [N s/m], shape (n,).
 
-    It is the real part of the impedance (b + k / (j w)) exp(-j w tau) of an arm with the damping b,
-    the stiffness k and the lag tau [N s/m], at frequencies w / (2 pi) [Hz], shape (n,).
+    The arm has the damping b and the stiffness k, and acts on the virtual mass with the lag tau.
+    Its impedance is (b + k / (j w)) exp(-j w tau). The effective damping is the real part of this
+    impedance. `frequency` contains the frequencies w / (2 pi) [Hz], shape (n,).
     """
     arm, delay = settings.operator_model.arm, arm_lag(settings)
     phase = 2.0 * np.pi * frequency * delay
@@ -110,10 +117,10 @@ def round_trip(settings: TrialSettings) -> float:
 def delayed_loop(settings: TrialSettings) -> DelayedLoop:
     """Return the loop of hand, virtual mass and delayed environment, to check its stability.
 
-    On the simulated rig, the stiffness of the environment is the slope of the contact force at the
-    deepest position of the palpation. On a hardware rig, the impedance of the person's arm is not
-    known. The returned loop then has no arm, and condition (2) of
-    `teleop.control.feedback.stability` ensures stability for any passive hand.
+    The stiffness of the environment is the result of `expected_stiffness` times the motion scale.
+    On a hardware rig, the impedance of the person's arm is not known. The returned loop then has no
+    arm, and condition (2) of `teleop.control.feedback.stability` ensures stability for any passive
+    hand.
     """
     admittance, feedback = settings.admittance, settings.feedback
     arm = UNATTENDED if settings.rig else settings.operator_model.arm

@@ -25,9 +25,9 @@ BLOCK = 10_000
 class LaterEstimates(Estimation, Sink):
     """Sink that adds the estimates to the messages of ticks, and passes them to other sinks.
 
-    The ticks wait until a block is complete, or until an event. If an estimator raises an
-    exception, the ticks are passed on without estimates from this block on, and the next tick
-    raises the exception.
+    The ticks wait until a block is complete, or until an event occurs. If an estimator raises an
+    exception, the ticks of this block and of all later blocks are passed on without estimates. The
+    method `update` raises the same exception at the next tick.
 
     Parameters
     ----------
@@ -59,7 +59,10 @@ class LaterEstimates(Estimation, Sink):
         self._first = layout.first_of_estimates
 
     def update(self, pair: Pair) -> Estimated:
-        """Return NaN for the estimates; raise the exception of an estimator, if there was one."""
+        """Return NaN for all estimates, because they are computed later.
+
+        If an estimator raised an exception in an earlier block, this method raises it again.
+        """
         if self.error:
             raise self.error
         return self.unknown
@@ -97,7 +100,10 @@ class LaterEstimates(Estimation, Sink):
             self.dropped = sum(sink.dropped for sink in self._sinks)
 
     def _completed(self, messages: list[bytes]) -> list[bytes]:
-        """Return the messages with the estimates of the ticks that have a pair."""
+        """Compute the estimates, and return the messages with these estimates.
+
+        Estimates are computed only for ticks with a pair of slave position and contact force.
+        """
         data = bytearray().join(messages)
         values, places = np.frombuffer(data, self._message)["values"], self._places
         ticks = np.flatnonzero(~np.isnan(values[:, places["paired_dt"]]))

@@ -110,5 +110,8 @@ def recorded_document(recording: Recording) -> dict[str, Any]:
 
 
 def shown_truth(true: dict[str, Any]) -> dict[str, float]:
-    """Return the true values that the page shows, from those of `teleop.trial.true_values`."""
+    """Return those true values that the live page shows.
+
+    `true` contains all true values, as `teleop.trial.true_values` computes them.
+    """
     return {"k_surface": true["k_surface"], "k": true["k_deepest"], "b": true["b"]}

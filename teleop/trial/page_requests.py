@@ -25,7 +25,10 @@ STOPPED = DetectedFault(Fault.EMERGENCY_STOP, "live page", math.nan, math.nan, m
 
 
 class NoPage:
-    """Requests if there is no live page: nobody makes a request, and the drives may be armed."""
+    """Replacement for `PageRequests` in a trial without a live page.
+
+    There are no requests, and the drives may be armed.
+    """
 
     reason = ""
     """Reason why the live page ended the trial; empty if the page did not end it."""
@@ -41,8 +44,8 @@ class NoPage:
 class PageRequests(NoPage):
     """Requests of the live page in one trial.
 
-    A request that was made before the trial has no effect on the trial. The only exception is STOP:
-    if the drives are not armed from the page, a STOP between two trials stops the next trial.
+    A request that was made before the trial has no effect on the trial, with one exception. If the
+    drives are not armed from the live page, a STOP request between two trials stops the next trial.
 
     Parameters
     ----------
@@ -51,8 +54,8 @@ class PageRequests(NoPage):
     by_page
         Whether the drives are armed from the live page.
     stops
-        Number of STOP requests that belong to earlier trials. It is used if the drives are not
-        armed from the live page.
+        Number of STOP requests that belong to earlier trials. If the drives are armed from the live
+        page, this argument is not used.
     now
         Function that returns the present time [s].
     """
@@ -102,7 +105,10 @@ class PageRequests(NoPage):
             self._lose(f"the page was silent for {PAGE_SILENCE:g} s")
 
     def _lose(self, cause: str) -> None:
-        """If heartbeats are missing, end a trial that waits for START, or stop an armed trial."""
+        """End or stop the trial, because the live process or the live page no longer responds.
+
+        A trial that waits for START ends. An armed trial is stopped by a fault.
+        """
         if not self.arms:
             self.reason = self.reason or cause
         elif not self.faults:

@@ -23,5 +23,8 @@ COUNT_IN = 3.0
 
 
 def longest_duration(rate: float) -> float:
-    """Return the longest duration of a trial [s] at a rate [Hz], or at the nearest valid rate."""
+    """Return the longest permitted duration of a trial [s] for a rate of the loop [Hz].
+
+    If the rate is out of its range, the nearest permitted rate is used.
+    """
     return MOST_TICKS / min(max(rate, RATES[0]), RATES[1])

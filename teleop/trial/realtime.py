@@ -3,8 +3,8 @@
 Several control loops on one machine must not disturb each other. Each process with a control loop
 claims one processor for itself, if a processor is free. At least one processor remains unclaimed,
 for recorders, kernel drivers and other programs. If no processor is free, the process shares the
-unclaimed processors at a lower priority. Each process that shares processors has a lower priority
-than the processes before it.
+unclaimed processors with other programs, and has a lower priority. Control loops that share
+processors have different priorities.
 """
 
 from __future__ import annotations

@@ -59,10 +59,10 @@ class Trial(Presented):
 
     @cached_property
     def recording(self) -> Recording:
-        """All ticks of the trial. If they are in a file, they are read when they are first used.
+        """All ticks of the trial, in memory.
 
-        The file is used for a recorded trial of more than `IN_MEMORY` values (ticks times columns),
-        which is about a minute at 1 kHz.
+        The ticks of a long recorded trial are not in memory at first. They are read from the file
+        of the recording when this property is first used.
 
         Raises
         ------
@@ -219,7 +219,10 @@ class Trial(Presented):
         return found and found._asdict()
 
     def feedback(self) -> dict[str, Any] | None:
-        """Return a summary of the displayed forces; None without force feedback and channel."""
+        """Return a summary of the forces that the hand felt.
+
+        The result is None if the trial has neither force feedback nor a channel.
+        """
         return self.statistics.feedback()
 
     def summary(self) -> dict[str, Any]:

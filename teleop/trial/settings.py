@@ -34,7 +34,10 @@ from teleop.trial.settings_checks import check_settings
 
 @dataclass(frozen=True)
 class TrialSettings:
-    """Settings of a trial. The defaults are those of the paper, except for the conditioning.
+    """Settings of a trial.
+
+    The default values are those of the paper, except for `conditioning`, the signal conditioning
+    before the estimators.
 
     Raises
     ------
@@ -138,7 +141,11 @@ class TrialSettings:
 
     @property
     def palpated(self) -> str:
-        """Name of the palpated body: the specimen; if it has no name, the rig or the cube."""
+        """Name of the palpated body.
+
+        This is the name of the specimen. If the settings contain no such name, it is the name of
+        the hardware rig, or of the cube on the simulated rig.
+        """
         return self.specimen or (self.rig_name if self.rig else f"{self.cube} cube")
 
     @property
@@ -198,7 +205,11 @@ class TrialSettings:
 
     @property
     def estimation_preset(self) -> Preset:
-        """Settings of the estimators: `preset`, or those of the paper adapted to this trial."""
+        """Settings of the estimators.
+
+        These are the settings in `preset`. If `preset` is None, they are the settings of the paper,
+        adapted to the other settings of this trial.
+        """
         if self.preset:
             return self.preset
         preset = paper_preset("soft" if self.rig else self.cube)

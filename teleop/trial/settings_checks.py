@@ -43,7 +43,9 @@ class SettingsError(InputError):
         self.own, self.of_rig = tuple(own), tuple(of_rig)
 
     def known(self, invalid: set[str]) -> SettingsError:
-        """Return the error, without the problems of the rig if they cannot be determined.
+        """Return an error that contains only the problems that can be determined.
+
+        If one of `RIG_FIELDS` is invalid, the problems `of_rig` are omitted.
 
         Parameters
         ----------
@@ -82,7 +84,10 @@ def check_settings(settings: Any) -> None:
 
 
 def values_out_of_range(settings: Any) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Yield the names of the settings that are out of their range, and a message."""
+    """For each problem, yield the names of the settings that cause it, and a message.
+
+    The problems are values that are out of their range.
+    """
     for name, value, allowed in (
         ("condition", settings.condition, CONDITIONS),
         ("cube", settings.cube, tuple(CUBES)),

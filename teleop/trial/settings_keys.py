@@ -37,10 +37,11 @@ def forms(place: Place) -> list[Any]:
 
 
 def below(form: Any, key: str | int) -> Iterator[Any]:
-    """Yield the permitted types of the value that has a given key in a table or list.
+    """Yield the permitted types of the value with the key `key` in a table.
 
-    `form` is the type of the table or list. pydantic inserts the kind of a signal, or the class of
-    a body, between the keys. Such an inserted key selects one of the alternative types.
+    `form` is the type of the table. pydantic inserts the kind of a signal, or the class of a body,
+    as an additional key. If `key` is the kind or the class of `form`, then `form` itself is
+    yielded. If `form` is the type of a list, nothing is yielded.
     """
     if get_origin(form) is Mapping:
         yield from flat(get_args(form)[1])
@@ -55,7 +56,7 @@ def below(form: Any, key: str | int) -> Iterator[Any]:
 
 
 def flat(hint: Any) -> Iterator[Any]:
-    """Yield the alternative types of a type hint, without None."""
+    """Yield the types in a type hint, which may be a union. None is omitted."""
     if get_origin(hint) in (Union, UnionType):
         for one in get_args(hint):
             yield from flat(one)
@@ -82,7 +83,9 @@ def unknown_key(place: Place) -> str:
 
 
 def expected_form(place: Place, value: Any) -> str:
-    """Return a text on the form that a table or list at a place must have; empty if unknown.
+    """Return a text that describes the table or list that is expected at a place.
+
+    The text is empty if the place is unknown.
 
     Parameters
     ----------

@@ -25,8 +25,8 @@ IN_BACKGROUND = (
 class StopKey:
     """Emergency-stop key. A thread reads the keys of the terminal from standard input.
 
-    This is a context manager for the time of a run, which must be entered in the main thread.
-    Within the block, the terminal passes each key to the process immediately and does not show it.
+    This is a context manager for a run. It must be entered in the main thread. Within the block,
+    the terminal passes each key to the process immediately and does not show the key.
     Ctrl-C and Ctrl-Z have their usual effect. The modes of the terminal are restored on exit, and
     while the process is suspended.
 
@@ -116,7 +116,10 @@ class StopKey:
         self._on_continue()
 
     def _on_continue(self, *_: object) -> None:
-        """After the process was suspended, resume reading keys if it is in the foreground."""
+        """Resume reading keys after the process was suspended.
+
+        If the process is in the background, keys cannot be read. A message is then written.
+        """
         if is_foreground():
             self._set_key_mode()
         else:

@@ -25,17 +25,17 @@ RESPONSE_TIME = 0.1
 class StopSwitch(Interruption):
     """Converts signals, the stop key and the live page to requests to the safety supervisor.
 
-    This is a context manager for the duration of a run and its output. Before the first tick of the
-    loop, when nothing moves yet, a signal raises KeyboardInterrupt. After the first tick, a signal
-    becomes a request to the supervisor. If the loop does not respond to this request, the next
-    signal raises KeyboardInterrupt.
+    This is a context manager for a run, including the output of the results. Before the first tick
+    of the loop, nothing moves, and a signal raises KeyboardInterrupt. After the first tick, a
+    signal becomes a request to the supervisor. If the loop does not respond to this request, the
+    next signal raises KeyboardInterrupt.
 
     Parameters
     ----------
     key
         Whether Enter or Space in the terminal is an emergency stop.
     explained
-        Whether a person has read the instructions, before the drives were armed.
+        Whether the instructions were shown to a person before the drives were armed.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class StopSwitch(Interruption):
 
     @property
     def interrupted(self) -> bool:
-        """Whether a person ended the run."""
+        """Whether a signal, the live page, or the loss of the terminal ended the run."""
         return self.count > 0 or bool(self.key.lost or self.page.reason)
 
     @property

@@ -136,7 +136,10 @@ class TrialStatistics:
         return {name: summary._asdict() for name, summary in found.items()}
 
     def feedback(self) -> dict[str, Any] | None:
-        """Return a summary of the displayed forces; None without force feedback and channel."""
+        """Return a summary of the forces that the hand felt.
+
+        The result is None if the trial has neither force feedback nor a channel.
+        """
         if not self._rendering:
             return None
         settings = self._settings
@@ -146,7 +149,7 @@ class TrialStatistics:
 
 
 def rendering_of(ticks: Recording | RecordingFile, settings: TrialSettings) -> RunningRendering:
-    """Return an object that computes what the hand felt, with a channel or force feedback."""
+    """Return an object that computes a summary of the forces that the hand felt."""
     end = 0.0
     for block in ticks.blocks(("time", "mode").__contains__):
         t = block["time"][block["mode"] == ACTIVE]

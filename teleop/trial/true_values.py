@@ -17,9 +17,10 @@ def truth(settings: TrialSettings, depth: float) -> dict[str, Any]:
     """Return the true damping, stiffness, lag and lost motion of the simulated rig.
 
     The stiffness is that of the cube in series with the transmission, because the encoder measures
-    the position before the transmission. Damping and stiffness are the values for slow motion,
-    before the properties of the body change with time. If the body has further force laws, for fast
-    motion or after a change, `further_laws` contains their values by name.
+    the position before the transmission. Damping and stiffness are the values for slow motion. If
+    the properties of the body change with time, they are the values before this change. A body can
+    have further force laws, for example for fast motion or after the change. `further_laws` then
+    contains the values of these laws by name.
 
     Parameters
     ----------

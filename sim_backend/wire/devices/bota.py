@@ -79,7 +79,7 @@ class EmulatedBota(EmulatedSerialDevice):
 
 
 def shifted(byte: int) -> int:
-    """Return the register of CRC-16/X.25 after one byte, if the register was 0 before it."""
+    """Return the CRC-16/X.25 register after one byte. Before this byte, the register is 0."""
     for _ in range(8):
         byte = byte >> 1 ^ 0x8408 * (byte & 1)
     return byte

@@ -100,7 +100,7 @@ class CanopenNode(EmulatedCanDevice):
             self.written(index)
 
     def check(self, index: int, sub: int, value: int) -> None:
-        """Raise Abort if CiA 301 7.5.2.35 to 38 does not allow this change of a PDO."""
+        """Raise Abort if CiA 301 (7.5.2.35 to 38) forbids this change of a PDO setting."""
         kind = index & 0xFE00
         if kind not in (0x1400, 0x1600, 0x1800, 0x1A00):
             return
@@ -211,7 +211,7 @@ class CanopenNode(EmulatedCanDevice):
             self._errors.clear()
 
     def emergency(self, code: int, register: int) -> None:
-        """Send EMCY if the node is (pre-)operational. Code 0 means that all errors have ended."""
+        """Send EMCY if operational or pre-operational. Code 0 means that all errors have ended."""
         self.objects[0x1001, 0].value = register
         if self.nmt in (PRE_OPERATIONAL, OPERATIONAL):
             self._send(
@@ -231,7 +231,7 @@ class CanopenNode(EmulatedCanDevice):
             self.emergency(0, 0)
 
     def _pdos(self, first: int) -> Iterator[tuple[int, int, list[tuple[int, int]]]]:
-        """Yield number, identifier and mapped entries of each valid PDO."""
+        """Yield number (from 0), CAN identifier and mapped entries of each valid PDO."""
         for n in range(4):
             if not (identifier := self[first + n, 1]) & INVALID:
                 mapping = first + 0x200 + n

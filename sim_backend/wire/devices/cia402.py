@@ -105,7 +105,10 @@ class EmulatedCia402(CanopenNode):
             self._obey(self[0x6040, 0])
 
     def _obey(self, controlword: int) -> None:
-        """Apply the commands and transitions of CiA 402-2 table 26 and figure 3."""
+        """Change the state of the drive as the controlword commands.
+
+        The commands are in table 26 and the transitions in figure 3 of CiA 402-2.
+        """
         rising = controlword & ~self._controlword
         self._controlword = controlword
         state = self.state

@@ -28,8 +28,8 @@ Selection = dict[str, int]
 class EmulatedDbcDevice(EmulatedCanDevice):
     """A device that sends the messages of a DBC file periodically.
 
-    The mount of the device gives the values of the signals. The successive frames of a multiplexed
-    message contain all values of the multiplexers, one after the other.
+    The values of the signals come from the simulated telemanipulator. In the successive frames of a
+    multiplexed message, the multiplexers take all their values, one after the other.
     """
 
     def __init__(self, name: str, settings: DbcSettings, mount: Mount) -> None:
@@ -61,8 +61,8 @@ class Sender:
     message
         The message.
     every
-        Names of the signals in all messages of the device. A name that occurs more than once is
-        replaced by the form MESSAGE.SIGNAL.
+        Names of the signals in all messages of the device. If a name occurs more than once, the
+        rig file uses the name MESSAGE.SIGNAL for this signal.
     """
 
     def __init__(self, message: Message, every: Sequence[str]) -> None:
@@ -100,15 +100,16 @@ class Sender:
 
 
 def selections(tree: Sequence[Any]) -> Iterator[Selection]:
-    """Yield all combinations of values of the multiplexers in a message.
+    """Yield all combinations of values that the multiplexers of a message can have.
 
-    For a message without multiplexers, this is a single empty combination.
+    A message without multiplexers has one combination, which is empty.
 
     Parameters
     ----------
     tree
-        `signal_tree` of cantools: names of signals, and for each multiplexer a mapping from its
-        values to trees.
+        The list `signal_tree` of a cantools message. Each element is the name of a signal, or a
+        dictionary for a multiplexer. For each value of the multiplexer, the dictionary contains a
+        list of the same form.
     """
     ways = [
         [

@@ -124,8 +124,9 @@ class EmulatedODrive(EmulatedCanDevice):
     def _shown_errors(self, now: float) -> int:
         """Return the error bits in the heartbeat.
 
-        With firmware 0.6, the error of an expired watchdog is stored only in closed-loop control.
-        In other states, its bit is set until the next set-point.
+        With firmware 0.6, the axis stores the error of an expired watchdog only if the watchdog
+        expires in closed-loop control. In other states, the bit of this error is set until the axis
+        receives the next set-point.
         """
         active = WATCHDOG_EXPIRED["0.6"] if not self._old and self._expired(now) else 0
         return self._errors | active

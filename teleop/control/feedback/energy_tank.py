@@ -1,9 +1,11 @@
 """Energy tank, which limits the energy that changes of the displayed model can add.
 
 The energy that the damping of the admittance dissipates fills the tank. A change of the model may
-add at most the energy in the tank. The hand can therefore never extract more energy than it has put
-in, plus the energy in the tank at the start (F. Ferraguti, C. Secchi, C. Fantuzzi, "A tank-based
-approach to impedance control with variable stiffness", ICRA 2013).
+add at most the energy in the tank. The energy that the hand extracts is therefore never larger than
+the sum of two energies: the energy that the hand has put in, and the initial energy of the tank.
+
+Source: F. Ferraguti, C. Secchi, C. Fantuzzi, "A tank-based approach to impedance control with
+variable stiffness", ICRA 2013.
 """
 
 from __future__ import annotations

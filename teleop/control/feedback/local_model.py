@@ -1,9 +1,11 @@
 """Estimate the environment at the slave, for model-mediated feedback.
 
-The estimator is recursive least squares with the stiffening model f = b v + k x + k3 x^3. An
-estimate is accepted if its misfit is small, and if it predicts the force at the deepest recent
-position with a narrow 95 % interval. The model is the stiff prior until an estimate is accepted,
-and again if the misfit becomes too large.
+The estimator is recursive least squares with the stiffening model f = b v + k x + k3 x^3. Two
+conditions must be true for an estimate to be accepted. Its misfit must be small. The 95 % interval
+of the predicted force at the deepest recent position must be narrow.
+
+The model begins as the stiff prior: a spring with the large stiffness `STIFF_PRIOR`. It is replaced
+by each accepted estimate. If the misfit becomes too large, the model is the stiff prior again.
 """
 
 from __future__ import annotations

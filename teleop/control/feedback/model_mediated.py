@@ -7,11 +7,13 @@ the parameters by dk and dk3 adds the energy
 
     dU = 1/2 dk x^2 + 1/4 dk3 x^4
 
-A passive model remains passive while it changes if this energy is taken from an energy tank. The
-damping d of the admittance fills the tank. A change to a stiffer model needs energy, and a change
-to a softer model does not. The model therefore begins with a stiff prior. At each tick, the
-parameters move by a fraction of the difference between estimated and present parameters. Both dU
-and the change of the force, dk x + dk3 x^3, are proportional to this fraction.
+If this energy is taken from an energy tank, a passive model remains passive while it changes. The
+energy that the damping d of the admittance dissipates fills the tank. A change to a stiffer model
+needs energy, but a change to a softer model does not. For this reason, the model begins with a
+large stiffness, the stiff prior. At each tick, the parameters change by a fraction of the
+difference between estimated and present parameters. The fraction is limited for two reasons: dU
+must not exceed the energy in the tank, and the force must not change too fast. Both dU and the
+change of the force, dk x + dk3 x^3, are proportional to the fraction.
 
 Sources: P. Mitra, G. Niemeyer, "Model-mediated telemanipulation", Int. J. Robotics Research 27(2),
 2008; X. Xu, B. Cizmeci, C. Schuwerk, E. Steinbach, "Model-mediated teleoperation: toward stable and
@@ -79,7 +81,11 @@ class ModelMediatedMaster(Master):
         return new_tuple(Motion, (position, velocity, 0.0))
 
     def _approach(self, estimate: Environment, x: float, dt: float) -> None:
-        """Move the model towards the slave's estimate, as far as force rate and tank permit."""
+        """Change the model towards the estimate of the slave.
+
+        Two limits can reduce the change: the largest rate of change of the displayed force, and the
+        energy in the tank.
+        """
         k, k3, b, glued = self._model
         ratio, cubic_ratio = self._ratios
         dk, dk3, db = ratio * estimate.k - k, cubic_ratio * estimate.k3 - k3, ratio * estimate.b - b

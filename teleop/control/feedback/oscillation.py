@@ -3,25 +3,27 @@
 Tremor and an oscillation of the loop have similar frequencies. They differ in the direction of the
 energy (see `teleop.evaluation.loop_oscillation`). With the force f of the hand, the velocity v of
 the virtual mass and the displayed impedance Z, the mean power from the hand at one frequency is
-Re{Z} |V|^2 / 2. In tremor the hand causes the motion, and the power is positive if Z is passive. In
-an oscillation of the loop, the loop moves the arm, which dissipates energy. The power is then
-negative.
+Re{Z} |V|^2 / 2, where V is the amplitude of v. In tremor, the hand causes the motion, and the power
+is positive if Z is passive. In an oscillation of the loop, the loop moves the arm, and the arm
+dissipates energy. The power from the hand is then negative.
 
-Here f and v pass the same filters, which do not change the sign of the power at a frequency. A high
-pass removes the voluntary motion. A second filter then divides the motion into the bands below and
-above `SPLIT`, because in contact with a stiff body the power of the tremor would otherwise cover
-the power of a faster oscillation. A band oscillates while the mean of
+In this file, f and v pass the same filters. The filters do not change the sign of the power at a
+frequency. A high-pass filter removes the voluntary motion. A second filter then divides the motion
+into two bands, below and above the frequency `SPLIT`. In contact with a stiff body, the tremor can
+have more power than a faster oscillation. With two bands, the faster oscillation is still detected.
+A band oscillates while the mean of
 
     (f + c v) v
 
-is negative. The term c v is the damping that any arm has at least. A displayed environment that
-gives out less than c |V|^2 / 2 amplifies the tremor, but cannot sustain an oscillation. The result
-is the mean square velocity of the bands that oscillate, divided by the mean square velocity of the
-whole motion. Both means are exponential averages over `MEMORY`.
+is negative. Here c is the smallest damping that an arm can have. If the displayed environment gives
+out less power than c |V|^2 / 2, it amplifies the tremor, but cannot sustain an oscillation. The
+result is the mean square velocity of the oscillating bands, divided by the mean square velocity of
+the whole motion. Both means are exponential averages with the time constant `MEMORY`.
 
-A large oscillation gives out much energy. The observer in `port_energy` detects it within a
-fraction of a second. The observer in this file detects an oscillation whose amplitude stays small,
-for example because the body stiffens. Such an oscillation gives out little energy at any time.
+The observer in `port_energy` detects a large oscillation within a fraction of a second, because a
+large oscillation gives out much energy. The observer in this file detects an oscillation with an
+amplitude that stays small, for example because the body stiffens. A small oscillation gives out
+little energy.
 
 Source of the filter: V. Zavalishin, "The Art of VA Filter Design", 2012, chapter 4 (state-variable
 filter with the trapezoidal rule).
@@ -113,7 +115,8 @@ class Band:
         motion
             Velocity [m/s] as real part, and force [N] as imaginary part, in the band.
         weight
-            Weight of this sample in each of the two averages that give the mean power.
+            Weight of this sample in the two exponential averages. The first average is that of the
+            power, and the second one is that of the first average.
         """
         velocity = motion.real
         first, power = self._first, self._power
@@ -141,7 +144,9 @@ class Oscillation:
         self._sustained = self._motion = 0.0
 
     def update(self, force: float, position: float, dt: float) -> float:
-        """Process the motion of one tick, and return the share that the loop sustains.
+        """Process the motion of one tick, and return `share`.
+
+        `share` is the fraction of the mean square velocity of the hand that the loop sustains.
 
         Parameters
         ----------

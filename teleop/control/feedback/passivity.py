@@ -1,31 +1,33 @@
 """Position-force feedback with a time-domain passivity observer and controller.
 
-The channel has a port at the master and a port at the slave. At each port, power into the channel
-and power out of the channel are integrated separately. The two integrals are E_in, the energy that
-has entered the channel at this port, and E_out, the energy that has left it. Each side sends its
-E_in to the other side. With the delay T of the channel, the conditions are
+The channel has a port at the master and a port at the slave. The power into the channel and the
+power out of the channel are integrated separately at each port. E_in is the energy that has entered
+the channel at a port. E_out is the energy that has left the channel at the same port. Each side
+sends its E_in to the other side. T is the delay of the channel. The channel generates no energy if
+two conditions are true:
 
     E_out at the master (t) <= E_in at the slave (t - T)
     E_out at the slave (t) <= E_in at the master (t - T)
 
 In these conditions, the energies at the slave are multiplied by the force gain divided by the
-motion scale. If a condition is violated, the passivity controller dissipates the difference. At the
-master, it adds a damping force proportional to the velocity. At the slave, it adds a velocity
-proportional to the contact force.
+motion scale. If a condition is violated, a passivity controller dissipates the difference between
+the two sides of the condition. The controller at the master adds a damping force, which is
+proportional to the velocity. The controller at the slave adds a velocity, which is proportional to
+the contact force.
 
-In this file, the two ports are at the hand and at the environment, so that E_in and E_out contain
-the energy that the passivity controllers dissipate. Ryu et al. observe the ports of the
-communication network itself, and add the energy of the controllers separately. Both methods are
+In this file, the ports are at the hand and at the environment. Therefore E_in and E_out contain the
+energy that the passivity controllers dissipate. In the paper of Ryu et al., the ports are at the
+communication network, and the energy of the controllers is added separately. Both methods are
 valid.
 
 The damping at the master is limited to `MOST_DAMPING`. At a speed below |f| / MOST_DAMPING, which
 is 5 mm/s for a force f of 10 N, the damping cannot dissipate the power |f v| that leaves the port.
-E_out is then too large, by up to about 30 mJ in simulated trials. With a limit of 1e5 N s/m this
-excess is smaller, but some trials were unstable.
+E_out is then too large, by up to about 30 mJ in simulated trials. With a limit of 1e5 N s/m, this
+error was smaller, but some simulated trials were unstable.
 
-The hand feels a stiffness that is too low. The main cause is that the passivity controller reduces
-the velocity of the slave, so that the positions of master and slave drift apart. This is a known
-property of the method.
+The hand feels a stiffness that is too low. The main cause is the passivity controller at the slave.
+It reduces the velocity of the slave, so that the difference between the positions of master and
+slave increases. This is a known property of the method.
 
 Source: J.-H. Ryu, J. Artigas, C. Preusche, "A passive bilateral control scheme for a teleoperator
 with time-varying communication delay", Mechatronics 20(7), 2010.

@@ -9,16 +9,17 @@ While no limit acts, E is the integral of f_h v dt, where f_h is the force of th
 limit of the master acts, E differs from this integral by the work of the limit. The observer
 therefore also detects an oscillation that reaches the limits. If the displayed dynamics are
 passive, E never decreases by more than the energy that they can store. After some seconds of damped
-motion, E is large, and an observer that only integrates the power would detect an oscillation late.
-Here E is therefore limited to an upper bound of the stored energy:
+motion, E is large. An observer that only integrates the power would then detect an oscillation too
+late. Therefore E is limited at each tick to an upper bound of the stored energy:
 
     E <- min(E + dE, 1/2 m max v^2 + max |f_d| max |x| + tank)
 
-The bound includes the energy in the tank of the law (see `energy_tank`), because a change of the
-model may give this energy to the hand.
+dE is the change of E during one tick. Each maximum is the largest value since the drives were
+armed. The term `tank` is the energy in the tank of the law (see `energy_tank`). It is part of the
+bound because a change of the model may give this energy to the hand.
 
-For passive dynamics, the limited E is never negative: by induction it is at least the stored
-energy. A negative E means that the displayed dynamics have generated energy.
+If the displayed dynamics are passive, the limited E is never smaller than the stored energy, and
+therefore never negative. A negative E means that the displayed dynamics have generated energy.
 
 E is computed only from the motion of the virtual mass and the displayed force. The observer
 therefore detects energy from the displayed environment, for example from a delayed force. It does

@@ -1,4 +1,4 @@
-"""Settings of the force feedback, which also create the law's objects at master and slave."""
+"""Settings of the force feedback. They create the two halves of the force-feedback law."""
 
 from __future__ import annotations
 

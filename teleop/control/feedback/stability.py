@@ -1,9 +1,10 @@
 """Stability of position-force feedback with a delay.
 
-The hand holds the virtual mass m, which has the damping d. b_a is the damping of the arm, and k_a
-the stiffness of the arm plus the stiffness of the centring spring. The environment has the force
-k x + b v. The hand feels this force multiplied by the gain alpha, after the delay tau. tau is the
-round trip of the channel plus the lag of force channel and loop. The characteristic equation is
+The hand holds the virtual mass m, which has the damping d. b_a is the effective damping of the arm;
+it includes the effect of the lag of the arm, as explained below. k_a is the stiffness of the arm
+plus the stiffness of the centring spring. The environment has the force k x + b v. The hand feels
+this force multiplied by the gain alpha, after the delay tau. tau is the sum of the round trip of
+the channel, the lag of the force channel and the lag of the loop. The characteristic equation is
 
     m s^2 + (d + b_a) s + k_a + alpha (k + b s) exp(-s tau) = 0                               (1)
 
@@ -15,12 +16,13 @@ changes the estimate of b in the same way. The condition for a positive damping 
 
 For b = 0, condition (2) is sufficient for the stability of (1). If (1) had a solution s = j w on
 the imaginary axis, the imaginary part of (1) would give
-(d + b_a) w = alpha k sin(w tau) <= alpha k w tau, which contradicts (2).
+(d + b_a) w = alpha k sin(w tau) <= alpha k w tau. This contradicts (2).
 
-The arm acts through the servo of the handle, the force channel of the handle and the loop, with a
-lag tau_h. k_arm is the stiffness of the arm without the spring. To first order in s tau_h, the lag
-subtracts k_arm tau_h from the damping of the arm. In (1) to (3), b_a is therefore the damping of
-the arm minus k_arm tau_h. The spring is a part of the admittance, which has no lag.
+The force of the arm reaches the virtual mass with a lag tau_h. This lag is caused by the servo of
+the handle, the force channel of the handle and the loop. k_arm is the stiffness of the arm without
+the centring spring. To first order in s tau_h, the lag subtracts k_arm tau_h from the damping of
+the arm. In (1) to (3), b_a is therefore the damping of the arm minus k_arm tau_h. The centring
+spring is a part of the admittance, and its force has no lag.
 
 Condition (2) is useful only if the arm is known. With b = 0, the virtual mass is stable with any
 passive hand if its damping and the delayed environment together are passive:
@@ -76,7 +78,10 @@ class DelayedLoop:
 
     @property
     def resistance(self) -> float:
-        """Virtual damping plus the damping of the arm, which its lag reduces: d + b_a [N s/m]."""
+        """Sum d + b_a of the virtual damping and the effective damping of the arm [N s/m].
+
+        The lag of the arm reduces its effective damping.
+        """
         return self.damping + self.arm_damping - self.arm_stiffness * self.arm_lag
 
     @property

@@ -20,7 +20,10 @@ WIDEST = 1000
 
 
 def vectors(name: str, value: Any, by_rows: bool = False) -> dict[str, Floats]:
-    """Return the columns of an array by name: the array itself, or each column of a matrix.
+    """Return the columns of an array, by name.
+
+    A vector is one column, and a matrix has several columns. The result is empty if the array
+    cannot contain samples, for example because it contains text or too few values.
 
     Parameters
     ----------

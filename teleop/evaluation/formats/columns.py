@@ -159,7 +159,12 @@ def find_column(where: str, headings: Sequence[Heading], kind: str, wanted: Want
 def place_of(
     where: str, headings: Sequence[Heading], kind: str, asked: str | None
 ) -> tuple[int, str | None]:
-    """Return the index of a quantity's column, and the unit that the user states or None."""
+    """Find the column of a quantity.
+
+    Returns
+    -------
+    Index of the column, and the unit that the user states for it; None if the user states no unit.
+    """
     if asked is None:
         names = [plain(heading.name) for heading in headings]
         ends = [last_name(heading.name) for heading in headings]
@@ -217,7 +222,9 @@ def only(where: str, headings: Sequence[Heading], kind: str, matches: Sequence[i
 
 
 def find_columns(where: str, headings: Sequence[Heading], wanted: Wanted) -> dict[str, Column]:
-    """Find the columns of position, force and, unless a rate is given, time.
+    """Find the columns of position, force and time.
+
+    If the user states a sampling rate, no column of time is necessary, and none is searched.
 
     Raises
     ------

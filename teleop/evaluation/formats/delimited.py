@@ -41,9 +41,13 @@ Part = tuple[int, list[str]]
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
     """Read the tables of a text file.
 
-    The header may be below a preamble. Lines that begin with # are comments. The last comment above
-    the samples can be the header. A line without any number ends a table. After an empty line, a
-    line with text in place of a number also ends the table. Further tables may follow.
+    A file may contain several tables, and other text (a preamble) above each header. Lines that
+    begin with # are comments. Above the samples, lines that begin with % are comments too. The last
+    comment above the samples can be the header.
+
+    A table ends at the first line that contains text but no number. It also ends at an invalid line
+    that follows an empty line. A line is invalid if, for example, a cell contains text instead of a
+    number.
 
     Raises
     ------
@@ -139,7 +143,10 @@ def tables_in(path: Path, lines: Iterable[Part], pick: Pick) -> list[Table]:
 
 
 def title_of(lines: Sequence[str]) -> str:
-    """Return the last tag, such as <Data>, above a table; without any tag, the last line above."""
+    """Return the title of a table, which is found in the lines above the table.
+
+    The title is the last tag, such as <Data>. If there is no tag, it is the last of the lines.
+    """
     lines = [line.strip(' \t,;"') for line in lines]
     tags = [line for line in lines if re.fullmatch(r"<(?!/|end|data|info)[^<>]+>", line, re.I)]
     return (tags or lines or [""])[-1]
@@ -221,7 +228,12 @@ class Scan:
         self._rows = None
 
     def _only_a_header(self) -> None:
-        """Add a table without samples for each line that can be a header."""
+        """Add tables without samples, if no table has the wanted columns.
+
+        The first line that contains the names of the wanted columns becomes the header of a table.
+        If no table was found before, the first line that is not a comment also becomes a header, so
+        that an error message can list its columns.
+        """
         for number, line in self._above:
             names = fitted(self._cells(number, line), 0)
             found = headings_above([names], len(names))
@@ -247,7 +259,11 @@ class Scan:
             self._stated.append(line)
 
     def _start(self, number: int, cells: list[str]) -> Rows | None:
-        """Begin a table whose first samples are in this row; return None if there is no header."""
+        """Begin a table; `cells` is its first row of samples.
+
+        Without a header, the table has the columns of the previous table, or columns with numbers
+        as names. The result is None if the row cannot belong to such a table.
+        """
         above = self._above[-2:]
         width = len(cells)
         rows = [self._header_cells(n, line, width) for n, line in above]
@@ -272,7 +288,10 @@ class Scan:
         return self._add(number, names, "") if not self._above or self._pick(names) else None
 
     def _header_cells(self, number: int, line: str, width: int) -> list[str]:
-        """Split a header into cells; with spaces as delimiters, keep name and [unit] together."""
+        """Split a header into cells.
+
+        If the delimiter is a space, a name and the unit in brackets after it stay in one cell.
+        """
         cells = self._cells(number, line)
         if self._dialect.delimiter is None and len(cells) != width:
             return re.findall(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?", line)

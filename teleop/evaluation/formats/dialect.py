@@ -90,7 +90,11 @@ class Dialect(NamedTuple):
 
 
 def dialect_of(lines: Sequence[str]) -> Dialect:
-    """Return the dialect with which the largest number of the first lines are samples."""
+    """Return the dialect that divides the first lines into the best table of numbers.
+
+    The best dialect has the largest product of two values: the number of successive lines of
+    samples with the same number of cells, and the fraction of their cells that are numbers.
+    """
     lines = [line for line in lines[:HEAD] if line.strip() and not line.startswith("#")]
     best, dialect = (0.0, 0.0), None
     for delimiter in DELIMITERS:

@@ -70,5 +70,8 @@ def decodes(head: bytes, code_page: str) -> bool:
 
 
 def plainly_chinese(head: bytes) -> bool:
-    """Return whether all non-ASCII text is common Chinese characters that follow no letter."""
+    """Return whether the non-ASCII bytes are very probably Chinese text.
+
+    All of these bytes must be valid in the encoding GB 2312, and none may follow a Latin letter.
+    """
     return decodes(head, "gb2312") and not re.search(rb"[A-Za-z][\x80-\xff]", head)

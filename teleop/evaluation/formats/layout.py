@@ -27,7 +27,7 @@ def is_samples(cells: Sequence[str]) -> bool:
 
 
 def fitted(cells: list[str], width: int) -> list[str]:
-    """Return a row without the empty cells at its end that exceed `width` cells."""
+    """Remove empty cells at the end of a row if it has more than `width` cells, and return it."""
     while len(cells) > width and not cells[-1]:
         cells = cells[:-1]
     return cells
@@ -73,5 +73,5 @@ def headings_above(rows: Sequence[list[str]], width: int) -> tuple[list[Heading]
 
 
 def matches(row: Sequence[str], width: int) -> bool:
-    """Return whether a row can be the header above rows of samples with at most `width` cells."""
+    """Return whether a row can be the header of a table whose rows have `width` cells."""
     return 2 <= len(row) <= width and not is_samples(row)

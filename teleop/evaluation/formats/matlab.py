@@ -22,8 +22,9 @@ EXPORTED = ("settings", "events")
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
     """Read a MATLAB file. Arrays of the same length, also those in structs, become one table.
 
-    A struct `units`, in the file or within another struct, may contain the unit of each array by
-    the name of the array.
+    The units are read from a struct with the name `units`, if there is one. Its fields have the
+    names of the arrays, and contain their units. The arrays within a struct can have their own
+    `units` in this struct.
     """
     with open_input(path) as file:
         if file.read(10) == b"MATLAB 7.3":

@@ -77,7 +77,8 @@ def tables_of(
     Raises
     ------
     InputError
-        There is no such topic, or a message has fields other than the first message of its topic.
+        The topic of the user does not exist, or a message lacks a wanted field that the first
+        message of its topic has.
     """
     if wanted.topic is not None:
         if wanted.topic not in topics:
@@ -123,7 +124,11 @@ def first_messages(
 
 
 def fields_of(value: Any, place: FieldPath) -> Iterator[FieldPath]:
-    """Yield the path of each number in a message, as the names and indices that lead to it."""
+    """Yield the path of each number in a message.
+
+    A path consists of the names of the fields, and the indices of the list elements, from the
+    message to the number.
+    """
     if isinstance(value, (bool, int, float, np.number)):
         yield place
     elif isinstance(value, dict):
@@ -147,7 +152,7 @@ def names_of(value: Any) -> Sequence[str]:
 
 
 def seconds_of(value: Any) -> int | None:
-    """Convert a time stamp of a ROS header to [ns]; None if the value is not a time stamp."""
+    """Return a time stamp of a ROS header in nanoseconds; None if it is not a time stamp."""
     parts = []
     for names in (SECONDS, NANOSECONDS):
         part = next((getattr(value, name) for name in names if hasattr(value, name)), None)

@@ -33,7 +33,8 @@ class Rows:
     Parameters
     ----------
     place
-        Function that returns the file and place of a line by its number, for messages.
+        Function for error messages. It takes the number of a line, and returns a text with the
+        name of the file and this number.
     headings
         Name and unit of each column.
     picked
@@ -163,7 +164,10 @@ class Rows:
             raise InputError(f"{where}: {title!r} is {shown}") from None
 
     def _skip(self, lines: list[str]) -> int:
-        """Count the lines of a table that is not loaded, up to a line without any number."""
+        """Return how many of the lines belong to a table whose values are not needed.
+
+        The table ends at the first line that contains text but no number.
+        """
         taken = len(lines)
         for i, line in enumerate(lines):
             if not line or line.isspace() or line.startswith("#"):

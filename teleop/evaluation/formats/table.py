@@ -62,7 +62,9 @@ def missing(library: str, what: str) -> InputError:
 
 @contextlib.contextmanager
 def reading(path: Path, what: str) -> Iterator[None]:
-    """Convert the exceptions of a library that reads a file within the block to `InputError`.
+    """Context manager that converts exceptions of a library to `InputError`.
+
+    The library reads a file in the block of the `with` statement.
 
     Raises
     ------
