@@ -118,10 +118,7 @@ def step(
 
 
 def update_noise(state: LogarithmicState, error: float, spread: float, dt: float) -> None:
-    """Update the noise variance with the force error of a sample [N].
-
-    The noise variance is a weighted mean of error^2 / spread over time. The weights are 1 / spread.
-    """
+    """Update the noise variance: the mean of error^2 / spread, weighted by 1 / spread."""
     share = dt / (NOISE_MEMORY + dt)
     state.evidence += share * (1.0 / spread - state.evidence)
     share /= spread * state.evidence
@@ -154,12 +151,8 @@ def accumulate(
 def solve(state: LogarithmicState, noise: float) -> None:
     """Compute the level, n and v0 B/K, and their covariance for a noise variance of 1 N^2.
 
-    The level is the estimate of ln f at the weighted means of l and u. These means are subtracted
-    from l and u. Then the normal equation for the level does not contain the other two parameters.
-
-    The covariance is R^-1 Q R^-1. R contains the weighted sums of products of (1, l, u), and Q
-    contains the same sums with weights that decay twice as fast. For force noise of variance s, the
-    noise of ln f has the variance s/f^2, and the weight of a sample is proportional to f^2.
+    The level is the estimate of ln f at the weighted means of l and u, which are subtracted from l
+    and u. The covariance is R^-1 Q R^-1, with the sums R and Q of `LogarithmicState`.
     """
     inverse = 1.0 / state.w
     l_mean, u_mean = inverse * state.w_l, inverse * state.w_u
@@ -243,18 +236,16 @@ class Logarithmic(Estimator):
 
     The right-hand side is linear in ln K, n and B/K, except for the remainder in brackets. Haddadi
     and Hashtrudi-Zaad omit the remainder, so |z| must be below 0.1. Here the remainder is
-    linearised at the present estimate of z. So there is no bias for z between -0.5 and 1.
-
+    linearised at the present estimate of z, so that there is no bias for z between -0.5 and 1.
     Force noise of variance s causes noise of variance s/f^2 in ln f. The weight of a sample is
-    therefore f^2 (predicted/f)^(3/2), where `predicted` is the force that follows from the previous
-    estimate. Both the factor f^2 and the logarithm cause a bias, because f contains noise. The
-    other factor removes this bias up to second order in the noise.
+    therefore f^2 (predicted/f)^(3/2), where `predicted` is the force of the previous estimate. f^2
+    and ln f cause a bias, because f contains noise. The last factor removes this bias up to second
+    order in the noise.
 
     b and k are the Kelvin-Voigt parameters at the present displacement: b = B x^n and
     k = K x^(n-1), so that b v + k x is the force. The standard deviations are those of weighted
-    least squares. The initial guess is n = 1.5 with the standard deviation 1, and B = 0 with the
-    standard deviation K/v0. If the motion does not determine n or B, the estimate keeps this
-    standard deviation.
+    least squares. The initial guess is n = 1.5 +- 1 and B = 0 +- K/v0. If the motion does not
+    determine n or B, its standard deviation remains that of the initial guess.
 
     References
     ----------

@@ -153,12 +153,10 @@ def update_covariance(
 
 
 def add(state: FactoredState, weight: float, columns: int) -> None:
-    """Set P <- P + weight y y'. The vector y is a field of the state, and it is overwritten.
+    """Set P <- P + weight y y' for weight >= 0. The first `columns` elements of y are used.
 
-    `weight` must be >= 0. Only the first `columns` elements of y are used, and the other elements
-    are treated as zero. The algorithm is from W. S. Agee and R. H. Turner, "Triangular
-    decomposition of a positive definite matrix plus a symmetric dyad", White Sands Missile Range,
-    technical report 38, 1972.
+    y is overwritten. Source: W. S. Agee and R. H. Turner, "Triangular decomposition of a positive
+    definite matrix plus a symmetric dyad", White Sands Missile Range, technical report 38, 1972.
     """
     U, D, y = state.U, state.D, state.y
     left = weight
@@ -296,10 +294,7 @@ class FactoredEstimator(LinearGainEstimator):
         return p
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return a warning if a variance is near its limit, because forgetting is then suspended.
-
-        The limit is `WINDUP` times the initial variance. Return None if no variance is near it.
-        """
+        """Return a warning if a variance is near its limit `WINDUP`; otherwise None."""
         if np.any(np.diag(self.scaled_covariance) > 0.5 * WINDUP):
             return "too little motion: the covariance is at its limit and forgetting is suspended"
         return None
