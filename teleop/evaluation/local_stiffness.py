@@ -139,7 +139,7 @@ def local_stiffness(
         len(rows.f),
         explained(rows, [best]),
         has_friction(rows, best),
-        math.nan if any(one.times for one in found) else record.frequency,
+        math.nan if rows.relaxation else record.frequency,
     )
 
 

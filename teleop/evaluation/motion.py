@@ -29,6 +29,9 @@ class Motion(NamedTuple):
     strokes: int
     """Number of whole strokes, from one reversal to the next; 0 if they are not larger than the
     noise."""
+    shape_factor: float
+    """Shape factor of the motion, 1 for a sine; NaN for a motion of less than three cycles. See
+    `teleop.evaluation.prepared.Prepared.shape_factor`."""
 
 
 def motion_of(record: Prepared) -> Motion:
@@ -43,5 +46,6 @@ def motion_of(record: Prepared) -> Motion:
     if not found or float(np.median(strokes)) < NOISE * record.x_noise:
         found = 0
     if frequency is None or found < FEWEST_STROKES:
-        return Motion(math.nan, math.nan, travel, found)
-    return Motion(frequency, 0.5 * float(np.median(strokes)), travel, found)
+        return Motion(math.nan, math.nan, travel, found, record.shape_factor)
+    half = 0.5 * float(np.median(strokes))
+    return Motion(frequency, half, travel, found, record.shape_factor)

@@ -35,7 +35,7 @@ FINENESS = 4.0
 """Smallest number of grid points per standard deviation of the kernel, if the sampling rate of the
 record is high enough."""
 LARGEST_SHAPE = 1.2
-"""Shape factor below which a motion counts as a sine. The shape factor (see `Prepared.sinusoidal`)
+"""Shape factor (see `Prepared.shape_factor`) below which a motion counts as a sine. The factor
 is 1 for a sine, and about 1.4 for a triangle wave."""
 OUTLIERS = 5
 """Length of the median filter that removes outliers before the shape of a motion is computed
@@ -106,23 +106,27 @@ class Prepared:
         return order if len(turns) - 2 >= 2 * FEWEST_CYCLES else 0
 
     @cached_property
-    def sinusoidal(self) -> bool:
-        """Whether the motion is a sine of three cycles or more.
+    def shape_factor(self) -> float:
+        """Shape factor of the motion; NaN for a motion of less than three cycles.
 
-        The shape factor of a motion is (std of x) (std of the acceleration) / (std of v)^2. It is 1
-        for a sine. It is larger for a triangle wave, for a motion with holds, and if the frequency
-        varies. Single outliers of the position are removed first, because they would increase the
-        shape factor.
+        The shape factor is (std of x) (std of the acceleration) / (std of v)^2. It is 1 for a sine.
+        It is larger for a triangle wave, for a motion with holds, and if the frequency varies.
+        Single outliers of the position are removed first, because they would increase the shape
+        factor. For a random motion, its inverse is called irregularity factor.
         """
         x = self.smoothed(median_filter(self.raw_x, OUTLIERS, mode="nearest"))
         x = without_baseline(x, self.order)
         x = x - x.mean()
         spread = float(np.std(x))
         if len(turning_points(x, spread)) - 2 < 2 * FEWEST_CYCLES - 1:
-            return False
+            return math.nan
         v = np.gradient(x, self.period)
-        shape = spread * float(np.std(np.gradient(v, self.period))) / float(np.var(v))
-        return shape < LARGEST_SHAPE
+        return spread * float(np.std(np.gradient(v, self.period))) / float(np.var(v))
+
+    @property
+    def sinusoidal(self) -> bool:
+        """Whether the motion counts as a sine: a shape factor below `LARGEST_SHAPE`."""
+        return self.shape_factor < LARGEST_SHAPE
 
     @cached_property
     def frequency(self) -> float:
