@@ -1,1 +1,1 @@
-"""Hardware-in-the-loop controller for a 1-DOF telemanipulator that estimates its environment."""
+"""Controller for a 1-DOF telemanipulator that estimates stiffness and damping of a specimen."""

@@ -95,9 +95,9 @@ def prepare_streams() -> None:
 def ignore_backend() -> None:
     """Remove the environment variable MPLBACKEND.
 
-    This variable selects the backend of matplotlib, which draws windows. The commands open no
-    window, and write the same figures with any backend. If the variable contained an unknown name,
-    matplotlib could not be imported, and the commands could write no figure.
+    This variable selects the backend, the part of matplotlib that draws the windows. The commands
+    open no window, and write the same figures with every backend. However, if the variable contains
+    an unknown name, matplotlib cannot be imported, and the commands cannot write a figure.
     """
     os.environ.pop("MPLBACKEND", None)
 
@@ -105,9 +105,10 @@ def ignore_backend() -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code.
 
-    The exit code is 0 for success, 2 for bad input, 3 for a safety stop, and 130 if the command
-    handled Ctrl-C itself. Bad input and a safety stop are reported without a traceback. An
-    exception that is an error in the program (a bug) is raised again.
+    The exit code is 0 for success, 2 for bad input or a failure of the rig, 3 for a safety stop,
+    and 130 if the command handled Ctrl-C itself. It is 1 if the reader of standard output closed
+    the pipe. These problems are reported without a traceback. An exception that is an error in the
+    program (a bug) is raised again.
 
     Parameters
     ----------

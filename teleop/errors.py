@@ -1,6 +1,7 @@
-"""Exceptions that are not caused by an error in the program, but by bad input or a safety stop.
+"""Define the exceptions for bad input and for a safety stop.
 
-They end a command with a one-line message.
+They are not errors in the program (bugs). A command that ends with such an exception prints its
+message without a traceback.
 """
 
 from __future__ import annotations

@@ -164,7 +164,7 @@ def write_text(path: Path, text: str, overwrite: bool = False) -> None:
 
 
 def encoded(text: str) -> bytes:
-    """Return a text in UTF-8, as in all text files that are written."""
+    """Encode a text in UTF-8. Characters that cannot be encoded become backslash escapes."""
     return text.encode("utf-8", "backslashreplace")
 
 

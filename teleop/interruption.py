@@ -34,7 +34,8 @@ def handle_signals(handler: Callable[[str], object]) -> Iterator[None]:
     Parameters
     ----------
     handler
-        Function that is called with the reason of the signal, which is a value of `SIGNALS`.
+        Function that is called when a signal arrives. Its argument is the text of the signal in
+        `SIGNALS`, such as "Ctrl-C".
     """
 
     def on_signal(number: int, frame: FrameType | None) -> None:
@@ -57,16 +58,16 @@ class Interruption:
     """Counts the signals of `SIGNALS`, and interrupts a program that does not acknowledge them.
 
     This class is a context manager, which handles the signals within a `with` block. The program
-    must acknowledge each signal within the time `timeout`. If the program does not, the next signal
-    after this time raises KeyboardInterrupt. The program then has `CLEAN_UP` seconds for its
-    clean-up before another signal can interrupt it.
+    must acknowledge each signal within the time `timeout`. If the program does not acknowledge a
+    signal, the next signal that arrives after this time raises KeyboardInterrupt. In the following
+    `CLEAN_UP` seconds, the program can clean up, and no further signal interrupts it.
 
     Attributes
     ----------
     count
         Number of signals that have arrived.
     reason
-        Reason of the latest signal; empty before the first signal.
+        Text of the latest signal in `SIGNALS`, such as "Ctrl-C"; empty before the first signal.
     timeout
         Time within which the program must acknowledge a signal [s]. With the initial value 0, each
         signal raises KeyboardInterrupt immediately.
@@ -114,7 +115,12 @@ class Interruption:
 
 @contextlib.contextmanager
 def stop_signals() -> Iterator[Callable[[], bool]]:
-    """Yield a function that returns whether a signal of `SIGNALS` has arrived in a `with` block."""
+    """Handle the signals of `SIGNALS` within a `with` block.
+
+    Yields
+    ------
+    Function that returns whether a signal has arrived since the start of the block.
+    """
     came = threading.Event()
     with handle_signals(lambda reason: came.set()):
         yield came.is_set

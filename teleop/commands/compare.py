@@ -38,7 +38,7 @@ def compare(
 ) -> int:
     """Compare the results of several recordings, and the mean results of groups of recordings.
 
-    A file that cannot be evaluated is reported and left out. If none can be evaluated, the exit
+    A file that cannot be evaluated is reported and left out. If no file can be evaluated, the exit
     code is 2.
 
     Example: `teleop compare paper-series --out table.tex --plot figure.pdf`
@@ -51,10 +51,10 @@ def compare(
     more
         Further files and folders.
     by
-        Factors by which the recordings are grouped, separated by commas. A factor is a factor of
-        the series, a setting of the recordings, such as condition, cube, rig or seed, or the word
-        folder, for the name of the folder of each recording. Default: all factors of the series
-        except the subject.
+        Names of the factors by which the recordings are grouped, separated by commas. Each is a
+        factor of the series; a setting of the recordings, such as condition, cube, rig or seed; or
+        the word folder, to group the recordings by their folders. Default: the factors of the
+        series that have two or more levels, except subject and repetition.
     columns
         Columns to read, and the zeros of position and force.
     estimators
@@ -79,10 +79,11 @@ def compare(
         the factors of --by and the estimator. If there are several subjects, the subject is a
         random factor. Needs the extra `stats`.
     out
-        Write the table to a .csv, .tex or .md file. A CSV file has a row for each recording and
-        method. A LaTeX or Markdown file contains the means of the groups, and notes. The LaTeX
-        file needs the packages booktabs and threeparttable. The analysis of variance is added to
-        a LaTeX or Markdown file. For table.csv it is written to table-anova.csv.
+        Write the table to a .csv, .tex or .md file. A CSV file has, for each recording, a row for
+        the result and a row for each estimator. A LaTeX or Markdown file contains the means of the
+        groups, notes, and the analysis of variance. The LaTeX file needs the packages booktabs and
+        threeparttable. With --out table.csv, the analysis of variance is written to a second file,
+        table-anova.csv.
     plot
         Plot the stiffness and damping of each recording, and the mean of each group, to a .png,
         .svg or .pdf file. If the largest stiffness or damping is more than ten times the smallest,
@@ -213,7 +214,7 @@ def effects_of(
     factors
         Names of the factors by which the recordings are grouped.
     planned
-        Names of the factors of the series, including `repetition`.
+        Names of all factors of the series to which the recordings belong, including `repetition`.
     response
         Result of the estimators that is analysed: k, b, e_f or rise_time_s.
 

@@ -49,8 +49,8 @@ def estimate(
 ) -> int:
     """Estimate stiffness and damping from a recorded position and force.
 
-    A recording of `teleop run` is evaluated with the settings of the run. Each option changes one
-    of these settings. Without such options, the estimates are exactly those of the run.
+    A recording of `teleop run` is evaluated with the settings of the run. The estimates are then
+    exactly those of the run. An option such as --bandwidth changes one of the settings.
 
     First, the result is printed: stiffness and damping with 95 % intervals, or the reasons why the
     data are not sufficient. Then the fits of the batch models and the estimates of the online
@@ -230,12 +230,12 @@ def estimate(
 def chosen(
     recording: Recording | None, datum: str, cube: str, given: Mapping[str, Any]
 ) -> EstimateSettings:
-    """Return the settings of the run, or the defaults, changed as the options state.
+    """Return the settings of an evaluation, changed by the options that were given.
 
     Parameters
     ----------
     recording
-        Recorded trial whose settings are used; None for the default settings.
+        Recorded trial whose settings are changed; None to change the default settings.
     datum, cube
         Values of the options --datum and --cube.
     given

@@ -28,8 +28,8 @@ def export(
         Recording of teleop run (.mcap).
     out
         File to write. The extension .csv, .h5, .mat or .parquet selects the format. Default: the
-        name of the recording with the extension .csv. The file contains the settings of the run.
-        For CSV they are in a second file, NAME.csv-metadata.json. HDF5 and Parquet need
+        name of the recording with the extension .csv. The settings of the run are stored in the
+        same file or, for CSV, in a second file NAME.csv-metadata.json. HDF5 and Parquet need
         `pip install '.[export]'`.
     json
         Print one JSON document instead of the file name.

@@ -99,7 +99,7 @@ def chosen(settings: TrialSettings, request: dict[str, Any]) -> TrialSettings:
 
 
 class PageOfSeries:
-    """Asks the person at the live page before each trial what to do, and after it for a note.
+    """Asks the person at the live page what to do before each trial, and for a note afterwards.
 
     Parameters
     ----------
@@ -115,7 +115,10 @@ class PageOfSeries:
         self._pending: dict[str, Any] | None = None
 
     def ask(self, question: Question) -> tuple[Answer, str]:
-        """Return the answer of the person (run, skip, repeat or quit), and a note."""
+        """Return the answer of the person (run, skip or repeat), and a note.
+
+        The answer is "quit" if the session must end.
+        """
         from teleop.interruption import stop_signals
 
         previous = question.previous

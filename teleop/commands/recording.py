@@ -66,8 +66,8 @@ class Columns:
         samples
             Position, force and time.
         recording
-            The recorded trial; None for a file of another program. A long recording has only its
-            last ticks, see `RecordedSamples`.
+            The recorded trial; None for a file of another program. Of a long recording, only the
+            last ticks are returned, see `RecordedSamples`.
 
         Raises
         ------

@@ -33,9 +33,10 @@ def emulate(
 ) -> int:
     """Emulate the devices of a rig, connected to the simulated plant, until stopped.
 
-    Pseudo-terminals replace the serial ports and slcan adapters. A SocketCAN bus must exist. The
-    command prints a `teleop run` command, which you enter in another terminal. A little more than
-    one second after the drives were disabled, the simulated plant returns to its initial state.
+    Pseudo-terminals replace the serial ports and slcan adapters. If the rig uses a SocketCAN bus,
+    this bus must exist. The command prints a `teleop run` command, which you enter in another
+    terminal. A little more than one second after the drives are disabled, the simulated plant
+    returns to its initial state.
 
     The simulated operator presses to the depth that is given to this command, not to the depth that
     is given to `teleop run`. To change the operator, the cube or the depth between two trials, type
@@ -54,10 +55,9 @@ def emulate(
     cube
         Cube that is palpated.
     condition
-        Behaviour of the simulated operator, who palpates freely (free), follows a sine after a
-        count-in of 3 s (mimic), does not touch the handle (autonomous), or suits a run with any
-        condition (any). With any, the operator follows the sine of mimic, and lets go of a handle
-        that moves by itself.
+        Behaviour of the simulated operator. free: palpates freely. mimic: follows a sine after a
+        count-in of 3 s. autonomous: does not touch the handle. any: for runs with any condition;
+        follows the sine as in mimic, but releases the handle if it moves by itself.
     depth
         Depth to which the simulated operator palpates, with its unit, such as 5mm. Default: the
         depth in the paper for the cube and the condition.
@@ -65,8 +65,8 @@ def emulate(
         Frequency of the sine that the operator follows with --condition any or mimic [Hz].
         Default: 1.
     seed
-        Seed of the simulated operator and of the sensor noise. From it, each trial gets a seed of
-        its own, which depends on the number of the trial since the start of this command.
+        Seed of the simulated operator and of the sensor noise. The random numbers of a trial depend
+        on this seed and on the number of the trial since the start of this command.
     fault
         Fault of a bus as KIND:BUS@SECONDS, such as corrupt:force@3. SECONDS is the time between the
         enabling of the drives and the fault. The option may be repeated. Kinds: drop, double,

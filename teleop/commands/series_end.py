@@ -14,14 +14,16 @@ if TYPE_CHECKING:
 
 
 def resuming_command(plan: Path, options: Mapping[str, Any], live: LiveOptions) -> list[str]:
-    """Return the command that resumes a series, which is also the command that started it.
+    """Return the words of the command that resumes a series.
+
+    The same command started the series.
 
     Parameters
     ----------
     plan
         The plan.
     options
-        Values of the options by name; None and False for an option that was not given.
+        Values of the options by name. An option that was not given has the value None or False.
     live
         Options of the live page.
     """

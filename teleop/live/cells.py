@@ -2,9 +2,10 @@
 
 The live process writes the cells, and the control process reads them at each tick. A cell has 8
 bytes, which a processor writes in one operation, so that no lock is needed. The state of the
-pointer needs two cells, depth and grip. The live process increases a sequence number before and
-after it writes the two cells. The two values that are read belong together if the sequence number
-was even before they were read, and the same afterwards.
+pointer needs two cells, depth and grip. The live process increases a sequence number by one before
+it writes these two cells, and again afterwards. While it writes, the sequence number is therefore
+odd. The control process reads the sequence number before and after the two cells. The two values
+belong together if the sequence number was even and has not changed.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ class CellWriter:
         self._numbers = memoryview(buffer).cast("d")
 
     def count(self, cell: int) -> None:
-        """Increase a counter or heartbeat by one."""
+        """Increase the counter in a cell by one. A heartbeat is also stored as a counter."""
         self._counts[cell] += 1
 
     def point(self, depth: float, grip: bool) -> None:

@@ -35,7 +35,7 @@ class Cue:
         t
             Time of the trial [s].
         target, position
-            Position of the target and of the slave [m]; NaN if there is no such position.
+            Position of the target and position of the slave [m]; NaN if the position is not known.
         """
         cells = [" "] * WIDTH
         own, aim = self._place(position), self._place(target)

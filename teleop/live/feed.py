@@ -47,10 +47,10 @@ def shown_columns(names: Sequence[str], estimators: Sequence[str]) -> list[str]:
 
 
 def estimator_indices(names: Sequence[str], estimators: Sequence[str]) -> list[dict[str, Any]]:
-    """Return a dictionary for each estimator: its name, and the place of its values in a row.
+    """Return one dictionary for each estimator, with its name and the indices of its values.
 
-    A place is None if the row does not contain the value. The key `further` has the places of the
-    parameters besides b and k, by their names.
+    An index is the place of a value in a row; None if the row does not contain this value. The key
+    `further` contains the indices of the parameters besides b and k, by their names.
     """
     place = {name: i for i, name in enumerate(names)}
     return [
@@ -107,4 +107,7 @@ class Feed(ABC):
 
     @abstractmethod
     def lost(self) -> None:
-        """React to the end of control: the client has released control, or is disconnected."""
+        """React when the client that had control has lost it.
+
+        The client has released control, is disconnected, or has sent no heartbeat for too long.
+        """

@@ -92,7 +92,10 @@ class FoxgloveBridge:
         }
 
     def advance(self) -> None:
-        """Send the ticks that were written to the ring since the last call."""
+        """Send the ticks that were written to the ring since the last call.
+
+        If there are more than `BATCH` new ticks, only the newest `BATCH` ticks are sent.
+        """
         end = self._ring.newest + 1
         first = max(self._read + 1, self._ring.oldest, end - BATCH)
         if first >= end or not self._channels:

@@ -31,14 +31,16 @@ def decimation(rate: float) -> int:
 
 
 def decimated(first: int, end: int, last: int, step: int) -> list[int]:
-    """Return the ticks of a batch that are sent: the newest, and every `step`-th one before it.
+    """Return the numbers of those ticks of a batch that are sent to the live page.
+
+    These are the newest tick, and every `step`-th tick before the newest tick.
 
     Parameters
     ----------
     first, end
-        The batch: ticks from `first` up to but not including `end`.
+        The batch contains the ticks from number `first` up to but not including number `end`.
     last
-        The newest tick that has already been sent.
+        Number of the newest tick that has already been sent.
     step
         Smallest distance between two ticks that are sent.
     """

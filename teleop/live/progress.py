@@ -62,7 +62,7 @@ class Progress:
         Text that explains how to stop the trial, written once at the start; empty if a person has
         already read it.
     largest_misfit
-        Estimators whose misfit is larger are marked in the line.
+        Limit of the misfit. An estimator with a larger misfit is marked in the line.
     cue
         Bar that shows the target in the condition `mimic`; None for another condition.
     """
@@ -117,8 +117,9 @@ class Progress:
     def _texts(self, estimates: Sequence[tuple[str, float, float, float]], used: int) -> str:
         """Return the heading and the text of each estimator that fits into the line.
 
-        The texts of an estimator always have the same width, so that the same estimators are shown
-        at each update. The result is empty if no estimator fits, or if none has an estimate.
+        The text of an estimator has the same width at each update, so that the same estimators are
+        always shown. The result is empty if the line has no space for an estimator, or if no
+        estimator has an estimate yet.
 
         Parameters
         ----------
@@ -137,7 +138,7 @@ class Progress:
         return "".join([heading, *texts])
 
     def _text(self, name: str, b: float, k: float, misfit: float) -> str:
-        """Return the text of an estimator; dashes without an estimate."""
+        """Return the text of an estimator. If there is no estimate, dashes replace the values."""
         values = ("-", "-") if math.isnan(k) else (f"{k:.0f}", f"{b:+.0f}")
         mark = "*" if misfit > self._largest_misfit else " "
         return f"  {name} {values[0]:>{K_WIDTH}} {values[1]:>{B_WIDTH}}{mark}"
@@ -158,7 +159,7 @@ class Progress:
         self._terminal.draw(self._replacing(line[: width - 1]))
 
     def _replacing(self, text: str) -> str:
-        """Return the text, with control characters or spaces that erase the old line."""
+        """Return a text in a form that also erases the previous text of the line."""
         drawn, self._drawn = self._drawn, len(text)
         return f"\r{text}\x1b[K" if terminal_width() else f"\r{text:<{drawn}}"
 

@@ -109,7 +109,10 @@ class Replay(Feed):
         return [self._welcome, *filter(None, [self._trial]), self._position()]
 
     def state(self) -> dict[str, Any]:
-        """Return the fields of the message `state`, with the latest fault until the shown time."""
+        """Return the fields of the message `state`.
+
+        The field `text` describes the latest fault before the time that the page shows.
+        """
         faults = [e for e in self._events if e.get("fault") and e["time"] <= self._at]
         text = str(faults[-1]["text"]) if faults else ""
         return {
@@ -160,9 +163,9 @@ class Replay(Feed):
         self._from, self._since, self._rate = self._at, self._now(), rate
 
     def _seek(self, t: float) -> None:
-        """Continue the replay at time t [s], and show the `SHOWN` seconds before t.
+        """Continue the replay at time t [s], and show the data of the `SHOWN` seconds before t.
 
-        t is limited to the time of the recording.
+        If t is before the start or after the end of the recording, this start or end is used.
         """
         if not math.isfinite(t):
             raise BadRequest("seek: expected a time")

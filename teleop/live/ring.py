@@ -115,7 +115,11 @@ class RingReader:
 
     @property
     def oldest(self) -> int:
-        """Number of the oldest message that can be read safely."""
+        """Number of the oldest message that is read.
+
+        The `MARGIN` oldest messages in the ring are not read, because the writer will soon
+        overwrite them.
+        """
         return max(1, self.newest - self._slots + MARGIN)
 
     def read(self, numbers: Sequence[int]) -> tuple[list[int], NDArray[np.uint8]]:
@@ -126,9 +130,9 @@ class RingReader:
         found
             Numbers of the returned messages.
         slots
-            Slots of the returned messages without the numbers, shape (len(found), bytes). A slot
-            contains the length as an unsigned integer of 64 bits, the time of writing [s] as a
-            double, and the message.
+            Bytes of the slots of the returned messages, shape (len(found), bytes). The two copies
+            of the number are omitted. A row contains the length of the message as an unsigned
+            integer of 64 bits, the time of writing [s] as a double, and the message.
         """
         wanted = np.asarray(numbers, dtype=np.uint64)
         places = wanted % np.uint64(self._slots)

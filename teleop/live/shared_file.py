@@ -13,9 +13,10 @@ MEMORY = Path("/dev/shm")
 
 
 class SharedFile:
-    """A memory-mapped file. The process that creates the file also removes its name.
+    """A memory-mapped file that the control process creates and the live process opens.
 
-    The name is removed as soon as the other process has opened the file.
+    As soon as the live process has opened the file, the control process removes its name from the
+    file system. The mapped memory remains until both processes have ended.
 
     Attributes
     ----------

@@ -14,8 +14,8 @@ class Terminal:
     """Writes to a terminal without blocking the caller.
 
     While a terminal is stopped (Ctrl-S), or while its output is not read, a write to the terminal
-    blocks. A separate thread therefore writes the text. The file descriptor is not made
-    non-blocking, because it would then be non-blocking for the shell, too.
+    blocks. A separate thread therefore writes the text. The file descriptor itself remains in
+    blocking mode, because a change of its mode would also apply to the shell.
 
     Parameters
     ----------
@@ -32,13 +32,19 @@ class Terminal:
         self._thread = threading.Thread(target=self._write_all, daemon=True)
 
     def draw(self, text: str) -> None:
-        """Write text. The new text replaces that of an earlier `draw` that is not written yet."""
+        """Write a text, which a later call may discard if the text is not written yet.
+
+        An earlier text of `draw` that is not written yet is discarded.
+        """
         with self._changed:
             self._line = encoded(text)
             self._wake()
 
     def write(self, text: str) -> None:
-        """Write text that cannot be replaced. Unwritten text of an earlier `draw` is discarded."""
+        """Write a text that later calls do not discard.
+
+        If an earlier text of `draw` is not written yet, the earlier text is discarded.
+        """
         with self._changed:
             self._kept += encoded(text)
             self._line = b""

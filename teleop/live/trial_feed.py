@@ -173,7 +173,11 @@ class TrialFeed(Feed):
         self._cells.count(PAGE)
 
     def lost(self) -> None:
-        """Release the handle. Without heartbeats, the loop stops a trial that the page armed."""
+        """Write to the cells that the hand does not hold the handle.
+
+        If the page has armed the drives, the loop then stops the trial, because it receives no
+        more heartbeats of the page.
+        """
         self._cells.point(0.0, False)
 
     def _start(self) -> None:
@@ -184,9 +188,10 @@ class TrialFeed(Feed):
         self._cells.count(ARM)
 
     def _choose(self, request: dict[str, Any], active: bool) -> None:
-        """Send chosen settings to the control process, and end a trial that waits for START.
+        """Send the settings that a person has chosen in the page to the control process.
 
-        The control process then begins a trial with the new settings.
+        If a trial waits for START, it is ended. The control process then begins a trial with the
+        new settings.
         """
         choices = self._session["choices"]
         for name in request.keys() - {"type"}:
@@ -240,7 +245,7 @@ class TrialFeed(Feed):
         self._news.append(document)
 
     def _read_ticks(self) -> None:
-        """Read all new ticks. Add the newest tick and some of the others to the history."""
+        """Read all new ticks, and add those ticks to the history that are sent to the page."""
         first, end = max(self._read + 1, self._ring.oldest), self._ring.newest + 1
         found, slots = self._ring.read(range(first, end))
         if not found:

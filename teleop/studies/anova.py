@@ -74,8 +74,8 @@ def analysis_of_variance(
     Parameters
     ----------
     rows
-        One row for each trial and estimator: values by column. The columns are `estimator` and the
-        columns that the other parameters state.
+        One row for each trial and estimator. A row is a dictionary of values by the name of the
+        column. The columns are `estimator` and those that the other parameters name.
     response
         Name of the column of the response (dependent variable).
     factors
@@ -83,7 +83,8 @@ def analysis_of_variance(
     trial
         Name of a column with a different value for each trial.
     subject
-        Name of the column of the random factor subject; None for a design without subjects.
+        Name of the column that contains the subject, which is a random factor; None for a design
+        without subjects.
 
     Returns
     -------
@@ -136,9 +137,10 @@ def design_text(
     effects
         Effects of the factors.
     pooled
-        Names of the factors in which the trials with the same levels differ, such as a repetition.
+        Names of factors that are not part of the analysis, such as repetition. The text states that
+        trials with the same levels of all other factors differ in these factors.
     subject
-        Name of the random factor subject; None for a design without subjects.
+        Name of the random factor; None for a design without subjects.
     """
     between = [e.source for e in effects if " x " not in e.source and e.source != ESTIMATOR]
     within = [ESTIMATOR] if any(e.source == ESTIMATOR for e in effects) else []
@@ -194,7 +196,7 @@ def check_design(frame: Any, factors: Sequence[str], response: str, subject: str
 def sums_of_squares(frame: Any, factors: Sequence[str]) -> dict[tuple[str, ...], tuple[float, int]]:
     """Return the sum of squares and the degrees of freedom of each effect.
 
-    An effect is given as a tuple of factors. The empty tuple is the residual.
+    The key of an effect is the tuple of its factors. The key of the residual is the empty tuple.
     """
     from statsmodels.formula.api import ols
     from statsmodels.stats.anova import anova_lm
@@ -221,7 +223,10 @@ def split_plot(
     squares: Mapping[tuple[str, ...], tuple[float, int]],
     within: str,
 ) -> Tests:
-    """Return the F tests of a split-plot design; the factor `within` varies within a trial."""
+    """Return the F tests of a split-plot design.
+
+    The factor `within` varies within each trial. All other factors vary only between trials.
+    """
     from scipy.special import fdtrc
 
     between = [name for name in factors if name != within]

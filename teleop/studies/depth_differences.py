@@ -1,4 +1,4 @@
-"""Find factors of a study whose levels differ in the depth of the palpation."""
+"""Find the factors of a study that the depth of the palpation depends on."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ LARGE = 1.1
 def depth_note(rows: Sequence[Compared], factors: Sequence[str]) -> str:
     """Return a warning if the depth differs between the levels of a factor; otherwise "".
 
-    The stiffness of many specimens increases with the depth. If the depth differs between two
-    levels, this difference of the stiffness is part of the effect of the factor.
+    The stiffness of many specimens increases with the depth. If two levels of a factor have
+    different depths, the stiffness can therefore also differ between these levels. The analysis of
+    variance then counts this difference as an effect of the factor.
 
     Parameters
     ----------
@@ -36,10 +37,10 @@ def depth_note(rows: Sequence[Compared], factors: Sequence[str]) -> str:
 
 
 def depth_ratio(rows: Sequence[Compared], factor: str, factors: Sequence[str]) -> float:
-    """Return the largest ratio of the depths at two levels of a factor.
+    """Return the largest ratio of the depths of the palpation at two levels of a factor.
 
-    The depth of a level is the median of its recordings. Only recordings with the same levels of
-    the other factors are compared.
+    The depth at a level is the median of the depths of its recordings. Only recordings with the
+    same levels of all other factors are compared.
     """
     others = [name for name in factors if name != factor]
     depths: dict[tuple[str, ...], dict[str, list[float]]] = {}

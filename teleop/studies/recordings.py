@@ -57,7 +57,10 @@ def sources(paths: Iterable[Path]) -> list[Source]:
 
 
 def of_folder(folder: Path) -> list[Source]:
-    """Return the recordings in a folder or in the folder of a series."""
+    """Return the recordings in a folder.
+
+    In the folder of a series, only the recordings of trials that are done are returned.
+    """
     series = trials(folder)
     if series:
         return [Source(folder / RECORDINGS / file, levels) for file, levels in series.items()]
@@ -89,8 +92,8 @@ def of_file(path: Path) -> Source:
 def trials(folder: Path) -> dict[str, dict[str, str]]:
     """Return the levels of the factors for each recording of a series, by its file name.
 
-    They are read from the journal of the series or, if there is no journal, from the table of the
-    series. The result is empty if the folder contains neither of them.
+    The levels are read from the journal of the series. If there is no journal, they are read from
+    the table of the series. The result is empty if the folder contains neither of these files.
 
     Raises
     ------
@@ -170,7 +173,8 @@ def plan_factors(journal: Path) -> dict[str, list[str]]:
 def factors_of(row: dict[str, str]) -> Iterator[tuple[str, str]]:
     """Yield each factor and its level, from a row of the table of a series.
 
-    The factors are the columns from the first to `repetition`, without `trial`.
+    The first columns of the table contain the factors, up to and including the column `repetition`.
+    The column `trial` is not a factor.
     """
     for name in takewhile(lambda name: name != "repetition", row):
         if name != "trial":

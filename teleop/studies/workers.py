@@ -56,8 +56,9 @@ def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
 def end_with_parent() -> None:
     """Prepare a worker process to ignore signals except SIGTERM, and to end with its parent.
 
-    This is called at the start of each worker process. A terminal sends its signals also to the
-    parent process, which then ends the worker processes.
+    This function is called at the start of each worker process. A terminal sends a signal such as
+    Ctrl-C to the parent process and to the worker processes. Only the parent process reacts to it,
+    and then ends the worker processes.
     """
     for name in SIGNALS:
         if number := getattr(signal, name, None):

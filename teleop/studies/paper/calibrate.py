@@ -1,23 +1,25 @@
 """Calibrate the simulated rig from Table I: `python -m teleop.studies.paper.calibrate`.
 
-The calibration uses b and k of the RLS rows under the conditions free and autonomous. These are
-twelve numbers. The eight unknowns are k1 and k3 of each cube, whose force is k1 x + k3 x^3, the lag
-of the force channel, and the lost motion of the slave. All other cells of Table I are predictions.
-The calibration depends on four assumptions.
+The calibration uses the values of b and k that Table I states for RLS under the conditions `free`
+and `autonomous`. These are twelve numbers. The calibration finds eight unknowns: k1 and k3 of each
+of the three cubes, the lag of the force channel, and the lost motion of the slave. The force of a
+cube at the displacement x is k1 x + k3 x^3. All other cells of Table I are predictions. The
+calibration depends on four assumptions.
 
-- Depths. Table I determines only k3 times the depth squared. The depths were chosen by trial and
-  error such that the force errors, which increase with depth, are about equal to those of the
-  paper. The force errors are therefore not independent predictions. Under `autonomous`, the depths
-  are smaller, as the paper states. These smaller depths, and the frequency of 2 Hz, were chosen
-  such that the rise time of adaptive identification (`ai`) with the paper's gains is about 0.6 s,
-  as in the paper. The rise time of `ai` is therefore not an independent prediction. The paper does
-  not state the depths under `mimic`, so the depths of `free` are used under `mimic`.
+- Depths. Table I determines only the product of k3 and the squared depth. The depths were chosen by
+  trial and error such that the force errors are about equal to those of the paper. The force errors
+  increase with the depth. They are therefore not independent predictions. The paper states that the
+  depths are smaller under `autonomous`. These smaller depths, and the frequency of 2 Hz, were
+  chosen such that the rise time of adaptive identification (`ai`) with the paper's gains is about
+  0.6 s, as in the paper. The rise time of `ai` is therefore not an independent prediction. The
+  paper does not state the depths under `mimic`. The depths of `free` are used there.
 - Tremor. The tremor of the operator (`sim_backend/operators.py`) was also chosen to match the force
   errors. In the paper, the force errors on the soft and the medium cube are larger under `free` and
   `mimic` than under `autonomous`.
 - Compliance. The compliance of the transmission is 7 um/N, which is typical of a cable or belt
-  drive. The transmission is in series with the cube. Its compliance keeps the hard cube within the
-  grid of the multi-estimator. Compliance and lost motion determine the friction, about 17 N.
+  drive. The transmission is in series with the cube, and reduces the estimated stiffness. For the
+  hard cube, the estimate is therefore within the grid of the multi-estimator. The friction of the
+  transmission follows from its compliance and its lost motion. It is about 17 N.
 - Damping. The true damping is 1.5 ms times k1. This gives a loss factor of 0.02 at 2 Hz, as for
   silicone rubber with little damping. To first order, damping and lag have the same effect on the
   force, and cannot be determined separately.
@@ -98,12 +100,14 @@ def averages(values: Vector, pool: Executor) -> Mapping[tuple[str, str], tuple[f
 
 
 def calibrate(start: Vector, pool: Executor) -> Vector:
-    """Return the values of `setups` for which the RLS averages are closest to those of the paper.
+    """Return the eight unknowns for which the RLS averages are closest to those of the paper.
+
+    The unknowns are the parameter `values` of the function `setups`.
 
     Parameters
     ----------
     start
-        First guess of the values, in the order of `setups`, shape (8,).
+        Initial values of the unknowns, in the same order, shape (8,).
     pool
         Pool of processes that run the trials.
     """
@@ -116,10 +120,10 @@ def calibrate(start: Vector, pool: Executor) -> Vector:
         return np.array(out)
 
     def slopes(logarithms: Vector) -> Vector:
-        """Return the Jacobian.
+        """Return the Jacobian of the residuals.
 
-        Five evaluations are sufficient, because k1 and k3 of a cube affect only its own trials:
-        the values of all cubes are changed together.
+        k1 and k3 of a cube affect only the trials on this cube. The values of all three cubes can
+        therefore be changed at the same time, and five evaluations of the residuals are sufficient.
         """
         here = residuals(logarithms)
         out = np.zeros((len(here), len(start)))
@@ -141,7 +145,11 @@ def calibrate(start: Vector, pool: Executor) -> Vector:
 
 
 def main() -> None:
-    """Print the values for `sim_backend/paper_rig.py`, and the RLS averages of rig and paper."""
+    """Calibrate the simulated rig, and print the calibrated values.
+
+    The values are intended for the file `sim_backend/paper_rig.py`. The averages of b and k from
+    RLS are also printed, for the simulated rig and for the paper.
+    """
     start = np.array(
         [
             *(cube.k1 for cube in CUBES.values()),

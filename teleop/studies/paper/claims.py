@@ -142,12 +142,15 @@ def stiffness_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[C
 
 
 def damping_claims(steps: list[Damping], outcomes: Sequence[Outcome]) -> list[Claim]:
-    """Check that the damping has the paper's sign, and is correct without the causes of bias.
+    """Check the sign of the biased damping, and the value of the damping without bias.
+
+    The damping from RLS must be negative in the same trials as in the paper. When all causes of
+    bias are removed, the estimated damping must be close to the true damping.
 
     Parameters
     ----------
     steps
-        Estimates of the damping in each trial, with the causes of bias removed one after the other.
+        Estimates of the damping in each trial. The causes of bias are removed one after the other.
     outcomes
         Results of the same trials.
     """

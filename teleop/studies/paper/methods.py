@@ -49,11 +49,12 @@ class Methods(NamedTuple):
 def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
     """Run estimators on the measured position and force of a trial.
 
-    All estimators use the paper's preset and process the same signals. Matched conditioning
-    compensates the lag of the force channel. The position is the position of the tip, so that there
-    is no lost motion. The true damping is the damping of the cube. The true stiffness for a
-    Kelvin-Voigt model is the secant stiffness k1 + k3 x^2 at each sample. For a stiffening model,
-    it is the stiffness at the surface, k1.
+    All estimators use the paper's settings and process the same signals. The lag of the force
+    channel is compensated. The estimators receive the position of the tip instead of the encoder
+    position, so that lost motion has no effect. The estimated damping is compared with the damping
+    of the cube. If an estimator has no parameter k3, its stiffness is compared with the secant
+    stiffness k1 + k3 x^2 of the cube at each sample. If it has this parameter, its stiffness is
+    compared with the stiffness k1 of the cube at the surface.
     """
     settings, columns = trial.settings, trial.columns
     model = methods.model

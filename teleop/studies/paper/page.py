@@ -77,7 +77,11 @@ def table_one(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, list[dict[str,
 
 
 def damping_cells(outcomes: Sequence[Outcome]) -> list[list[str]]:
-    """Return cells with the damping of each trial, from all causes of bias to none of them."""
+    """Return the cells of the table of the damping, with one row for each trial.
+
+    A row contains the damping in the paper, the damping from RLS with all causes of bias, the
+    estimates after each cause of bias is removed, and the true damping.
+    """
     return [
         [
             f"{outcome.condition} {outcome.cube}",
@@ -93,7 +97,10 @@ def damping_cells(outcomes: Sequence[Outcome]) -> list[list[str]]:
 
 
 def slow_cells(slow: Sequence[SlowTrial]) -> list[list[str]]:
-    """Return cells with the jointly fitted lag and damping, one row for each frequency."""
+    """Return the cells of the table of lag and damping, with one row for each frequency.
+
+    In each row, lag and damping were estimated together from one trial.
+    """
     return [
         [
             f"{trial.frequency:g}",
@@ -126,7 +133,7 @@ def reproduction_page(
     figures
         Figures as SVG elements, by caption.
     slow
-        Lag and damping, fitted together to one trial for each frequency.
+        Estimates of lag and damping, one pair for each frequency of the excitation.
     study
         Effects of the analysis of variance, by response; empty if there is only one seed.
     seeds

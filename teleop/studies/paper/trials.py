@@ -1,4 +1,8 @@
-"""Run the paper's nine trials with the paper's settings, and remove the causes of damping bias."""
+"""Run the paper's nine trials with the paper's settings.
+
+The estimated damping in these trials is biased. The module also estimates the damping without the
+causes of this bias.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +35,10 @@ DRAWN = 10
 
 
 class Damping(NamedTuple):
-    """Estimates of the damping in one trial [N s/m]; causes of bias are removed one by one."""
+    """True damping in one trial, and its estimates [N s/m].
+
+    In the estimates from `rls` to `stiffening`, the causes of bias are removed one after the other.
+    """
 
     true: float
     """True damping of the simulated cube."""
@@ -74,7 +81,7 @@ class Outcome(NamedTuple):
 
 
 class SlowTrial(NamedTuple):
-    """Lag of the force channel and damping, fitted together to one trial."""
+    """Estimates of two quantities from one trial: lag of the force channel, and damping."""
 
     frequency: float
     """Frequency of the excitation [Hz]."""
@@ -106,14 +113,16 @@ def paper_trial(condition: ConditionName, cube: CubeName, seed: int = 0) -> Tria
 
 
 def damping_steps(trial: Trial, rls: float) -> Damping:
-    """Return the damping, first estimated as in the paper, then with causes of bias removed.
+    """Return estimates of the damping from which the causes of bias are removed one by one.
+
+    The first estimate is that of the paper's method.
 
     Parameters
     ----------
     trial
         The simulated trial.
     rls
-        Average of the damping from RLS [N s/m].
+        Average of the damping from RLS in this trial, which is the first estimate [N s/m].
     """
     settings, columns = trial.settings, trial.columns
     force, dt = columns["contact_force"], columns["dt"]
@@ -161,8 +170,8 @@ def palpate(trial: tuple[ConditionName, CubeName, int], methods: Methods = NO_ME
 def lag_and_damping(frequency: float) -> SlowTrial:
     """Estimate lag and damping together from an autonomous trial on the medium cube.
 
-    The ramps at the start and the end of the trial are not used. The position is the position of
-    the tip, so that there is no lost motion.
+    The ramps at the start and the end of the trial are not used. The position of the tip is used
+    instead of the encoder position, so that lost motion has no effect.
 
     Parameters
     ----------

@@ -84,10 +84,10 @@ def conduct(
     """Run the trials of a series that are not done yet.
 
     A trial is repeated if it was stopped for safety, interrupted, or recorded incompletely. The
-    recording of the failed attempt is kept. A trial may also be impossible to run, for example
-    because the rig cannot be opened. Then the same trial is proposed again if a person is asked
-    before each trial. Otherwise, the series ends with an error. The table of results is written at
-    the start, after each trial, and after each note.
+    recording of the failed attempt is kept. Sometimes a trial cannot be run at all, for example
+    because the rig cannot be opened. If a person is asked before each trial, the same trial is then
+    proposed again. In an unattended series, nobody is asked, and the series then ends with an
+    error. The table of results is written at the start, after each trial, and after each note.
 
     Parameters
     ----------
@@ -109,8 +109,9 @@ def conduct(
     Raises
     ------
     InputError
-        A file cannot be written, another series or sweep is running in the folder, or a trial of an
-        unattended series could not be run.
+        A file cannot be written, the folder contains other files or a series of another plan,
+        another series or sweep is running in the folder, or a trial of an unattended series could
+        not be run.
     RigError
         The rig failed in a trial of an unattended series.
     KeyboardInterrupt

@@ -73,10 +73,10 @@ class Journal:
         return self._attempts[trial]
 
     def problem(self, trial: int) -> str:
-        """Return why the last attempt of a trial must be repeated.
+        """Return the reason why the last attempt of a trial must be repeated.
 
         If the program was killed directly after a safety stop, the journal does not contain the
-        stop. The report of the stop is then stated.
+        reason. The returned text then names the fault report that was written at the stop.
         """
         last = self._last[trial]
         report = (self._folder / RECORDINGS / last.get("file", "")).with_suffix(FAULT_REPORT)

@@ -11,7 +11,8 @@ OrderName = Literal["listed", "random", "latin-square"]
 def ordered(count: int, order: OrderName, seed: int, block: int) -> list[int]:
     """Return the order in which the cells of a block are run, as a list of cell indices.
 
-    A cell is a combination of levels of the factors, together with a repetition.
+    A cell is one trial of a block: a combination of levels of the factors, and the number of the
+    repetition.
 
     Parameters
     ----------
@@ -19,11 +20,10 @@ def ordered(count: int, order: OrderName, seed: int, block: int) -> list[int]:
         Number of cells in the block.
     order
         `listed`: the order of the plan. `random`: a random permutation for each block.
-        `latin-square`: each block is a row of a Williams square. A random permutation
-        determines which cell of the plan has which number in the square. It is the same for all
-        blocks.
+        `latin-square`: the order in a block is a row of a Williams square. The numbers in the
+        square are assigned to the cells at random. This assignment is the same for all blocks.
     seed
-        Seed of the permutations.
+        Seed of the random permutation or assignment.
     block
         Number of the block, from 0.
     """
@@ -41,9 +41,10 @@ def ordered(count: int, order: OrderName, seed: int, block: int) -> list[int]:
 def williams_row(count: int, row: int) -> list[int]:
     """Return a row of a Williams square, a Latin square balanced for first-order carry-over.
 
-    If the number of cells is even, then in `count` rows each cell directly follows each other cell
-    once. If the number of cells is odd, then in `2 count` rows each cell directly follows each
-    other cell twice, and every second row is the previous row in reversed order.
+    Each row contains each cell once. If the number of cells is even, the square has `count` rows,
+    and each cell directly follows every other cell in exactly one row. If the number of cells is
+    odd, there are `2 count` rows, and each cell directly follows every other cell in exactly two
+    rows. Every second row is then the previous row in reversed order.
 
     Parameters
     ----------

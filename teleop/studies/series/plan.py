@@ -132,7 +132,10 @@ def checked_plan(document: dict[str, Any]) -> tuple[Plan, list[str]]:
 
 
 def remove(document: Any, place: Sequence[str | int]) -> None:
-    """Remove the item at a place of a document, unless it is missing or was already removed."""
+    """Remove an item from a document. If the item does not exist, do nothing.
+
+    `place` contains the keys and the list indices that lead to the item.
+    """
     *outer, last = place
     with contextlib.suppress(KeyError, IndexError, TypeError):
         for key in outer:

@@ -1,4 +1,7 @@
-"""The question to a person before a trial: what is planned, what was done, and the answers."""
+"""Create the question that a person is asked before each trial of a series.
+
+The question states which trial is next, whether it was run before, and the effect of each answer.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +40,7 @@ class Question:
 
     @property
     def text(self) -> str:
-        """The prompt, followed by a line with the state if there is one."""
+        """Text that is shown to the person: the prompt, then `state` unless it is empty."""
         return f"{self.prompt}\n{self.state}" if self.state else self.prompt
 
 
@@ -70,7 +73,10 @@ def question_on(
 
 
 def prompt_of(plan: Plan, trial: PlannedTrial, count: int) -> str:
-    """Return the number of a trial and the prompt of the plan, with the levels of the trial."""
+    """Return a text with the number of a trial and the prompt of the plan.
+
+    The placeholders in the prompt are replaced by the levels of the trial.
+    """
     text = plan.prompt.replace("{trial}", trial.label)
     for name, level in trial.levels.items():
         text = text.replace(f"{{{name}}}", level)

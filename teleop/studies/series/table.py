@@ -32,7 +32,7 @@ RESULTS = {
 def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[dict[str, Any]]:
     """Yield a row for each estimator of each trial that is done.
 
-    A value that the journal of an older version does not contain is None.
+    A journal that an older version of the program wrote may lack a value. The value is then None.
     """
     planned = {trial.number: trial for trial in trials}
     for result in journal.results():

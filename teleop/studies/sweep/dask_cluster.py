@@ -30,9 +30,9 @@ TIMEOUT = 30.0
 def on_dask(address: str, count: int | None = None) -> Execute:
     """Return a function that runs points on a Dask cluster.
 
-    If a worker is killed several times, Dask abandons all points that wait at this worker. At the
-    end, these points are run again one by one. If the worker of such a point is killed `ATTEMPTS`
-    more times, the result of the point is an error.
+    If several workers are killed one after another while they hold the same points, Dask abandons
+    these points. At the end, the abandoned points are run again one by one. If Dask abandons a
+    point `ATTEMPTS` more times, the result of the point is an error.
 
     Parameters
     ----------
@@ -88,9 +88,10 @@ def on_dask(address: str, count: int | None = None) -> Execute:
 
 
 def alone(client: Any, task: Task, point: Point) -> Results:
-    """Run a point when the cluster has no other work, and return its results.
+    """Run a single point while the cluster has no other work, and return its results.
 
-    If this point kills its worker repeatedly, the result is an error.
+    If Dask abandons the point `ATTEMPTS` times because its workers are killed, the result is an
+    error.
     """
     from distributed import KilledWorker
 
@@ -103,7 +104,9 @@ def alone(client: Any, task: Task, point: Point) -> Results:
 
 @contextlib.contextmanager
 def cluster(address: str, count: int | None) -> Iterator[Any]:
-    """Provide a Dask client of a cluster within the block, see `on_dask`.
+    """Provide a Dask client that is connected to a cluster, within the `with` block.
+
+    The parameters are those of `on_dask`.
 
     Raises
     ------

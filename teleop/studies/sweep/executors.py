@@ -38,9 +38,9 @@ def processors() -> int:
 def in_processes(count: int | None = None) -> Execute:
     """Return a function that runs points in processes of this machine.
 
-    If a process is killed, all points that were running or waiting in a process are run again, each
-    in a separate process. If the separate process of a point is killed `ATTEMPTS` times, the result
-    of the point is an error.
+    If a process is killed, all points that were already sent to the processes but are not finished
+    are run again, each in a separate process. If this separate process is killed in `ATTEMPTS`
+    attempts, the result of the point is an error.
 
     Parameters
     ----------
@@ -70,7 +70,10 @@ def in_processes(count: int | None = None) -> Execute:
 
 
 def alone(task: Task, point: Point) -> Results:
-    """Run a single point in a separate process."""
+    """Run a single point in a separate process, and return its results.
+
+    If the process is killed in `ATTEMPTS` attempts, the result is an error.
+    """
     for _ in range(ATTEMPTS):
         try:
             with workers(1) as pool:

@@ -46,7 +46,7 @@ def read_rows(path: Path, factors: Sequence[str], response: str) -> SweepRows:
 
 
 def values_of(cells: Sequence[str]) -> Sequence[float] | Sequence[str]:
-    """Return the values of a column as numbers, or all as texts if one of them is not a number."""
+    """Convert the values of a column to numbers. If one is not a number, return all as texts."""
     try:
         return [float(cell) for cell in cells]
     except ValueError:

@@ -124,7 +124,8 @@ def read_plan(path: Path, seeds: int | None = None) -> SweepPlan:
     Raises
     ------
     InputError
-        The file cannot be read, or is not a valid plan. The message lists all problems.
+        The file cannot be read, or is not a valid plan. The message lists the problems that were
+        found.
     """
     packaged = files(__package__).joinpath("plans", f"{path}.toml")
     if not path.suffix and packaged.is_file():

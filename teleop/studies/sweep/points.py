@@ -62,7 +62,10 @@ def random_values(plan: SweepPlan) -> list[tuple[Any, ...]]:
 
 
 def spaced(values: Range, shares: Sequence[float] | np.ndarray) -> list[float]:
-    """Return values in a range at given fractions: 0 is the lowest value, 1 the highest."""
+    """Return the values in a range at given fractions of the range.
+
+    The fraction 0 is the lowest value, and the fraction 1 is the highest value.
+    """
     low, high = values.low, values.high
     inside = [float(share) for share in shares]
     if values.scale == "log":
@@ -73,7 +76,7 @@ def spaced(values: Range, shares: Sequence[float] | np.ndarray) -> list[float]:
 
 
 def chosen(values: Sequence[Any], shares: np.ndarray) -> list[Any]:
-    """Return the values of a list at given fractions of its length. Fractions are in [0, 1)."""
+    """Return the items of a list at given fractions of its length, which are in [0, 1)."""
     return [values[math.floor(share * len(values))] for share in shares.tolist()]
 
 

@@ -1,4 +1,7 @@
-"""Condition the samples of a recorded trial, only once for points with the same conditioning."""
+"""Condition the samples of a recorded trial for the points of a sweep.
+
+Points with the same settings of the conditioning share the conditioned samples.
+"""
 
 from __future__ import annotations
 
@@ -65,7 +68,7 @@ KEPT = 20
 
 @cache
 def recorded_trial(path: Path) -> RecordedTrial:
-    """Read a recorded trial, only once in each process, and return it.
+    """Return a recorded trial. Each process reads the file only once.
 
     Raises
     ------

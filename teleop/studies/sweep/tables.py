@@ -36,8 +36,9 @@ class Tables:
     journal
         The journal with the results.
     positions
-        Position of the result of each point in the journal [bytes], by the number of the point.
-        While the sweep runs, the caller adds the positions of further points.
+        For each point that is done, the position in the journal at which its result begins
+        [bytes]. The key is the number of the point. While the sweep runs, the caller adds the
+        positions of further points.
 
     Raises
     ------

@@ -156,13 +156,15 @@ def task_of(plan: SweepPlan, folder: Path) -> Task:
 
 
 def check(task: Task, points: Sequence[Point]) -> None:
-    """Check the settings of some points, up to the first valid point, before a sweep begins.
+    """Check, before a sweep begins, that at least one of some points has valid settings.
+
+    At most about `CHECKED` points, evenly distributed over the sweep, are checked.
 
     Raises
     ------
     InputError
-        The settings of all checked points are invalid. If only some are invalid, the sweep runs,
-        and the result of these points is an error.
+        The settings of all checked points are invalid. If only some points have invalid settings,
+        the sweep runs, and the result of these points is an error.
     """
     first: InputError | None = None
     for point in evenly(points, CHECKED):
@@ -212,7 +214,8 @@ def with_values(
     Raises
     ------
     InputError
-        A key has a part before a dot that is not a table of settings.
+        A key names a setting within another setting that is not a table. An example is `a.b` if
+        the value of `a` is a number.
     """
     changed: dict[str, Any] = deepcopy(dict(document))
     for key, value in zip(keys, values, strict=True):
