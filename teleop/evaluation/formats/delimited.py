@@ -45,9 +45,8 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
     begin with # are comments. Above the samples, lines that begin with % are comments too. The last
     comment above the samples can be the header.
 
-    A table ends at the first line that contains text but no number. It also ends at an invalid line
-    that follows an empty line. A line is invalid if, for example, a cell contains text instead of a
-    number.
+    A table ends at the first line that contains text but no number. It also ends at a line that
+    follows an empty line and has, for example, text instead of a number in a cell.
 
     Raises
     ------
@@ -143,10 +142,7 @@ def tables_in(path: Path, lines: Iterable[Part], pick: Pick) -> list[Table]:
 
 
 def title_of(lines: Sequence[str]) -> str:
-    """Return the title of a table, which is found in the lines above the table.
-
-    The title is the last tag, such as <Data>. If there is no tag, it is the last of the lines.
-    """
+    """Return the last tag, such as <Data>, in the lines above a table, or the last line."""
     lines = [line.strip(' \t,;"') for line in lines]
     tags = [line for line in lines if re.fullmatch(r"<(?!/|end|data|info)[^<>]+>", line, re.I)]
     return (tags or lines or [""])[-1]
@@ -230,9 +226,8 @@ class Scan:
     def _only_a_header(self) -> None:
         """Add tables without samples, if no table has the wanted columns.
 
-        The first line that contains the names of the wanted columns becomes the header of a table.
-        If no table was found before, the first line that is not a comment also becomes a header, so
-        that an error message can list its columns.
+        The first line with the names of the wanted columns becomes the header of a table. If there
+        is no other table, the first line becomes a header too, so that an error can list its names.
         """
         for number, line in self._above:
             names = fitted(self._cells(number, line), 0)
@@ -288,10 +283,7 @@ class Scan:
         return self._add(number, names, "") if not self._above or self._pick(names) else None
 
     def _header_cells(self, number: int, line: str, width: int) -> list[str]:
-        """Split a header into cells.
-
-        If the delimiter is a space, a name and the unit in brackets after it stay in one cell.
-        """
+        """Split a header into cells. A unit in brackets stays in the cell of its name."""
         cells = self._cells(number, line)
         if self._dialect.delimiter is None and len(cells) != width:
             return re.findall(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?", line)

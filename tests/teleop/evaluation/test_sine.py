@@ -11,7 +11,8 @@ import pytest
 from estimation.testing_records import relaxed
 from teleop.cli import main
 from teleop.evaluation.analysis import analyse
-from teleop.evaluation.prepared import prepare
+from teleop.evaluation.motion import motion_of
+from teleop.evaluation.prepared import LARGEST_SHAPE, prepare
 from teleop.evaluation.signals import Signals, periods
 
 FREQUENCY = 0.5
@@ -90,3 +91,22 @@ def test_damping_of_two_kinds_is_not_compared_between_files(tmp_path, capsys):
     together = json.loads(capsys.readouterr().out)["together"]
     assert [*together["ratios"]] == ["k"]
     assert any(reason.startswith("b is not compared") for reason in together["reasons"])
+
+
+@pytest.mark.parametrize("hold", [0.0, 0.15, 0.3])
+def test_the_kind_of_b_follows_from_the_shape_of_the_motion(hold):
+    """Minimum-jerk strokes on an elastic body in contact, with holds between the strokes."""
+    t = np.arange(0.0, 20.0, 2e-3)
+    phase, stroke = t % 1.0, 0.5 - hold
+    shares = (np.clip((phase - start) / stroke, 0.0, 1.0) for start in (0.0, 0.5))
+    inwards, outwards = (s**3 * (10.0 - 15.0 * s + 6.0 * s**2) for s in shares)
+    rng = np.random.default_rng(0)
+    x = 4e-3 + 3e-3 * (inwards - outwards)
+    f = 2000.0 * x + 3.0 * np.gradient(x, t) + rng.normal(0.0, 0.02, len(t))
+    x = x + rng.normal(0.0, 1e-6, len(t))
+    found = analyse(Signals(t, x, f, periods(t), "position"))
+    assert found.result.k == pytest.approx(2000.0, rel=0.01)
+    sine = found.record.shape_factor < LARGEST_SHAPE
+    assert sine == (hold == 0.0)
+    assert (found.result.damping_at_hz is not None) == sine
+    assert motion_of(found.record).shape_factor == found.record.shape_factor
