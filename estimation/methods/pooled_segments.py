@@ -258,7 +258,7 @@ class PooledSegments(Estimator):
         misfits = [f"{name} varies by {share:.0%}" for name, share in self.misfit.items()]
         if misfits:
             return (
-                f"Kelvin-Voigt does not fit: {' and '.join(misfits)} between the "
-                f"{self.segments} segments, more than the noise of the fits"
+                f"Kelvin-Voigt does not fit: {' and '.join(misfits)} between the {self.segments} "
+                f"segments of {self.parameters.length:.2g} s, more than the noise of the fits"
             )
         return None
