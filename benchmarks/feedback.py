@@ -102,13 +102,14 @@ def stability_map(seeds: int, rigid: bool) -> Iterator[Row]:
     grid = itertools.product(RATES, TREMORS, CUBES, DAMPINGS, ARMS, range(seeds))
     for rate, tremor, cube, damping, arm, seed in grid:
         case = {"law": "position-force", "cube": cube, "damping": damping, "arm": arm}
-        short = 0.0 < largest_round_trip(settings_of(**case, round_trip=0.0)) <= 2e-3 * SHORT
+        case |= {"rigid": rigid, "round_trip": 0.0}
+        short = 0.0 < largest_round_trip(settings_of(**case)) <= 2e-3 * SHORT
         if rate != RATES[0] and not short:
             continue
-        safe = safe_round_trip(settings_of(**case, round_trip=0.0, rate=rate))
+        case |= {"rate": rate}
+        safe = safe_round_trip(settings_of(**case))
         first = max(trip for trip in map_round_trips(rate) if trip <= max(safe, 0.0))
-        case |= {"round_trip": first, "tremor": tremor, "seed": seed, "rigid": rigid}
-        yield case | {"rate": rate}
+        yield case | {"round_trip": first, "tremor": tremor, "seed": seed}
 
 
 def run_to_boundary(case: Row) -> list[Row]:
