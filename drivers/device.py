@@ -159,7 +159,8 @@ class Device(ABC):
         Returns
         -------
         bool
-            Whether a request was sent. False if the device does not support this now.
+            Whether a request was sent. It is False if the device has no suitable request, or if
+            no request can be sent at present.
         """
         return False
 

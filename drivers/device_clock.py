@@ -19,20 +19,21 @@ class DeviceClock:
     sample is taken before the port is read. Therefore this difference is the offset plus the age of
     the newest sample, and the age is positive.
 
-    The time of arrival that a port gives is the mean of the times of two successive readings.
-    Therefore the newest time stamps of these two readings are also averaged. The difference of the
-    two means is still the offset plus a positive age. A delay of the controller or of the device
-    does not change this.
+    Instead of the time of a reading, a port gives the mean of the times of this reading and of the
+    previous reading. Therefore this class also computes the mean of the newest time stamps of
+    these two readings. The difference of the two means is the offset plus a mean of two ages, which
+    is positive. This is also true if the controller or the device is delayed.
 
     The estimated offset is the minimum of the differences of all readings. This minimum is the true
-    offset plus the smallest age. From one reading to the next, the minimum may increase by the
+    offset plus the smallest mean age. From one reading to the next, the minimum may increase by the
     largest drift between two crystal clocks, `DRIFT`.
 
-    A converted time is therefore never too early, but it is too late by the smallest age. The
-    smallest age is at most the smallest latency plus one sample period. On USB, the smallest
-    latency is well below 1 ms. As a consequence, the computed age of a sample that arrives just
-    before the reading can be negative, by up to half a sample period. A delayed sample, for example
-    a sample that waited in a queue, has a larger age. It therefore does not change the minimum.
+    A converted time is therefore never too early. It is too late by the smallest mean age, which is
+    at most the smallest latency plus one sample period. On USB, the smallest latency is well below
+    1 ms. The true age of a sample that arrives just before a reading can be smaller than the
+    smallest mean age, by up to half a sample period. The computed age of this sample is then
+    negative. A delayed sample, for example a sample that waited in a queue, has a larger age, and
+    does not change the minimum.
 
     If the clock of a device has no crystal, it can be slow by more than `DRIFT`. In this case, the
     error of the converted times increases steadily.

@@ -1,4 +1,4 @@
-"""Read regular files only. FIFOs and device files are errors, because reading may never end."""
+"""Read regular files only. FIFOs and device files are rejected, because reading may never end."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def syntax_problem(error: Exception, text: str) -> str:
 def value_problem(part: Mapping[str, Any]) -> str:
     """Return a text that describes a problem which pydantic found in a value.
 
-    The text contains the value, but not its key.
+    The text contains the invalid value, if there is one, but never its key.
 
     Parameters
     ----------

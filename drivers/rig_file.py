@@ -120,7 +120,7 @@ def parse_rig_file(path: Path, text: str) -> RigFile:
 def valid_sections(tree: Mapping[str, Any]) -> dict[str, Any]:
     """Return the sections of a rig file by name, with None in place of each invalid section.
 
-    So the references between the valid sections can be checked although other sections are invalid.
+    The caller can then check the references between the valid sections.
     """
     sections = {}
     for name, part in RigSections.model_fields.items():
@@ -190,9 +190,9 @@ def validation_problems(error: ValidationError, where: tuple[str, ...]) -> list[
 def reference_problems(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
     """Yield the problems of the references between sections of a rig file.
 
-    A reference is the name of a bus, device, signal or drive. Examples of problems are: an unknown
-    name, a drive or CAN identifier that is used twice, or a missing scale of a channel whose signal
-    is not in the SI unit of the channel.
+    A reference is the name of a bus, device, signal or drive. Examples of problems are an unknown
+    name, and a drive or CAN identifier that is used twice. Another problem is a missing scale: a
+    channel needs a scale if its signal is not in the SI unit of the channel.
 
     Parameters
     ----------

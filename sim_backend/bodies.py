@@ -27,7 +27,7 @@ If the slave is outside of the body for a shorter time (because of tremor), the 
 
 @dataclass(frozen=True)
 class PreloadedLaw(Law):
-    """Law of the contact force whose parameters, also the preload, are given as arguments."""
+    """Law of the contact force. All its parameters are arguments, including the preload."""
 
     k1: float
     k3: float
@@ -49,12 +49,13 @@ class Branch(NamedTuple):
 
 @dataclass(frozen=True)
 class Relaxing(Body):
-    """A body with a parallel Maxwell branch: a spring k in series with a dashpot k tau.
+    """A body with a Maxwell branch in parallel.
 
-    If the body is a cube of constant stiffness with negligible damping, this is the standard linear
-    solid [1]. The force of the branch is k (x - z). z is the displacement of the dashpot, with
-    z' = (x - z) / tau. While x moves linearly with velocity v, the stretch e = x - z of the spring
-    is
+    The branch is a spring of stiffness k in series with a dashpot of coefficient k tau. If the body
+    is a cube of constant stiffness with negligible damping, the body and the branch together are
+    the standard linear solid [1]. The force of the branch is k (x - z). x is the displacement of
+    the surface, and z is the displacement of the dashpot, with z' = (x - z) / tau. While x changes
+    with the constant velocity v, the stretch e = x - z of the spring is
 
         e(t + dt) = e(t) exp(-dt / tau) + v tau (1 - exp(-dt / tau))
 
@@ -63,8 +64,8 @@ class Relaxing(Body):
     shorter time than tau, the branch acts as a spring with the stiffness k.
 
     If the body is not glued to the slave, the slave can leave the body. The surface then moves back
-    while the branch relaxes. At each time, its displacement is the one at which the sum of the
-    static forces of the body and the branch is zero.
+    while the branch relaxes. During this motion, the sum of the static force of the body and the
+    force of the branch is zero. This condition determines the displacement of the surface.
 
     Parameters
     ----------

@@ -3,7 +3,7 @@
 The channel has two directions. Each packet contains a value and the time at which the packet was
 sent. A packet is either lost, or arrives after the one-way delay plus a random time between 0 and
 the jitter. The receiver uses the value of the newest packet that has arrived. If a packet arrives
-after a packet that was sent later, it is discarded.
+later than a newer packet, the receiver discards the older packet.
 """
 
 from __future__ import annotations

@@ -9,13 +9,14 @@ position is then
 
     p = x + s x / K
 
-After each poke, s changes by a fraction of the difference between the felt stiffness (felt force
-divided by displacement) and s. In the first poke s = 0, so that p is the depth.
+The felt stiffness is the felt force divided by the displacement. After each poke, s is corrected by
+a fraction of the difference between the felt stiffness and s. In the first poke, s is 0, and p is
+therefore the depth.
 
-During a movement, a person reacts to a felt force after a simple reaction time [4], here 175 ms.
+During a movement, a person reacts to a felt force after a reaction time [4]. The model uses 175 ms.
 The planned movement continues, and a second minimum-jerk movement is added to it [5]. Let p1 be the
-intended position at the time when the force, or the depth, reached the intended value. Here the
-second movement returns the intended position to p1.
+intended position at the time when the force or the depth reached the intended value. In the model,
+the sum of the two movements ends at p1.
 
 The fraction by which s is corrected, and the duration of the second movement, are assumptions
 without a source.

@@ -206,9 +206,10 @@ class MimickedSine(Operator):
         ]
 
     def movement(self, t: float) -> Intention:
-        """Return the voluntary motion between a small depth and about the intended depth.
+        """Return the voluntary motion: a movement to a small depth, plus a raised cosine.
 
-        The motion is a raised cosine, whose amplitude and phase vary slowly.
+        The raised cosine moves the hand between the small depth and about the intended depth. Its
+        amplitude and its phase vary slowly.
         """
         light, light_rate = (t, 1.0) if t < 1.0 else (1.0, 0.0)
         t = max(t - self._count_in, 0.0)
@@ -239,7 +240,7 @@ class AttentiveOperator(MimickedSine):
     _released = False
 
     def intention(self, t: float) -> Intention | None:
-        """Return the intended motion; None after the rig moved the handle of a waiting hand."""
+        """Return the intended motion; None after the operator has released the handle."""
         waits = t < REACTION + self._count_in
         if waits and self.handle and self.handle.x > MOVED * self.depth:
             self._released = True

@@ -1,9 +1,11 @@
 """Simulation of the set-up of the paper, calibrated to Table I of the paper.
 
-The set-up consists of cubes, force channel, transmission with lost motion, and depths of palpation.
-The force channel and the slave are the same in all nine trials. The cubes stiffen with depth, the
-force channel has a lag tau, and the slave has lost motion delta. For a motion of amplitude A and
-angular frequency omega to the depth x, the estimates of RLS are then about
+This module contains the parameters of the cubes, of the force channel and of the transmission, and
+the depths of palpation. The force channel and the slave are the same in all nine trials. The spring
+force of a cube at the displacement x is k1 x + k3 x^3, and its damping is b. The force channel has
+a lag tau, and the transmission of the slave has the lost motion delta. For a motion to the depth x
+with amplitude A and angular frequency omega, the estimates of recursive least squares (RLS) are
+about
 
     k_hat = k1 + k3 x^2
     b_hat = b - k_hat tau - 4 k_hat delta / (pi omega A)
@@ -93,9 +95,10 @@ class Setup:
         return self.static_force(self.cube.slow, x)
 
     def static_force(self, law: Law, x: float) -> float:
-        """Return the static force [N] at displacement x [m], for a body with the given law.
+        """Return the static force [N] of the transmission in series with a body of the given law.
 
-        The method `force` defines x and the static force.
+        x [m] is the displacement of body and transmission together. The force does not include
+        friction.
         """
         return law.force(law.compressed(x, self.transmission.compliance), 0.0)
 

@@ -19,9 +19,9 @@ coefficient of -4 k delta (A - delta) / (pi omega A^2), in which k is the stiffn
 transmission in series. If delta is much smaller than A, this coefficient is about
 -4 k delta / (pi omega A).
 
-The damping force of the cube is computed from the speed of the tip according to these equations.
-The stretch of the transmission due to the damping force is neglected. Friction and damping of the
-model always dissipate energy.
+These equations give the position and the speed of the tip. The damping force of the cube is
+computed from this speed. The model neglects that the damping force also stretches the transmission.
+Friction and damping of the model always dissipate energy.
 
 [1] M. Brokate, J. Sprekels, Hysteresis and Phase Transitions, Springer, 1996, section 2.1.
 [2] A. Gelb, W. E. Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design,

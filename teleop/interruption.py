@@ -27,7 +27,7 @@ def handle_signals(handler: Callable[[str], object]) -> Iterator[None]:
     """Call a function for each signal of `SIGNALS` that arrives within a `with` block.
 
     A signal that is ignored before the block remains ignored. For example, `nohup` makes a process
-    ignore SIGHUP, and a shell script starts processes with `&` that ignore SIGINT. In a thread
+    ignore SIGHUP, and a process that a shell script starts with `&` ignores SIGINT. In a thread
     other than the main thread, `handle_signals` has no effect, because Python delivers signals only
     to the main thread.
 

@@ -62,8 +62,8 @@ class NmtState(IntEnum):
 class State(Enum):
     """States of the power drive system, CiA 402-2 table 30.
 
-    The value of a member is a pair of numbers: a mask, and the value of statusword & mask in this
-    state.
+    Each member is a pair of numbers: a mask and a pattern. The drive is in this state if
+    `statusword & mask` is equal to the pattern.
     """
 
     NOT_READY_TO_SWITCH_ON = (0x4F, 0x00)

@@ -1,4 +1,4 @@
-"""Driver of a microcontroller board with force inputs, encoders, velocity axes, analogue inputs.
+"""Driver of a microcontroller board with force and analogue inputs, encoders and velocity axes.
 
 The protocol is described in docs/serial-protocol.md. The code for the board is in drivers/firmware.
 """
@@ -197,8 +197,9 @@ class Board(SerialDevice):
     def _update_identity(self, board: Identity) -> None:
         """Process an identity message.
 
-        Before the end of `start`, the identity is stored. Later, the method checks whether the
-        board was reset: after a reset, the boot number is different or the clock has decreased.
+        Until `start` has ended, the method stores the identity in the message. After that, the
+        method checks whether the board was reset. The sign of a reset is that the boot number has
+        changed or that the clock of the board has decreased.
         """
         if not self._started or self.identity is None:
             self.identity = board

@@ -178,7 +178,7 @@ class Cia402(CanDevice, VelocityDrive):
     def _sampled(self, arrival: float) -> float:
         """Return the time [s] at which the drive took the samples in a TPDO.
 
-        This is the time of the latest SYNC, or the arrival time of the TPDO if it is earlier.
+        The result is the earlier of two times: the latest SYNC, and the arrival of the TPDO.
         """
         synchronised = self._master.synchronised
         return synchronised if synchronised <= arrival else arrival
@@ -234,7 +234,7 @@ class Cia402(CanDevice, VelocityDrive):
         return self._answered
 
     def rearm(self) -> None:
-        """Clear the error. The error remains if the drive has lost its set-up."""
+        """Clear the error, except an error that reports the loss of the drive's set-up."""
         self.error = self._lost
 
     def enable(self) -> bool:
@@ -266,9 +266,9 @@ class Cia402(CanDevice, VelocityDrive):
         return self._target * self._units.metres_per_second
 
     def transmit(self) -> None:
-        """Send RPDO1 to the drive, but only if a drive on the bus was enabled before.
+        """Send RPDO1 to this drive if this drive or another drive on the bus was enabled before.
 
-        If this drive is the last drive on the bus, also send SYNC and, if due, the heartbeat.
+        If this is the last drive on the bus, the master then sends SYNC, and a heartbeat when due.
         """
         if self._bus and self._running:
             if self._master.armed:

@@ -167,7 +167,7 @@ class Setup:
     def _monitor(self) -> None:
         """Set the period of the drive's heartbeat.
 
-        Also set the reaction of the drive if the controller's heartbeat is missing.
+        Also set how the drive reacts when it no longer receives the controller's heartbeat.
         """
         watchdog = self._settings.watchdog_ms
         self._write(0x1017, 0, watchdog // 4)

@@ -55,8 +55,8 @@ class DbcSettings(DeviceSettings):
         Raises
         ------
         ValueError
-            The file cannot be read, is not a DBC file, or does not contain one of the messages; or
-            a signal has the scale 0.
+            The file cannot be read or is not a DBC file. The file contains no message, or a message
+            in the settings is not in the file. A signal has the scale 0.
         """
         try:
             logging.getLogger("cantools").setLevel(logging.ERROR)

@@ -59,8 +59,9 @@ class ODrive(CanDevice, VelocityDrive):
     The signals are `position` [m], `velocity` [m/s] and `force` [N]. The force is computed from the
     motor torque: 2 pi (motor torque) / (travel per turn). The firmware must be 0.5 or 0.6. The
     ODrive sends encoder estimates, heartbeats and, with firmware 0.6, torques periodically. The
-    user must set the periods on the ODrive. Firmware 0.5 does not send torques. If the rig file
-    gives the torque constant of the motor, this class then requests the motor current instead.
+    user must set the periods on the ODrive. Firmware 0.5 does not send torques. With this
+    firmware, the class requests the motor current if the rig file gives the torque constant of the
+    motor. The class computes the motor torque from the current and the torque constant.
 
     The device has one drive, `axis`, which is the device itself. An error is stored until the
     axis is enabled again. The user must set the watchdog on the ODrive. Velocity commands reset the

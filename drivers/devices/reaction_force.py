@@ -39,13 +39,13 @@ class ReactionForceObserver(DerivedDevice):
         F_hat = LPF(F_motor - F_friction + g m v) - g m v,    LPF = g / (s + g),
 
     where LPF is a first-order low-pass filter with the bandwidth g [1/s]. F_hat is equal to
-    LPF(F_motor - F_friction - m dv/dt), which is F after a first-order lag. Let dt be the time
+    LPF(F_motor - F_friction - m dv/dt), which is F after a first-order lag. Let h be the time
     between two samples of the drive. The update is
 
-        F_hat' = F_hat + (1 - exp(-g dt)) (mean(F_motor - F_friction) - m (v' - v) / dt - F_hat),
+        F_hat' = F_hat + (1 - exp(-g h)) (mean(F_motor - F_friction) - m (v' - v) / h - F_hat),
 
     where the mean is over the two samples, v' is the new velocity, and F_hat' is the new estimate.
-    The update is exact for constant forces and every dt.
+    If the forces are constant, the update is exact for every h.
 
     The signal is `force` [N]. It is positive if F acts against the positive direction of the drive.
     F is not measured at the contact. An error of the mass causes a force error proportional to the

@@ -17,7 +17,10 @@ POLL_PERIOD = 1e-3
 
 
 class PortablePort:
-    """Serial port that uses only pyserial, for every operating system and every pyserial URL."""
+    """Serial port that is accessed only through pyserial.
+
+    It works on every operating system, and with every URL that pyserial accepts.
+    """
 
     def __init__(self, port: serial.Serial) -> None:
         self._port = port

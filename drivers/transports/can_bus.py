@@ -114,9 +114,9 @@ class CanBus(Bus):
     def poll(self) -> None:
         """Pass each received frame to the function registered for its identifier.
 
-        The arrival time is the time stamp that the interface gives. If there is no time stamp, or
-        if the adapter is an slcan adapter, the arrival time is estimated. The estimate is the mean
-        of the time of this reading and the time of the previous reading.
+        The arrival time is the time stamp that the interface gives. If there is no plausible time
+        stamp, or if the adapter is an slcan adapter, the arrival time is estimated. The estimate is
+        the mean of the time of this reading and the time of the previous reading.
 
         Raises
         ------

@@ -2,10 +2,10 @@
 
 The adapter sends and receives lines of text that end with CR. `t1812A5B0` is a data frame with the
 identifier 0x181 and two bytes, 0xA5 and 0xB0. A line that starts with `T` is a data frame with a
-29-bit identifier. Lines that start with `r` and `R` are remote frames. The adapter answers an
-accepted frame with `z` or `Z` and CR, another accepted command with CR, and a refused command with
-BEL. Frames from the CAN bus may be received between the answers. The protocol is described in
-Lawicel, CANUSB Manual 1.0.
+29-bit identifier. Lines that start with `r` and `R` are remote frames. If the adapter accepts a
+frame, it answers `z` or `Z`, followed by CR. If it accepts another command, it answers CR, after
+the requested data if there are any. If it refuses a frame or command, it answers BEL. Frames from
+the CAN bus may be received between the answers. Reference: Lawicel, CANUSB Manual 1.0.
 """
 
 from __future__ import annotations
@@ -64,8 +64,9 @@ class SlcanBus(can.BusABC):
     adapter refuses a frame, a later call of `recv` or `drain` reads the refusal and raises
     CanOperationError. The frames that this call received are not lost: the next call returns them.
     Call `recv` or `drain` about as often as `send`, because an adapter may stop if its answers are
-    not read. There is no `fileno`, because received frames can be stored in this object while the
-    port is empty. Without `fileno`, python-can's Notifier uses a thread.
+    not read. This class has no method `fileno`. A program that waits for the file descriptor of the
+    port would not notice the received frames that are already stored in this object. Without
+    `fileno`, python-can's Notifier uses a thread.
 
     Parameters
     ----------

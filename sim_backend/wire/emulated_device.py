@@ -25,8 +25,9 @@ class Mount(ABC):
     def sense(self, signal: str) -> float:
         """Return the present value of a signal of the device, in the unit of the signal.
 
-        If the rig file does not use the signal, the value is the true value of the drive, or 0 if
-        the drive has no such signal.
+        If the rig file does not use the signal, the value is the true position, velocity or motor
+        force of the device's first drive. The value is 0 for other signals, and for a device
+        without a drive.
         """
 
     @abstractmethod

@@ -135,7 +135,8 @@ class Mechanism:
     def state(self, axis: str, signal: str) -> float:
         """Return the true position [m], velocity [m/s] or motor force [N] of an axis.
 
-        `signal` is `position`, `velocity` or `force`. The result is 0 for other signals.
+        `signal` is `position`, `velocity` or `force`. The result is 0 for other signals, and for
+        the force of the master.
         """
         plant = self.rig.plant
         body = plant.slave if axis == "slave" else plant.handle

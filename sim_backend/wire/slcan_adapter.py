@@ -30,8 +30,9 @@ class SlcanAdapter:
 
     The caller passes the bytes of the host and the frames of the bus to the adapter. Initially the
     channel is closed and has no bit rate. Like the adapter of Lawicel, it answers frames of the
-    host with `z` or `Z` (auto poll). While the channel is closed, it refuses frames and the command
-    to close. While the channel is open, it refuses settings and the command to open.
+    host with `z` or `Z` (auto poll). While the channel is closed, it refuses frames, the request
+    for status flags, and the command to close. While the channel is open, it refuses settings and
+    the command to open.
 
     Attributes
     ----------

@@ -14,7 +14,7 @@ class Wire(ABC):
     Attributes
     ----------
     fault
-        Fault that changes the data on the way to the host; None for none.
+        Fault that changes the data on the way to the host; None if there is no fault.
     """
 
     fault: WireFault | None = None

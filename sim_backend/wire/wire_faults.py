@@ -31,7 +31,7 @@ class WireFault:
         return frame
 
     def noise(self) -> bytes:
-        """Return additional bytes that the host receives and no device sent."""
+        """Return additional bytes that the host receives although no device has sent them."""
         return b""
 
 

@@ -46,7 +46,10 @@ class LiveOptions:
     the trial."""
 
     def requested(self, settings: Sequence[TrialSettings]) -> LiveOptions:
-        """Return these options, and enable `live` if the settings of a trial request the page."""
+        """Return a copy of these options, in which `live` is True if any trial requests the page.
+
+        Otherwise, `live` is the same as in these options.
+        """
         return replace(self, live=self.live or any(one.live for one in settings))
 
     def arms(self, settings: Sequence[TrialSettings], yes: bool) -> bool:

@@ -56,7 +56,7 @@ class Columns:
         Parameters
         ----------
         file
-            A recording of `teleop run`, or a file of another program.
+            A recording of `teleop run`, a file of `teleop export`, or a file of another program.
         is_wanted
             Function that takes the name of a column of a recording, and returns whether the column
             is in the returned recording. By default, the recording contains all columns.
@@ -66,8 +66,8 @@ class Columns:
         samples
             Position, force and time.
         recording
-            The recorded trial; None for a file of another program. Of a long recording, only the
-            last ticks are returned, see `RecordedSamples`.
+            The recorded trial; None for a file of another program. If the recording is long, only
+            its last ticks are returned, see `RecordedSamples`.
 
         Raises
         ------

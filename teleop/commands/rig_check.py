@@ -35,7 +35,7 @@ def check(
     seconds
         Time during which the channels are read [s].
     move
-        Also move both drives forward and back, by 0.05 to 0.4 mm at 1 mm/s at most, and compare
+        Also move both drives forward and back, by 0.05 to 0.4 mm at up to 1 mm/s, and compare
         the commanded travel with the travel that the encoders and the velocity channel measure.
         The first large difference ends the check. The slave must be free to move. A person has to
         arm the drives first.

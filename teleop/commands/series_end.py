@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def resuming_command(plan: Path, options: Mapping[str, Any], live: LiveOptions) -> list[str]:
     """Return the words of the command that resumes a series.
 
-    The same command started the series.
+    The series was started with the same command.
 
     Parameters
     ----------
@@ -40,7 +40,10 @@ def resuming_command(plan: Path, options: Mapping[str, Any], live: LiveOptions) 
 def print_end(
     folder: Path, trials: Sequence[PlannedTrial], resume: Sequence[str], json: bool
 ) -> None:
-    """Print the numbers of trials that are done, skipped and pending, and the next command.
+    """Print the numbers of trials that are done, skipped and pending, and the next commands.
+
+    If trials are pending, `resume` is printed. If a trial is done, the command for the table and
+    the figure is printed.
 
     Parameters
     ----------

@@ -112,8 +112,9 @@ class Admittance:
     def step(self, force: float, dt: float) -> float:
         """Apply a constant force [N] for dt [s], and return the velocity at the end [m/s].
 
-        Let A be the matrix of the state equation for (position, velocity), I the identity matrix,
-        s = d / 2m and g^2 = s^2 - c/m. Then the matrix exponential of A dt is
+        Let m, d and c be the mass, damping and stiffness of the virtual dynamics. Let A be the
+        matrix of the state equation for (position, velocity), I the identity matrix,
+        s = d / (2 m) and g^2 = s^2 - c / m. Then the matrix exponential of A dt is
         e^(-s dt) (cosh(g dt) I + sinh(g dt) / g (A + s I)). If g^2 < 0, cosh and sinh become cos
         and sin. In the code, `even` is e^(-s dt) cosh(g dt) and `odd` is e^(-s dt) sinh(g dt) / g.
         """
@@ -125,15 +126,19 @@ class Admittance:
     def step_against(self, force: float, environment: Environment, dt: float) -> float:
         """Apply a constant force [N] for dt [s] against a body, and return the velocity [m/s].
 
-        The equation m v' + (d + b) v + c (x - centre) + k x + k3 x^3 = force is linearised about
-        the present position X, where k3 x^3 is about 3 k3 X^2 x - 2 k3 X^3. The linear equation
-        is then solved exactly, as in `step`. A body that is not glued has no effect at x < 0.
+        The virtual mass has the mass m, the damping d and the stiffness c. The body has the
+        parameters k, k3 and b. The equation of motion is
 
-        X is the position at the start of the period. While x increases, the linearised force is
-        therefore smaller than k3 x^3. The work of the hand against the linearised force is then
-        smaller than the energy that the cubic term stores. The difference is at most
-        k3 X (v dt)^2 per unit of travel. The damping d dissipates more energy than this difference
-        if v < d / (k3 X dt^2).
+            m v' + (d + b) v + c (x - centre) + k x + k3 x^3 = force
+
+        The cubic term is linearised about the position X at the start of the period: k3 x^3 is
+        about 3 k3 X^2 x - 2 k3 X^3. The linear equation is then solved exactly, as in `step`. A
+        body that is not glued has no effect if X < 0.
+
+        If x increases, the linearised force is smaller than k3 x^3. The work of the hand is then
+        smaller than the energy that the cubic term stores. The difference is about k3 X (v dt)^2
+        per unit of travel. The damping d dissipates more energy than this difference if
+        v < d / (k3 X dt^2).
         """
         d, c, x = self._damping, self._stiffness, self.position
         k, k3, b, glued = environment

@@ -50,7 +50,8 @@ class Alignment:
         measurement
             Measurement of this tick.
         dt
-            Time since the previous tick [s]. It becomes `Pair.dt` of the first pair.
+            Time since the previous tick [s]. For the first pair, `Pair.dt` is this time, because
+            there is no previous pair.
 
         Returns
         -------
@@ -75,7 +76,10 @@ class Alignment:
         return new_tuple(Pair, (self._position_at(sampled), force, dt))
 
     def _position_at(self, sampled: float) -> float:
-        """Return the interpolated position [m] at a time [s], up to the newest position sample."""
+        """Return the position [m] at the time `sampled` [s], interpolated between two samples.
+
+        The time is not after the newest position sample.
+        """
         after, later = self._positions[-1]
         if after <= sampled + SAME_TIME:
             return later

@@ -1,7 +1,7 @@
 """Control conditions, which compute the force that moves the master.
 
 The force is either that of the operator or that of the PE (persistent excitation) injector. The PE
-injector computes a force that moves the slave along a known signal.
+injector computes the force so that the slave follows a known signal.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""Estimation from pairs of slave position and contact force: at a tick, or for many ticks at once.
+"""Compute estimates from pairs of slave position and contact force.
 
-No command to the drives depends on the estimates.
+The pairs are processed one by one during the ticks, or many at once. No command to the drives
+depends on the estimates.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ class Estimated(NamedTuple):
 
 
 class EstimatedSeries(NamedTuple):
-    """The quantities of `Estimated` after each of n pairs, arrays of shape (n,)."""
+    """Inputs and results of the estimators for n pairs, as arrays of shape (n,)."""
 
     x: Floats
     v: Floats

@@ -14,8 +14,9 @@ contact."""
 class Target:
     """Target position of the slave, which the operator follows.
 
-    During the count-in, the target is constant at 0.1 times the depth. After the count-in, the
-    target is depth (0.1 + 0.45 (1 - cos(2 pi f t))). f is `frequency`, and t is the time since the
+    The count-in is the time at the start of the trial during which the target does not move. The
+    target position is then 0.1 times the depth. After the count-in, the target position is
+    depth (0.1 + 0.45 (1 - cos(2 pi f t))). f is `frequency`, and t is the time since the
     end of the count-in.
     """
 
@@ -28,7 +29,10 @@ class Target:
 
     @property
     def shortest(self) -> float:
-        """Shortest trial for which the tracking error is computed: count-in plus 2 periods [s]."""
+        """Duration [s] of the shortest trial for which the tracking error is computed.
+
+        This duration is the sum of the count-in and two periods of the target.
+        """
         return self.count_in + 2.0 / self.frequency
 
     def position(self, t: float) -> float:

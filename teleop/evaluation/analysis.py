@@ -77,9 +77,15 @@ class Analysis:
         )
 
     def models(self, x: float, f: float) -> list[BatchFit]:
-        """Return the models for a datum at position x [m] and force f [N], the best first.
+        """Return the models that are fitted to the record, the best model first.
 
-        The result is empty if there is no contact.
+        The models use displacement and force relative to the datum. The result is empty if there is
+        no contact, or if there are too few samples in contact.
+
+        Parameters
+        ----------
+        x, f
+            Position [m] and force [N] of the datum.
         """
         data = self.data
         if data is None or not self.has_contact:

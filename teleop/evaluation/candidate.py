@@ -76,11 +76,11 @@ def evaluate(
     times
         Time constants of the relaxing parts [s].
     relaxing
-        The smoothed relaxing parts z_j of the elastic force (see `local_stiffness`), one array of
-        shape (n,) for each time constant.
+        Relaxing parts z_j of the elastic force (see `local_stiffness`) after the smoothing. There
+        is one array of shape (n,) for each time constant.
     cornered
-        The same relaxing parts. At sharp corners, they contain the values before the smoothing
-        (see `with_corners`).
+        The same arrays, but with the values before the smoothing at sharp corners (see
+        `with_corners`).
     """
     fit = rows.fit(degree, relaxing)
     theta, first = fit.theta, rows.v_column + 1
@@ -167,10 +167,11 @@ def evaluate(
 
 
 def surroundings(x: Floats, at: int, most: int, record: Prepared) -> tuple[int, int]:
-    """Return the indices of two samples from which a slope of a signal against x is computed.
+    """Return the indices of two samples that are suitable to compute the slope of a signal over x.
 
-    One sample is before and the other is after a given sample. Their distance is increased until
-    the difference of their positions is much larger than the noise, or until it reaches `most`.
+    One sample is before a given sample, and the other is after it. The distance between the two
+    samples is doubled until one of two conditions holds: their positions differ by much more than
+    the noise, or a further doubling would exceed `most`.
 
     Parameters
     ----------
@@ -193,11 +194,12 @@ def surroundings(x: Floats, at: int, most: int, record: Prepared) -> tuple[int, 
 
 
 def with_neighbours(mask: NDArray[np.bool_], index: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the indices of the samples that a mask selects, with neighbours if they are few.
+    """Return the indices of the samples that a mask selects, and of neighbours if necessary.
 
-    The samples of one pass through half of the force range form a run. At least three samples are
-    necessary for the slope in a run. If the runs have fewer samples on average, the samples
-    directly before and after each run are also used. This occurs in fast motions.
+    The selected samples form runs, one run for each pass through half of the force range. To
+    compute a slope, at least three samples in a run are necessary. If the runs have fewer samples
+    on average, the samples directly before and after each run are added. This occurs in fast
+    motions.
 
     Parameters
     ----------
@@ -238,10 +240,11 @@ def middle_position(x: Floats, f: Floats, force: float) -> float:
 
 
 def loading_slope(x: Floats, v: Floats, z: Floats, pass_of: NDArray[np.int_]) -> float:
-    """Return the slope of z against x within the passes, from a least-squares fit.
+    """Return the slope of z against x, from a least-squares fit.
 
-    If the velocity v varies enough, it is a second regressor. The part of z that is proportional to
-    v then does not change the slope.
+    In this fit, each pass through half of the force range has its own constant. If the velocity v
+    varies enough, v is an additional regressor. Then a part of z that is proportional to v does not
+    change the slope.
 
     Parameters
     ----------

@@ -77,9 +77,10 @@ class ConditionedBlocks:
         self._last: tuple[int, float] | None = None
 
     def add(self, signals: Signals) -> Conditioned:
-        """Condition the next samples of the record, and return the result.
+        """Condition the next samples of the record, and return the conditioned samples.
 
-        In the attribute `used` of the result, index 0 is the first sample of `signals`.
+        The indices in `Conditioned.used` count from the first sample of `signals`, and not from the
+        first sample of the record.
         """
         t, datum = signals.t, self._datum
         whole, settled = self._pieces.run(

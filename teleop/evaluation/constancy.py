@@ -99,7 +99,10 @@ def rise_at_rest(record: Prepared) -> tuple[float, float] | None:
 def change_over_cycles(record: Prepared, phases: Phases) -> Change | None:
     """Return the change of the stiffness from the first to the last cycles; None for no change.
 
-    The difference of the medians is compared with the scatter from one cycle to the next.
+    The median stiffness of the first cycles is compared with that of the last cycles. The
+    difference counts as a change if it is large relative to these medians, and relative to the
+    scatter of the stiffness from one cycle to the next. The result is also None if there are too
+    few cycles.
     """
     begins = [phase.start for phase in phases.phases if phase.name == "loading"]
     parts = [start + np.flatnonzero(phases.usable[start:end]) for start, end in pairwise(begins)]

@@ -44,8 +44,8 @@ class Rows:
     record, phases
         The prepared record and its phases.
     baseline
-        Whether the baseline of the force may contain slow cosines in addition to its constant. If
-        the force out of contact is steady, the baseline is always only a constant.
+        Whether the baseline of the force may be the sum of a constant and slow cosines. If the
+        force out of contact is steady, the baseline is always a constant.
     """
 
     def __init__(self, record: Prepared, phases: Phases, baseline: bool = True) -> None:
@@ -119,7 +119,7 @@ class Rows:
         Relaxing parts are not used if the motion is a sine and one of two conditions holds: the
         baseline contains cosines, or the whole record is in contact. In a steady sine, elastic
         force and damping are sufficient to describe any linear body. Then k is the storage
-        stiffness k', and b is k''/omega.
+        stiffness k', and b is the loss stiffness k'' divided by the angular frequency omega.
         """
         constant = self.order == 0 and self.phases.free_force is not None
         return constant or not self.record.sinusoidal
@@ -171,7 +171,11 @@ class Rows:
 
     @cached_property
     def loading(self) -> NDArray[np.bool_]:
-        """Whether the tip moves inwards, at each usable sample."""
+        """Whether the tip moves inwards, at each of the samples `fine`.
+
+        If the tip moves inwards at fewer than four of these samples, the result is whether the tip
+        moves at all.
+        """
         record = self.record
         noise = record.x_noise * record.noise_gain / (math.sqrt(2.0) * record.width)
         slowest = max(0.1 * float(np.percentile(np.abs(self.fine_v), 95)), SPEED_NOISE * noise)
@@ -204,10 +208,11 @@ def with_corners(raw: Floats, smoothed: Floats, noise: float, largest: float) ->
 
 
 def summed_by_count(sensitivity: Floats, values: Floats, count: float) -> Floats:
-    """Combine the sensitivities to rounding errors that are equal at equal measured values.
+    """Combine the sensitivities of parameters to the rounding errors of measured values.
 
-    The sensitivities of all samples with the same rounded value are added. The result is the root
-    of the sum of the squares of these sums.
+    All samples with the same rounded value have the same rounding error. Their sensitivities are
+    therefore added. The errors of different rounded values are independent. The result is therefore
+    the root of the sum of the squares of these sums.
 
     Parameters
     ----------

@@ -54,9 +54,10 @@ def evaluate(
 ) -> Evaluation:
     """Subtract the datum, condition the signals, and run the estimators over the moving part.
 
-    The filters restart after each gap. Samples are omitted until the filters have settled. The
-    estimators receive the duration of the gap as the sample period, so that the weight of the
-    samples before the gap depends on their true age.
+    After each gap, the filters restart, and samples are omitted until the filters have settled.
+    The sample period of the next sample is then the whole time since the last sample that the
+    estimators received. The weight of the samples before the gap therefore depends on their true
+    age.
 
     The estimators process all samples in blocks. All other results are computed from
     `samples.signals`.
@@ -68,9 +69,9 @@ def evaluate(
     settings
         Settings of the evaluation.
     most
-        Approximate limit of n m, where n is the number of samples whose estimates are kept, and m
-        the number of estimators. If the record has more than n samples, evenly spaced samples and
-        the last sample are kept.
+        Approximate limit of the number of estimates that are kept for all estimators together. If
+        the record has too many samples for this limit, the estimates at evenly spaced samples and
+        at the last sample are kept.
     write
         Function that is called with the columns and units of each block of samples.
 

@@ -44,8 +44,9 @@ def levels(record: Prepared, width: float) -> tuple[NDArray[np.bool_] | None, bo
 
     Returns
     -------
-    Mask of the samples in free motion, shape (n,), or None if there is no free motion; and whether
-    the force stays at its highest level while the position moves.
+    Two values. The first is a mask of the samples in free motion, shape (n,); None if there is no
+    free motion. The second is whether the force stays at its highest level while the position
+    changes.
     """
     x, f = record.palpation, record.f
     low, high = record.force_range
@@ -104,9 +105,10 @@ def peak_height(f: Floats) -> float:
 def continued(x: Floats, start: int, end: int, inwards: bool, margin: int = 0) -> float:
     """Return how far the motion continues in its direction while the force stays constant [m].
 
-    After a reversal, the force also stays constant until the lost motion (backlash) between
-    position sensor and tip is passed. This travel in the opposite direction is not counted. At the
-    ends of the record, a reversal cannot be detected. There, the whole travel is counted.
+    If the motion reverses, the force stays constant until the lost motion (backlash) between the
+    position sensor and the tip is passed. Such a travel in the opposite direction is not counted.
+    At the start and at the end of the record, a reversal cannot be detected. In these two cases,
+    the whole travel is counted.
 
     Parameters
     ----------

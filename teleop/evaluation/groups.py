@@ -93,14 +93,14 @@ def grouped(
 def group_of(
     levels: tuple[str, ...], rows: Sequence[Compared], planned: Iterable[str] = ()
 ) -> Group:
-    """Return the group that consists of `rows`, recordings with the same levels.
+    """Return the group of the given recordings.
 
     Parameters
     ----------
     levels
         Levels of the factors by which the recordings are grouped.
     rows
-        The recordings.
+        The recordings of the group. All of them have these levels.
     planned
         Names of the factors of a series.
     """

@@ -14,15 +14,17 @@ with the force f, the position x, the velocity v and the time constants tau_j.
   The elastic force includes the relaxing parts. For a Kelvin-Voigt body, k is the stiffness of the
   body; in a steady sine, k is the storage stiffness. k does not depend on the zero of position and
   force.
-- b is the coefficient of the velocity. Without relaxing parts, b is k''/omega.
+- b is the coefficient of the velocity. Without relaxing parts, b is the loss stiffness k'' divided
+  by the angular frequency omega.
 
 Each candidate is fitted to the smoothed samples by linear least squares. The candidates are
 weighted by the Bayesian information criterion. A candidate that does not determine k is omitted.
-With these weights, the candidates form a mixture of normal distributions. The standard deviation of
-each normal distribution is that of the candidate (`estimation.robust_error`). The result is the
-median of the mixture, and its interval contains 95 % of the mixture. Uncertainty about the model
-therefore widens the interval. The interval is not computed from the variance of the mixture,
-because a single unlikely candidate that is far from the others would increase the variance.
+Each candidate gives a normal distribution of k, with the value and the standard deviation of the
+candidate (`estimation.robust_error`). With the weights, these distributions form a mixture. The
+result is the median of the mixture, and its interval contains 95 % of the mixture. Uncertainty
+about the model therefore widens the interval. The interval is not computed from the variance of the
+mixture, because one unlikely candidate that is far from the others can make the variance very
+large. The distribution of b is computed in the same way.
 
 References
 ----------

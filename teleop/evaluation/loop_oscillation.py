@@ -1,27 +1,29 @@
-"""Oscillations of the loop in a recorded trial with force feedback.
+"""Detect oscillations of the control loop in a recorded trial with force feedback.
 
-Tremor and an oscillation of the loop have similar frequencies. They differ in the direction of the
-energy. With the Fourier transforms F of the force of the hand on the virtual mass and V of the
-velocity, the mean power from the hand to virtual mass and environment at one frequency is
-proportional to
+Tremor and an oscillation of the loop have similar frequencies, but the energy flows in opposite
+directions. Let F be the Fourier transform of the force of the hand on the virtual mass, and V that
+of the velocity. At one frequency, the mean power from the hand to the virtual mass and the
+environment is proportional to
 
     Re{F V*} = Re{Z} |V|^2,
 
-where Z is the displayed impedance. In tremor the hand moves a passive impedance, so that the power
-is positive: Re{Z} >= 0 at each frequency is the definition of a passive linear port [1]. In a pure
-oscillation of the loop, the muscles of the hand cause no motion, neither voluntarily nor by tremor.
-Then F = -Z_a V, where Z_a is the impedance of the arm. The arm dissipates energy, so that the power
-is -Re{Z_a} |V|^2 < 0: the displayed environment must replace the energy that the arm dissipates. So
-an oscillation of the loop is motion at frequencies at which the hand receives energy.
+where Z is the displayed impedance. In tremor, the hand moves a passive impedance. A passive linear
+port has Re{Z} >= 0 at each frequency [1]. The power is therefore not negative. In a pure
+oscillation of the loop, the muscles of the hand cause no motion. Then F = -Z_a V, where Z_a is the
+impedance of the arm. The arm dissipates energy, and the displayed environment supplies this energy.
+The power is therefore -Re{Z_a} |V|^2 < 0. For this reason, an oscillation of the loop is a motion
+at frequencies at which the hand receives energy.
 
-An environment with -Re{Z_a} < Re{Z} < 0 amplifies the tremor, but the arm keeps the loop stable.
-Motion is therefore counted only at frequencies at which -Re{Z} is above a threshold:
+If -Re{Z_a} < Re{Z} < 0, the environment amplifies the tremor, but the loop is stable because of the
+arm. Motion is therefore counted as an oscillation only at frequencies at which -Re{Z} is above a
+threshold:
 
-- On a hardware rig, the arm is not known. The threshold is `LEAST_DAMPING`, the damping that any
-  arm has at least. A trial can therefore be counted as not stable although an arm with greater
-  damping keeps the loop stable.
-- On the simulated rig, the arm is known. The threshold is the product of `SUSTAINING` and Re{Z_a},
-  but at least `LEAST_DAMPING`.
+- On a hardware rig, the damping of the arm is not known. The threshold is `LEAST_DAMPING`, the
+  smallest damping of any arm. If the real damping is larger, a stable trial can be counted as not
+  stable.
+- On the simulated rig, the damping Re{Z_a} of the arm is known. The threshold is the product of
+  `SUSTAINING` and Re{Z_a}. If this product is below `LEAST_DAMPING`, the threshold is
+  `LEAST_DAMPING`.
 
 [1] J. E. Colgate, N. Hogan, Int. J. Control 48(1), 1988, 65-88.
 """

@@ -46,8 +46,8 @@ def mean_of(values: Sequence[Value]) -> Mean:
     - A half width from the spread between the recordings and Student's t. It needs two or more
       recordings. It does not contain an error that is equal in all recordings, for example because
       the model is wrong.
-    - The mean of the half widths of the intervals of the single recordings, if they have intervals.
-      The error of the mean is this large if all recordings have the same error.
+    - The mean of the half widths of the intervals of the single recordings, if all of them have
+      intervals. The error of the mean is this large if all recordings have the same error.
 
     Because of the second part, the interval of the mean contains zero if the intervals of all
     recordings contain zero.

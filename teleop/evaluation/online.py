@@ -71,7 +71,7 @@ class OnlineRun:
     count
         Largest number of samples that will be processed.
     every
-        One of this number of samples is kept; 1 to keep all samples.
+        Distance between two samples that are kept [samples]; 1 to keep all samples.
     write
         Function that is called with the table of each block; None if no function is called.
     averaged
@@ -197,7 +197,7 @@ class KeptArrays:
         self._arrays: dict[tuple[str, ...], NDArray[Any]] = {}
 
     def put(self, start: int, key: tuple[str, ...], values: NDArray[Any]) -> None:
-        """Store the values of successive samples, the first of which has the index `start`."""
+        """Store the values of successive samples. The first of these samples has index `start`."""
         if key not in self._arrays:
             self._arrays[key] = np.empty((self._size, *values.shape[1:]), values.dtype)
         self._arrays[key][start : start + len(values)] = values

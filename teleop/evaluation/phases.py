@@ -21,10 +21,12 @@ the half widths. For three or more approaches, the half width is at least the st
 the contact points times Student's t.
 
 **Phases.** In contact, loading and unloading are the monotone parts between turning points. A
-reversal counts as a turning point if it exceeds 5 % of the travel and the force follows it. At the
-beginning and at the end of a monotone part, the position can be nearly constant: it changes by less
-than 2 % of its range in this part. Such a time is a hold if it is longer than a third of the median
-duration of the motion in the monotone parts.
+reversal counts as a turning point if two conditions hold: the following motion in the opposite
+direction exceeds 5 % of the travel, and the force changes with it. At the beginning and at the end
+of a monotone part, the position can be nearly constant. This means that the distance from the first
+or the last position of this part is less than 2 % of the travel in this part. A time with nearly
+constant position is a hold if it is longer than a third of the duration of a typical motion. This
+duration is the median over the monotone parts, without the times of nearly constant position.
 """
 
 from __future__ import annotations

@@ -146,9 +146,10 @@ class Prepared:
         return np.concatenate([smooth(piece, self.width / self.period) for piece in pieces])
 
     def sharpened(self, values: Floats) -> Floats:
-        """Return smoothed values y with peaks that are nearly as high as before the smoothing.
+        """Return values whose peaks are nearly as high as before the smoothing.
 
-        The result is 2 y - H y, where H y are the values y after a second smoothing.
+        The parameter `values` contains smoothed values y. The result is 2 y - H y, where H y are
+        the values y after a second smoothing.
         """
         return 2.0 * values - self.smoothed(values)
 

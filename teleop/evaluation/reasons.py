@@ -142,7 +142,7 @@ def remarks(
     half_b
         Half width of the 95 % interval of b [N s/m].
     change
-        Change of the stiffness over the cycles; None for none.
+        Change of the stiffness over the cycles; None if the stiffness does not change.
     """
     found = []
     best, plain = local.best, local.kelvin_voigt

@@ -1,4 +1,4 @@
-"""Force that the hand felt in a recorded trial with force feedback, and contact force."""
+"""Compute what the hand felt in a recorded trial with force feedback: stiffness, force, energy."""
 
 from __future__ import annotations
 
@@ -61,11 +61,12 @@ class Hand(NamedTuple):
 class RunningHand:
     """Computes quantities at the hand from the ticks in mode active, which are added in blocks.
 
-    The force that the hand felt from the environment is computed as follows. It is the measured
-    force of the hand minus the force that moves the virtual mass, damping and spring of the
-    admittance. The spring is relaxed at the position at the start. At ticks at which a limit
-    reduced the velocity of the master, the virtual mass moved at the applied velocity. At these
-    ticks, the force is the displayed force that the controller recorded.
+    The admittance consists of a virtual mass, damping and spring. The force of the spring is zero
+    at the initial position. The force that the hand felt from the environment is the measured force
+    of the hand minus the force that moves the admittance. At some ticks, a limit changed the
+    commanded velocity of the master. At these ticks, the velocity of the virtual mass is the
+    applied velocity, and the force that the hand felt is the displayed force that the controller
+    recorded.
 
     Parameters
     ----------

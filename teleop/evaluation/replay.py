@@ -17,9 +17,10 @@ if TYPE_CHECKING:
 
 
 def is_replayed(column: str) -> bool:
-    """Return whether a column of a recording is needed for the true values or the tracking.
+    """Return whether a column of a recording is needed to compute the true values or the tracking.
 
-    The true values are those of the simulated rig. The tracking is computed from the target.
+    True values exist only for the simulated rig. The tracking is computed from the target and the
+    position of the slave.
     """
     return column in ("time", "slave_position", "target")
 

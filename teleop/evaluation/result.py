@@ -1,4 +1,4 @@
-"""Compute the result for publication: stiffness and damping with intervals, or reasons for none.
+"""Compute the result for publication: stiffness and damping with 95 % intervals.
 
 k is the tangent stiffness at half of the force range, in loading (`local_stiffness`). k depends
 neither on the zero of position and force nor on the length of the record. The secant stiffness (the
@@ -127,8 +127,9 @@ def publishable(
     local
         Stiffness and damping in contact; None if there are too few samples.
     other
-        Stiffness and damping in contact with another smoothing bandwidth; None to omit this
-        comparison.
+        Stiffness and damping in contact with another smoothing bandwidth. A difference between
+        `other` and `local` widens the intervals. If `other` is None, the intervals do not contain
+        this difference.
     """
     against = reasons_before_fit(record, phases)
     if local is None and not against:

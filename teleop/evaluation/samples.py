@@ -188,8 +188,9 @@ def with_gaps(
 ) -> tuple[int, ...]:
     """Return the index of the first sample after each gap, and correct `dt` at this sample.
 
-    There, the recorded `dt` is the time since a sample that these arrays do not contain. It is
-    replaced by the time since the last sample before the gap. The array `dt` is changed in place.
+    At the first sample after a gap, the recorded `dt` is the time since a sample in the gap. The
+    arrays do not contain that sample. This value of `dt` is replaced by the time since the last
+    sample before the gap. The array `dt` is changed in place.
 
     Parameters
     ----------

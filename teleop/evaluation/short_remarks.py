@@ -15,7 +15,11 @@ FROM_FIRST_NUMBER = re.compile(r"[:;,][^:;,\d]*\d.*")
 
 
 def short(remark: str) -> str:
-    """Return a remark without the parts that contain numbers, which differ between recordings."""
+    """Return a remark without the parts that contain numbers.
+
+    The numbers differ between recordings. A part in parentheses is removed alone. Another part is
+    removed together with the text after it.
+    """
     return FROM_FIRST_NUMBER.sub("", IN_PARENTHESES.sub("", remark))
 
 

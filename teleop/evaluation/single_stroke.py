@@ -1,9 +1,9 @@
-"""The band of a motion that never reverses, such as a ramp.
+"""Find the frequency band of a motion that never reverses, such as a ramp.
 
-The spectra of force and position are computed without their linear trend (`coherent_band`). In a
-ramp at constant speed, the trend is the whole motion, and the rest of the position is noise. Then
-no frequency is coherent, although the force follows the position. For a motion that never reverses,
-the force is therefore compared with the position itself.
+In `coherent_band`, the linear trend of force and position is removed before the spectra are
+computed. In a ramp at constant speed, the trend is the whole motion, and only noise remains. The
+coherence is then low at all frequencies, although the force follows the position. For a motion that
+never reverses, the force is therefore compared with the position itself.
 
 A force that drifts while such a motion is made cannot be distinguished from the force of a
 specimen.
@@ -36,7 +36,7 @@ slow stroke to all frequencies."""
 
 
 def block_length(x: Floats) -> int:
-    """Return the number of samples in a block."""
+    """Return the number of samples in a block, if x is divided into about `BLOCKS` blocks."""
     return max(1, len(x) // BLOCKS)
 
 
@@ -59,7 +59,9 @@ def is_single_stroke(x: Floats, noise: float) -> bool:
 
 
 def stroke_band(x: Floats, f: Floats, period: float, noise: float) -> CoherentBand | None:
-    """Return the band of a motion that never reverses; None for another motion, or without contact.
+    """Return the frequency band of a motion that never reverses (the stroke band).
+
+    The result is None if the motion reverses, or if the force does not follow the position.
 
     Parameters
     ----------
@@ -89,11 +91,11 @@ def stroke_band(x: Floats, f: Floats, period: float, noise: float) -> CoherentBa
 
 
 def combined(band: CoherentBand, stroke: CoherentBand) -> CoherentBand:
-    """Return the band of a motion that never reverses, from its coherent band and its stroke band.
+    """Return the frequency band that is used for a motion that never reverses.
 
-    If the coherent band is significant, it is used, because a hold or a step within the stroke has
-    a wider spectrum than the stroke. `WIDEST` limits its upper end. Otherwise, the stroke band is
-    used.
+    If the coherence of the coherent band is significant, the coherent band is used, with an upper
+    end that is limited by `WIDEST`. It is preferred because it also contains the wider spectrum of
+    a hold or a step within the stroke. Otherwise, the stroke band is used.
     """
     if band.coherence < COHERENT[0]:
         return stroke

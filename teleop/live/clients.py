@@ -83,9 +83,9 @@ class Client:
         history
             The latest rows of the live page.
         frames
-            Frames that were already created for other clients in this period. They are sent to
-            this client too. If a new frame is needed, it is added. A key consists of the index of
-            the first row of the frame, and of whether the rows replace all earlier rows.
+            Frames that were created for clients in this period, each with the index after its last
+            row. A key contains the index of the first row, and whether the rows replace all earlier
+            rows. If the frame for this client is missing, it is created and added.
         """
         clear = self._epoch != history.epoch
         first = history.start if clear else self._next

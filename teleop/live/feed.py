@@ -83,7 +83,7 @@ class Feed(ABC):
 
     @abstractmethod
     def documents(self) -> list[dict[str, Any]]:
-        """Return the messages for a new client: `welcome`, and others that are still valid."""
+        """Return the messages that a new client needs, such as `welcome` and `trial`."""
 
     @abstractmethod
     def state(self) -> dict[str, Any]:

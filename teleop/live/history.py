@@ -97,7 +97,9 @@ class History:
         self._start = self.end
 
     def frame(self, first: int, clear: bool) -> tuple[bytes, int]:
-        """Return a frame with the rows from index `first` on, and the index after the last row.
+        """Return a frame with the rows from index `first` on, and the index after its last row.
+
+        `LARGEST_FRAME` limits the number of rows in a frame.
 
         Parameters
         ----------

@@ -159,7 +159,7 @@ class Progress:
         self._terminal.draw(self._replacing(line[: width - 1]))
 
     def _replacing(self, text: str) -> str:
-        """Return a text in a form that also erases the previous text of the line."""
+        """Return a text with the characters that erase the previous text of the line."""
         drawn, self._drawn = self._drawn, len(text)
         return f"\r{text}\x1b[K" if terminal_width() else f"\r{text:<{drawn}}"
 

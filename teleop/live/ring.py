@@ -30,7 +30,7 @@ MARGIN = 64
 
 
 def stride(size: int) -> int:
-    """Return the size of a slot for messages of at most `size` bytes [bytes]."""
+    """Return the size [bytes] of a slot for a message of at most `size` bytes."""
     return BEFORE + -(-size // 8) * 8 + AFTER
 
 

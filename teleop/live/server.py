@@ -37,7 +37,7 @@ class Server:
     """Sends the data of a feed to the clients, and passes the clients' requests to the feed.
 
     One task sends all data to the clients, and also sends the heartbeat to the control process. If
-    this task fails, the control process therefore detects the failure.
+    this task fails, the heartbeat stops, and the control process detects the failure.
 
     Parameters
     ----------

@@ -15,8 +15,8 @@ MEMORY = Path("/dev/shm")
 class SharedFile:
     """A memory-mapped file that the control process creates and the live process opens.
 
-    As soon as the live process has opened the file, the control process removes its name from the
-    file system. The mapped memory remains until both processes have ended.
+    As soon as the live process has opened the file, the control process removes the name of the
+    file from the file system. The mapped memory remains until both processes have ended.
 
     Attributes
     ----------

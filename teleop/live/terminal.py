@@ -1,4 +1,7 @@
-"""Write to a terminal from a separate thread, so that a stopped terminal blocks no other thread."""
+"""Write to a terminal from a separate thread.
+
+While the terminal is stopped (Ctrl-S), a write blocks. Only the separate thread then has to wait.
+"""
 
 from __future__ import annotations
 
@@ -32,18 +35,18 @@ class Terminal:
         self._thread = threading.Thread(target=self._write_all, daemon=True)
 
     def draw(self, text: str) -> None:
-        """Write a text, which a later call may discard if the text is not written yet.
+        """Write a text that is needed only until the next call of `draw` or `write`.
 
-        An earlier text of `draw` that is not written yet is discarded.
+        If the text has not been written before this next call, it is discarded.
         """
         with self._changed:
             self._line = encoded(text)
             self._wake()
 
     def write(self, text: str) -> None:
-        """Write a text that later calls do not discard.
+        """Write a text that is never discarded.
 
-        If an earlier text of `draw` is not written yet, the earlier text is discarded.
+        If the last text of `draw` has not been written yet, the text of `draw` is discarded.
         """
         with self._changed:
             self._kept += encoded(text)

@@ -245,7 +245,7 @@ class TrialFeed(Feed):
         self._news.append(document)
 
     def _read_ticks(self) -> None:
-        """Read all new ticks, and add those ticks to the history that are sent to the page."""
+        """Read all new ticks, and add to the history those ticks that are sent to the page."""
         first, end = max(self._read + 1, self._ring.oldest), self._ring.newest + 1
         found, slots = self._ring.read(range(first, end))
         if not found:

@@ -109,9 +109,9 @@ def comparison_figure(
 def placed(
     rows: Sequence[Compared], groups: Sequence[Group], by: Sequence[str]
 ) -> tuple[list[Place], int | None]:
-    """Return the place of each group in the figure, and the factor that is divided into rows.
+    """Return the place of each group in the figure, and the factor that determines the row.
 
-    If the figure has one row of panels for each level of a factor, this factor is returned as an
+    The figure has one row of panels for each level of this factor. The factor is returned as an
     index of `by`. It is None if all groups are in the same panels.
     """
     results = [

@@ -29,7 +29,7 @@ Drawn = Mapping[tuple[str, ...], Sequence[Sequence[Interval]]]
 
 
 def factor_of_rows(drawn: Drawn) -> int | None:
-    """Return the index of the factor that has one row of panels for each level, or None.
+    """Return the index of the factor whose levels have separate rows of panels; None for one row.
 
     A linear axis is useful only for values of similar size. Therefore the groups are divided into
     rows if the ratio of the largest to the smallest size of a quantity is above `WIDE`. The chosen
@@ -83,8 +83,8 @@ def set_scale(axes: Axes, intervals: Sequence[Interval]) -> None:
     - If the sizes of the intervals are similar, the axis is linear.
     - If the sizes differ and all values are positive, the axis is logarithmic.
     - If the sizes differ and some values are not positive, the axis is linear near zero and
-      logarithmic for larger magnitudes. The limit is the power of ten that is nearest to the
-      smallest size.
+      logarithmic for larger magnitudes. The linear range ends at the power of ten that is nearest
+      to the smallest size.
     - If there are no intervals, the axis has no ticks.
 
     Parameters

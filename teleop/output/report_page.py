@@ -132,8 +132,8 @@ def of_recording(recording: Recording | None, motion: Mapping[str, str]) -> dict
 def event_rows(events: Iterable[Mapping[str, Any]]) -> list[list[str]]:
     """Return time [s], mode and text of each event, in the order of the times.
 
-    The event that marks the beginning of the recording is omitted: it has the time 0 of the trial,
-    although the recorder was started before the rig was connected.
+    The event that marks the beginning of the recording is omitted, because its time is not correct.
+    This time is 0, but the recorder was started earlier, before the rig was connected.
     """
     return [
         [number(event["time"], 3), event.get("mode") or "", event["text"]]

@@ -185,8 +185,8 @@ def significant(value: float, width: float) -> str:
 def print_together(together: Mapping[str, Any]) -> None:
     """Print Kelvin-Voigt fits to each single file, and one fit to all files together.
 
-    The complex moduli, the ratios of the values, and a statement whether a single body explains all
-    files follow.
+    Then print the complex moduli, the ratios of the values, and whether a single body explains all
+    files.
     """
     console = plain_console()
     names = [Path(row["file"]).name for row in together["alone"]]

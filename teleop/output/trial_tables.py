@@ -100,7 +100,10 @@ def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:
 
 
 def duration(summary: Mapping[str, Any]) -> str:
-    """Return the duration of a trial as text; if it ended early, with the planned duration."""
+    """Return the duration of a trial as text.
+
+    If the trial ended early, the text also contains the planned duration.
+    """
     planned = f"{summary['duration_s']:g} s"
     if summary["interrupted"] or summary["safety"]["fault"]:
         return f"{summary['actual_duration_s']:.2f} of {planned}"

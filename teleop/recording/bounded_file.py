@@ -1,4 +1,4 @@
-"""Read a file that may be damaged, with limits for the bytes per read and for the memory."""
+"""Read a file that may be damaged. The bytes per read and the memory for ticks are limited."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ the ticks need the same amount of memory again."""
 
 
 def check_memory(path: Path | str, size: int) -> None:
-    """Raise InputError if ticks of the total size `size` [bytes] are too large for the memory."""
+    """Raise InputError if `size`, the total size of the ticks [bytes], exceeds `LARGEST_TICKS`."""
     if size > LARGEST_TICKS:
         raise InputError(
             f"{path}: too large for this machine's memory: more than {LARGEST_TICKS >> 20} MiB "
@@ -52,7 +52,10 @@ class BoundedFile:
         """Number of bytes that have not been read yet."""
 
     def read(self, count: int) -> bytes:
-        """Return the next `count` bytes; fewer at the end, or if `count` is too large."""
+        """Return the next `count` bytes, but at most `LARGEST_RECORD` bytes.
+
+        At the end of the file, fewer bytes are returned.
+        """
         data = self._file.read(min(count, self.left, LARGEST_RECORD))
         self.left -= len(data)
         return data

@@ -1,6 +1,6 @@
-"""Encoding of the message of a tick, a ROS 2 message of doubles in CDR.
+"""Define the encoding of the message of a tick.
 
-CDR is the Common Data Representation.
+The message is a ROS 2 message of doubles in CDR (Common Data Representation).
 """
 
 from __future__ import annotations

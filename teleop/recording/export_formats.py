@@ -47,7 +47,7 @@ def description(path: Path, recording: RecordingStream) -> str:
     path
         The CSV file that the document describes.
     recording
-        The recording, after its last block was read.
+        The recording. All its blocks have been read, so that its events are complete.
     """
     about = {
         "settings": recording.settings,
@@ -182,13 +182,14 @@ def export_recording(file: Path, path: Path, overwrite: bool = False) -> Recordi
 
     Returns
     -------
-    The recording, after its last block was read.
+    The recording, of which all blocks have been read.
 
     Raises
     ------
     InputError
-        The recording cannot be read or is not complete. The new file cannot be written, exists and
-        may not be overwritten, or has an unknown ending. A library is not installed.
+        The recording cannot be read, or is not complete. The ending of the new file is unknown. The
+        new file cannot be written, or exists and may not be overwritten. The library of the format
+        is not installed.
     """
     format_of(path)
     recording = RecordingStream(file)
@@ -233,12 +234,13 @@ class TableFile:
         self._writer: Any = None
 
     def write(self, table: tuple[Mapping[str, Floats], Mapping[str, str]]) -> None:
-        """Write rows.
+        """Write n rows. The first call also writes the header.
 
         Parameters
         ----------
         table
-            Columns by name, each of shape (n,), and the unit of each column, by its name.
+            Two mappings with the name of the column as key. The first contains the values of each
+            column, shape (n,). The second contains the unit of each column.
         """
         columns, units = table
         if self._writer is None:

@@ -233,7 +233,9 @@ class FileMonitor:
 
 
 def finish(file: McapFile, ticks: int) -> dict[str, Any]:
-    """Complete the file, or remove a file without ticks; return the status sent at the end.
+    """Complete the file, and return the status that is sent at the end.
+
+    A file without ticks is removed.
 
     Parameters
     ----------

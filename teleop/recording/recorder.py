@@ -156,8 +156,8 @@ class RecorderProcess(Sink):
     def push(self, message: bytes) -> None:
         """Send the message of one tick to the recorder.
 
-        While the pipe is full, messages wait in the memory. If `BACKLOG` is reached, the tick is
-        dropped.
+        While the pipe is full, messages wait in the memory. If the waiting messages have reached
+        the size `BACKLOG`, the tick is dropped.
         """
         if self._failure:
             return
@@ -181,7 +181,8 @@ class RecorderProcess(Sink):
     def event(self, event: Event) -> None:
         """Store an event in the queue of waiting messages.
 
-        The event is sent before the next tick. If the pipe is full, it is sent later.
+        At the next tick, the event is sent before the message of this tick. If the pipe is full,
+        both wait in the queue.
         """
         data = json.dumps(event_record(event)).encode()
         self._waiting.append(FRAME.pack(EVENT, len(data)) + data)
@@ -242,7 +243,10 @@ class RecorderProcess(Sink):
 
     @contextlib.contextmanager
     def _timeout(self) -> Iterator[None]:
-        """Return a context manager that kills the recorder if its block exceeds `TIMEOUT`."""
+        """Return a context manager that kills the recorder if its block lasts too long.
+
+        The limit is `TIMEOUT`.
+        """
         watchdog = threading.Timer(TIMEOUT, self.process.kill)
         watchdog.start()
         try:

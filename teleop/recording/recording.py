@@ -90,15 +90,15 @@ class Recording:
         return [] if names == "none" else names.split(", ")
 
     def blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[Recording]:
-        """Yield this whole recording. `RecordingFile.blocks` yields a recording in parts."""
+        """Yield this whole recording as one block, because all its columns are in memory."""
         yield self
 
     def evenly_spaced(self) -> Recording:
-        """Return this whole recording. `RecordingFile.evenly_spaced` returns only some ticks."""
+        """Return this recording with all ticks, because they are already in memory."""
         return self
 
     def load(self) -> Recording:
-        """Return this recording, which is in memory. `RecordingFile.load` reads it from a file."""
+        """Return this recording itself, because it is already in memory."""
         return self
 
     def estimated(self) -> Recording:
@@ -150,7 +150,7 @@ class Recording:
 
 
 def missing_column(name: str, columns: Iterable[str]) -> MissingColumn:
-    """Return the error that a recording with these columns does not have the column `name`."""
+    """Return an error which states that a recording with these `columns` has no column `name`."""
     return MissingColumn(
         f"the recording has no column {name!r}: expected one of {', '.join(columns)}"
     )

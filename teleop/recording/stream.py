@@ -138,7 +138,10 @@ class RecordingStream:
             pass
 
     def _joined(self, columns: Sequence[int]) -> Iterator[Floats]:
-        """Yield columns of successive ticks, joined to blocks of at least `BLOCK` ticks."""
+        """Yield the columns of successive ticks in blocks of at least `BLOCK` ticks.
+
+        The last block may be smaller.
+        """
         values: list[Floats] = []
         count = 0
         rows = chain(() if self._first is None else (self._first,), self._rows)

@@ -33,7 +33,7 @@ class RunningTiming:
     def add(self, ticks: Recording) -> None:
         """Include further ticks in the statistics.
 
-        The first tick of a trial has no earlier tick. Its time step is not used.
+        The time step of the first tick of a trial is not used, because no tick precedes it.
         """
         periods = ticks["dt"] if self._ticks else ticks["dt"][1:]
         self._ticks += len(ticks)

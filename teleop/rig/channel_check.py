@@ -154,7 +154,9 @@ def channel_problem(
     saturated: float,
     limits: ChannelLimits,
 ) -> str:
-    """Return the problem of a channel of a rig at rest; empty if there is no problem.
+    """Return a text that describes the problem of a channel; empty if there is no problem.
+
+    The rig must be at rest while the samples are taken.
 
     Parameters
     ----------

@@ -172,7 +172,8 @@ class DriveCheck(Condition):
     def _check_length(self, length: float) -> None:
         """Check that the limits did not shorten the latest stroke too much.
 
-        If a stroke was too short, a problem is added. The check of the drives then ends.
+        If the stroke was too short, this method stores a problem of the drive. A problem ends the
+        check of all drives.
         """
         for name, strokes in self.strokes.items():
             if strokes[-1].commanded < ENOUGH * length:

@@ -79,9 +79,9 @@ class DriveTravel:
         Parameters
         ----------
         settled
-            Whether the drive had enough time to complete the commanded travel. If not, the
-            measured travel may be smaller than the commanded travel, but neither larger nor in
-            the opposite direction.
+            Whether the drive had enough time to complete the commanded travel. If not, a measured
+            travel that is too small is not a problem. A travel that is too large or in the
+            opposite direction is always a problem.
         """
         slack = SLACK + self.explained
         band = BAND * abs(self.commanded) + slack

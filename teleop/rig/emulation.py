@@ -46,7 +46,8 @@ def read_fault(text: str, rig: RigFile) -> PlannedFault:
     Raises
     ------
     InputError
-        The kind is unknown, the bus or device does not exist, or the time is not a number.
+        The kind is unknown, or is not possible on the bus. The bus or device does not exist. The
+        time is not a number, is negative, or is not less than 1e6 s.
     """
     kind, _, rest = text.partition(":")
     where, _, at = rest.partition("@")
@@ -152,13 +153,14 @@ class Palpation:
         Parameters
         ----------
         line
-            Name of a condition (or `any`), name of a cube, and depth, such as `mimic medium 5mm`,
-            or some of them.
+            One or more words, for example `mimic medium 5mm`. A word is the name of a condition,
+            the name of a cube, a depth, or `any`. With the word `any`, the operator
+            (`AttentiveOperator`) does not know the condition.
 
         Raises
         ------
         InputError
-            The line contains any other word, or no word, or the depth is out of its range.
+            The line contains an unknown word or no word, or the depth is out of its range.
         """
         changes: dict[str, Any] = {}
         mimic, words = self.mimic, line.split()

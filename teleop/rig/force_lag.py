@@ -193,8 +193,8 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
     Raises
     ------
     InputError
-        All positions or all forces are zero, the estimated stiffness is not positive, or the lag
-        is close to zero or to `LONGEST` if it is estimated for zero lost motion.
+        All positions or all forces are zero. The estimated stiffness is not positive. The lag that
+        is estimated for zero lost motion is close to zero or to `LONGEST`.
     """
     from scipy.optimize import least_squares, minimize_scalar
 

@@ -1,4 +1,4 @@
-"""A rig for the test of the watchdogs of the drives. The commands to the rig can be paused."""
+"""A rig to which the sending of commands can be paused, to test the watchdogs of the drives."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from drivers.wired_rig import WiredRig
 
 
 class PausableRig(Rig):
-    """An open rig to which the commands can be paused, so that the watchdogs stop the drives.
+    """An open rig. While `paused` is True, no command is sent, and the watchdogs stop the drives.
 
     Parameters
     ----------
@@ -59,7 +59,10 @@ class PausableRig(Rig):
         self._rig.rearm()
 
     def write(self, command: Command) -> Command:
-        """Send a command unless paused; return the applied command, which is zero while paused."""
+        """Send a command to the drives, and return the command that the drives apply.
+
+        While the commands are paused, nothing is sent, and the result is zero velocity.
+        """
         self.applied = STANDSTILL if self.paused else self._rig.write(command)
         return self.applied
 

@@ -146,9 +146,10 @@ def arming_text(rig: RigFile) -> str:
 
 
 def touch_limits(limits: Limits) -> Limits:
-    """Return the limits for the approach, which are tighter than the limits of the rig.
+    """Return the limits for the approach. The force limits are at most those of the rig.
 
-    The position limits are relative to the start position, because the datum is not yet known.
+    The position limits replace those of the rig. They are relative to the start position, because
+    the datum is not yet known.
     """
     return replace(
         limits,

@@ -94,7 +94,7 @@ def force_zero(rig: Rig, clock: Clock) -> ForceZero:
 
 
 def motion_problem(position: Floats) -> str:
-    """Return the problem of a slave that moves; empty if it is at rest.
+    """Return a text that describes the motion of the slave; empty if the slave is at rest.
 
     `position` [m] has the shape (n,).
     """
@@ -107,12 +107,14 @@ def motion_problem(position: Floats) -> str:
 
 
 def load_problem(name: str, force: Floats) -> str:
-    """Return the problem of a force sensor that is under load; empty if there is no problem.
+    """Return a text that describes the load on a force sensor; empty if no load is detected.
 
-    A constant load cannot be distinguished from a zero offset, unless it is large. A load that
-    changes is detected from the means of successive blocks: their range is compared with their
-    moving range, which is the mean absolute difference of successive values. The moving range
-    depends on the noise, and little on a slow change or on a single step.
+    A small constant load cannot be distinguished from a zero offset. A large mean force
+    or a large standard deviation is treated as a load. To detect a load that changes slowly, the
+    function divides the samples into blocks and computes the mean of each block. It compares the
+    range of these means with their moving range. The moving range is the mean absolute difference
+    between the means of successive blocks. The moving range depends on the noise. It depends only
+    little on a slow change or on a single step.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Check of the measured channels for range, age, rate of change and frozen values."""
+"""Check range, age and rate of change of the measured channels, and detect frozen values."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ A sample that is read twice is not a sign of a frozen sensor.
 
 
 class ChannelState(NamedTuple):
-    """Data of the check of one channel that are needed at the next tick."""
+    """State of the check of one channel. The check at the next tick uses this state."""
 
     value: float = math.nan
     """Latest value, in the channel's SI unit; NaN before the first sample."""
@@ -66,8 +66,8 @@ def check_channels(
     measurement
         Measurement of this tick.
     travels
-        Change that the commands since the previous tick cause in the value of each channel. It is
-        an absolute value in the channel's SI unit.
+        For each channel, the change of its value that the commands since the previous tick should
+        cause. It is an absolute value in the channel's SI unit. It is zero for forces.
     limits
         Limits of each channel, by its name.
 

@@ -25,7 +25,7 @@ def check_motion(
     drift: float,
     limits: Limits,
 ) -> list[DetectedFault]:
-    """Return the faults of the rig, of the timing of the loop, and of the hard limits.
+    """Return faults: errors of the rig, wrong timing of the loop, and exceeded hard limits.
 
     Each of these faults stops the drives without a ramp, even if the slave moves.
 
@@ -148,7 +148,7 @@ def check_command(desired: Command, now: float) -> list[DetectedFault]:
 
 
 def check_rest(measurement: Measurement, limits: Limits) -> DetectedFault | None:
-    """Return a fault if the slave moves or a force acts on the handle; None if both are at rest.
+    """Return a fault if the slave moves or a force acts on the handle; otherwise return None.
 
     The drives may be armed only at rest.
     """

@@ -121,7 +121,7 @@ def describe(fault: Fault, source: str, value: float, limit: float) -> str:
     fault
         Kind of fault.
     source
-        Channel or part with the fault, or a text that describes the fault.
+        Name of the channel with the fault, or a text that describes the source of the fault.
     value, limit
         Measured value and the limit that it exceeds, in SI units.
     """

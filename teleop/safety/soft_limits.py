@@ -74,6 +74,7 @@ def limit_command(
 
     If `stiffness` is None, the velocities of master and slave are reduced by the same factor. The
     operator then feels the limits of the slave. If `stiffness` is given, see `limit_separately`.
+    After that, the accelerations of master and slave are limited independently of each other.
 
     When the slave moves towards a soft position limit, its speed is at most sqrt(a d). d is the
     distance to the limit, and a is the largest acceleration. A deceleration of a / 2 can then stop
@@ -96,7 +97,7 @@ def limit_command(
         Limits of rig and channels.
     stiffness
         Expected slope of the contact force against the position of the slave [N/m]. If it is None,
-        the limits act on master and slave together.
+        all soft limits except the acceleration limits act on master and slave together.
 
     Returns
     -------

@@ -137,8 +137,8 @@ def design_text(
     effects
         Effects of the factors.
     pooled
-        Names of factors that are not part of the analysis, such as repetition. The text states that
-        trials with the same levels of all other factors differ in these factors.
+        Names of factors that are not part of the analysis, such as repetition. The text names them
+        as the differences between trials that have the same levels of all other factors.
     subject
         Name of the random factor; None for a design without subjects.
     """

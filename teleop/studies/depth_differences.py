@@ -1,4 +1,4 @@
-"""Find the factors of a study that the depth of the palpation depends on."""
+"""Find the factors of a study that influence the depth of the palpation."""
 
 from __future__ import annotations
 

@@ -108,7 +108,9 @@ def remove_incomplete_line(file: BinaryIO) -> None:
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Lock a folder within the block, so that no other series or sweep can run in it.
+    """Context manager that locks a folder, so that no other series or sweep can run in it.
+
+    The folder is not locked on a system without the module `fcntl`, such as Windows.
 
     Raises
     ------

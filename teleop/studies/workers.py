@@ -16,11 +16,11 @@ from teleop.interruption import SIGNALS
 
 @contextlib.contextmanager
 def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
-    """Provide a pool of worker processes within the block.
+    """Context manager that provides a pool of worker processes.
 
-    If the block raises an exception, including KeyboardInterrupt, the worker processes are killed
-    without waiting for their tasks. If this process is killed, the worker processes end by
-    themselves.
+    If the block of the `with` statement raises an exception, including KeyboardInterrupt, the
+    worker processes are killed before their tasks are finished. If the process that created the
+    pool is killed, the worker processes end by themselves.
 
     Parameters
     ----------

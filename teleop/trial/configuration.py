@@ -175,7 +175,10 @@ def complete_settings(
 
 @contextlib.contextmanager
 def raised_together(problems: list[str]) -> Iterator[None]:
-    """Context manager that raises the given problems together with those of its `with` block."""
+    """Return a context manager that raises several problems as one InputError.
+
+    These are the problems in the list, and the problems that are raised within the `with` block.
+    """
     try:
         yield
     except InputError as error:

@@ -26,7 +26,10 @@ depth (`benchmarks/results/feedback-passivity.csv`).
 
 
 def check_feedback(settings: TrialSettings) -> str:
-    """Raise an error if the feedback is expected to be unstable. Return a warning or an empty text.
+    """Check that the feedback may be used, and return a warning or an empty text.
+
+    The warning states that settings are missing, so that it is not known whether the feedback is
+    stable.
 
     Raises
     ------

@@ -12,7 +12,9 @@ SILENCE = 0.15
 
 
 class PagePointer:
-    """Returns the latest sample of the pointer; the handle is released if the samples stop.
+    """Returns the latest sample of the pointer.
+
+    If no new sample arrives for longer than `SILENCE`, the hand no longer holds the handle.
 
     Parameters
     ----------

@@ -149,8 +149,8 @@ def lock_memory() -> Callable[[], object]:
 def disable_garbage_collection() -> Callable[[], object]:
     """Disable Python's garbage collection, and return a function that enables it again.
 
-    A tick creates no reference cycles. Therefore the memory does not grow without garbage
-    collection.
+    The memory does not grow while garbage collection is disabled, because a tick creates no
+    reference cycles.
     """
     was_enabled = gc.isenabled()
     gc.collect()

@@ -78,7 +78,10 @@ class Trial(Presented):
 
     @cached_property
     def shown(self) -> Trial:
-        """The same trial with evenly spaced ticks in memory, for figures and short texts."""
+        """A copy of this trial for figures and short texts.
+
+        If the ticks are not in memory, the copy contains only some evenly spaced ticks.
+        """
         return replace(self, ticks=self.ticks.evenly_spaced())
 
     @property
@@ -114,7 +117,7 @@ class Trial(Presented):
 
     @property
     def incomplete(self) -> str:
-        """Description of data that are missing in the files of the trial; empty if none are."""
+        """Text about data that are missing in the files of the trial; empty if there are none."""
         path, _, dropped, problem, _ = self.outcome
         problems = []
         if problem:
@@ -158,7 +161,7 @@ class Trial(Presented):
     def plot_tracking(self, width: str = "screen", title: str | None = None) -> Figure:
         """Return a figure of target, slave position and their difference in the condition `mimic`.
 
-        Of a long trial, the figure shows the last ticks.
+        For a long trial, the figure shows only the last ticks.
 
         Parameters
         ----------
@@ -213,7 +216,7 @@ class Trial(Presented):
         """Return gain, phase and error of the slave relative to the target in `mimic`.
 
         The result is None if the condition is not `mimic`, or if the target moved for less than two
-        periods. Of a long trial, the last ticks are evaluated.
+        periods. For a long trial, only the last ticks are evaluated.
         """
         found = tracking_of(tracked_ticks(self.ticks), self.settings)
         return found and found._asdict()

@@ -1,4 +1,4 @@
-"""Load rig files for the command line, and raise errors in them as InputError."""
+"""Load rig files for the command line. An error in a rig file is raised as an InputError."""
 
 from __future__ import annotations
 

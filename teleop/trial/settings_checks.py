@@ -137,7 +137,10 @@ def values_out_of_range(settings: Any) -> Iterator[tuple[tuple[str, ...], str]]:
 
 
 def inconsistent_values(settings: Any) -> Iterator[str]:
-    """Yield a message for each problem of several settings that does not depend on the rig."""
+    """Yield a message for each set of settings that do not fit together.
+
+    Problems that depend on the rig are not included.
+    """
     if settings.condition == "mimic" and not isinstance(settings.excitation, Sine):
         yield f"signal {settings.excitation.kind}: expected a sine, which the operator follows"
     yield from settings.feedback.problems(settings.condition, None)

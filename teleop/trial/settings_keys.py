@@ -37,11 +37,11 @@ def forms(place: Place) -> list[Any]:
 
 
 def below(form: Any, key: str | int) -> Iterator[Any]:
-    """Yield the permitted types of the value with the key `key` in a table.
+    """Yield the permitted types of the value with the key `key` in a table of type `form`.
 
-    `form` is the type of the table. pydantic inserts the kind of a signal, or the class of a body,
-    as an additional key. If `key` is the kind or the class of `form`, then `form` itself is
-    yielded. If `form` is the type of a list, nothing is yielded.
+    In the places that pydantic reports, the kind of a signal or the class name of a body is an
+    additional key. If `key` is the kind or the class name of `form`, `form` itself is yielded. If
+    `form` is the type of a list, nothing is yielded.
     """
     if get_origin(form) is Mapping:
         yield from flat(get_args(form)[1])

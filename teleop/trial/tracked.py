@@ -14,7 +14,8 @@ from teleop.trial.settings_json import from_document
 def tracking_of(recording: Recording, settings: TrialSettings) -> Tracking | None:
     """Return gain, phase and error of the slave relative to the target in a recorded trial.
 
-    The result is None if the condition is not `mimic`, or if the recording has no target.
+    The result is None in three cases: the condition is not `mimic`, the recording has no target, or
+    the target moved for less than two periods.
     """
     if settings.condition != "mimic" or "target" not in recording.columns:
         return None

@@ -112,7 +112,10 @@ class TrialStatistics:
 
     @property
     def excitation(self) -> dict[str, float]:
-        """Mean and last excitation in the averaged part; NaN if there is no sample."""
+        """Mean and last value of the excitation measure in the averaged part of the trial.
+
+        Both are NaN if there is no sample in this part.
+        """
         averages = self._averages
         return {"mean": averages.mean_excitation, "last": averages.last_excitation}
 
@@ -127,7 +130,7 @@ class TrialStatistics:
         Parameters
         ----------
         shown
-            All or evenly spaced ticks of the trial.
+            Ticks of the trial: all ticks, or only some evenly spaced ticks.
         """
         if not self._averages.samples:
             return {}

@@ -222,7 +222,10 @@ def check_sum(data: bytes) -> int:
 
 
 def stuffed(data: bytes) -> bytes:
-    """Return fewer than 254 bytes, encoded by COBS (consistent overhead byte stuffing)."""
+    """Return data, encoded by COBS (consistent overhead byte stuffing).
+
+    The data must have fewer than 254 bytes.
+    """
     return b"".join(bytes((len(run) + 1,)) + run for run in data.split(b"\0"))
 
 

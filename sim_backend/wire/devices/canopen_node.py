@@ -69,15 +69,15 @@ class CanopenNode(EmulatedCanDevice):
 
     @abstractmethod
     def run(self, now: float) -> None:
-        """Advance the application to time `now` [s], and update its measured values."""
+        """Advance the emulated device to time `now` [s], and update the measured values."""
 
     @abstractmethod
     def written(self, index: int) -> None:
-        """Apply the new value of an object of the application."""
+        """Apply the new value of an object with an index of 2000h or higher."""
 
     @abstractmethod
     def connection_lost(self) -> None:
-        """Apply the reaction to a loss of the master, or to the end of the operational state."""
+        """React to a missing heartbeat or PDO, or to the end of the operational state."""
 
     @abstractmethod
     def reset(self) -> None:
@@ -211,7 +211,7 @@ class CanopenNode(EmulatedCanDevice):
             self._errors.clear()
 
     def emergency(self, code: int, register: int) -> None:
-        """Send EMCY if operational or pre-operational. Code 0 means that all errors have ended."""
+        """Send EMCY unless the node boots or is stopped. Code 0 means the end of all errors."""
         self.objects[0x1001, 0].value = register
         if self.nmt in (PRE_OPERATIONAL, OPERATIONAL):
             self._send(

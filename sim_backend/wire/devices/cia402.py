@@ -100,7 +100,7 @@ class EmulatedCia402(CanopenNode):
             raise Abort(UNSUPPORTED_ACCESS)
 
     def written(self, index: int) -> None:
-        """Apply a written controlword."""
+        """Change the state of the drive if the written object is the controlword (6040h)."""
         if index == 0x6040:
             self._obey(self[0x6040, 0])
 

@@ -2,7 +2,7 @@
 
 Sources: ODrive's documentation ("CAN Protocol") and, for 0.5, `can_simple.cpp` and `axis.cpp` of
 the firmware. With firmware 0.5, every frame to the axis resets the watchdog timer, and the watchdog
-is active in every state. With firmware 0.6, only set-points reset it.
+is active in every state. With firmware 0.6, only set-points reset the watchdog timer.
 """
 
 from __future__ import annotations

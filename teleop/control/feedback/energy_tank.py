@@ -1,8 +1,9 @@
-"""Energy tank, which limits the energy that changes of the displayed model can add.
+"""Energy tank, which limits how much energy a change of the displayed model can add to the model.
 
 The energy that the damping of the admittance dissipates fills the tank. A change of the model may
-add at most the energy in the tank. The energy that the hand extracts is therefore never larger than
-the sum of two energies: the energy that the hand has put in, and the initial energy of the tank.
+add at most the energy in the tank to the energy that the model stores. The energy that the hand
+extracts is therefore never larger than the sum of two energies: the energy that the hand has put
+in, and the initial energy of the tank.
 
 Source: F. Ferraguti, C. Secchi, C. Fantuzzi, "A tank-based approach to impedance control with
 variable stiffness", ICRA 2013.

@@ -1,9 +1,10 @@
 """Base classes of the two halves of a force-feedback law, and the packets that they exchange.
 
-The slave half converts measurements to a `Report` for the master, and the `Motion` of the master to
-the velocity of the slave. The master half converts the report and the force of the hand to the
-motion of the virtual mass. The two halves share no variable. The classes `Master` and `Slave` are
-also the law `none`, with which the hand feels only the virtual mass.
+The slave half computes a `Report` for the master from its measurements. It also computes the
+desired velocity of the slave from the `Motion` that the master half sends. This motion is that of
+the virtual mass. The master half computes it from the report and the force of the hand. The two
+halves share no variable. The classes `Master` and `Slave` are also the law `none`, with which the
+hand feels only the virtual mass.
 """
 
 from __future__ import annotations

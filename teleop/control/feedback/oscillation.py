@@ -113,10 +113,11 @@ class Band:
         Parameters
         ----------
         motion
-            Velocity [m/s] as real part, and force [N] as imaginary part, in the band.
+            Complex number for this band. Its real part is the velocity [m/s], and its imaginary
+            part is the force [N].
         weight
-            Weight of this sample in the two exponential averages. The first average is that of the
-            power, and the second one is that of the first average.
+            Weight of a new value in each of two exponential averages. The power is averaged, and
+            the average is then averaged once more.
         """
         velocity = motion.real
         first, power = self._first, self._power

@@ -5,12 +5,15 @@ virtual mass m. With the displayed force f_d and the velocity v, the sum of thes
 
     E = integral of (f_d + d v) v dt + 1/2 m v^2
 
-While no limit acts, E is the integral of f_h v dt, where f_h is the force of the hand. While a
-limit of the master acts, E differs from this integral by the work of the limit. The observer
-therefore also detects an oscillation that reaches the limits. If the displayed dynamics are
-passive, E never decreases by more than the energy that they can store. After some seconds of damped
-motion, E is large. An observer that only integrates the power would then detect an oscillation too
-late. Therefore E is limited at each tick to an upper bound of the stored energy:
+f_h is the force of the hand. E is the integral of f_h v dt, unless the supervisor limits the
+velocity of the master. Such a limit acts like an additional force, and E differs from this integral
+by the work of this force. The observer therefore also detects an oscillation that reaches the
+limits.
+
+If the displayed dynamics are passive, E never decreases by more than the energy that they can
+store. After some seconds of damped motion, E is large. An observer that only integrates the power
+would then detect an oscillation too late. Therefore E is limited at each tick to an upper bound of
+the stored energy:
 
     E <- min(E + dE, 1/2 m max v^2 + max |f_d| max |x| + tank)
 

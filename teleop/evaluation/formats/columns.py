@@ -163,7 +163,8 @@ def place_of(
 
     Returns
     -------
-    Index of the column, and the unit that the user states for it; None if the user states no unit.
+    Index of the column, and the unit that the user states for it. If the user states no unit, the
+    second value is None.
     """
     if asked is None:
         names = [plain(heading.name) for heading in headings]

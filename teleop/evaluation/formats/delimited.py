@@ -45,8 +45,8 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
     begin with # are comments. Above the samples, lines that begin with % are comments too. The last
     comment above the samples can be the header.
 
-    A table ends at the first line that contains text but no number. It also ends at a line that
-    follows an empty line and has, for example, text instead of a number in a cell.
+    A table ends at the first line that contains text but no number. After an empty line, it also
+    ends at a line that does not fit the table, such as a line with text instead of a number.
 
     Raises
     ------
@@ -226,8 +226,8 @@ class Scan:
     def _only_a_header(self) -> None:
         """Add tables without samples, if no table has the wanted columns.
 
-        The first line with the names of the wanted columns becomes the header of a table. If there
-        is no other table, the first line becomes a header too, so that an error can list its names.
+        The header is the first line with the names of the wanted columns. If the file has no other
+        table, its first line becomes a header too, so that an error message can list its cells.
         """
         for number, line in self._above:
             names = fitted(self._cells(number, line), 0)

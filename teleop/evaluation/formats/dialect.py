@@ -114,7 +114,10 @@ def dialect_of(lines: Sequence[str]) -> Dialect:
 
 
 def marks(numbers: Sequence[str], delimiter: str | None) -> tuple[str, str | None]:
-    """Return the decimal mark of some numbers, and their separator of thousands or None."""
+    """Return the decimal mark and the separator of thousands that some numbers have.
+
+    The second value is None if no separator of thousands can be determined.
+    """
     both = [cell for cell in numbers if "," in cell and "." in cell]
     if both:
         return (".", ",") if both[0].rfind(".") > both[0].rfind(",") else (",", ".")

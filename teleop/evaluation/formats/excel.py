@@ -42,7 +42,11 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
 
 
 def table_in(where: str, name: str, rows: Sequence[Sequence[Any]], pick: Pick) -> Table | None:
-    """Return the first table in a sheet that has the wanted columns, or else the longest table."""
+    """Return a table of a sheet: the first table that contains the wanted columns.
+
+    If no table contains them, the longest table is returned. If the sheet has no table, the result
+    is None.
+    """
     cells = [[text_of(value) for value in row] for row in rows]
     best: Table | None = None
     start = 0

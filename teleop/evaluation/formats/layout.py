@@ -27,7 +27,10 @@ def is_samples(cells: Sequence[str]) -> bool:
 
 
 def fitted(cells: list[str], width: int) -> list[str]:
-    """Remove empty cells at the end of a row if it has more than `width` cells, and return it."""
+    """Return a row without the empty cells at its end.
+
+    If `width` or fewer cells remain, no further cells are removed.
+    """
     while len(cells) > width and not cells[-1]:
         cells = cells[:-1]
     return cells

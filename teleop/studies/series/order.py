@@ -43,8 +43,8 @@ def williams_row(count: int, row: int) -> list[int]:
 
     Each row contains each cell once. If the number of cells is even, the square has `count` rows,
     and each cell directly follows every other cell in exactly one row. If the number of cells is
-    odd, there are `2 count` rows, and each cell directly follows every other cell in exactly two
-    rows. Every second row is then the previous row in reversed order.
+    odd, the square has `2 count` rows, and each cell directly follows every other cell in exactly
+    two rows. In this case, every second row is the previous row in reversed order.
 
     Parameters
     ----------

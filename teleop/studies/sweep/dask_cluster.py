@@ -30,9 +30,9 @@ TIMEOUT = 30.0
 def on_dask(address: str, count: int | None = None) -> Execute:
     """Return a function that runs points on a Dask cluster.
 
-    If several workers are killed one after another while they hold the same points, Dask abandons
-    these points. At the end, the abandoned points are run again one by one. If Dask abandons a
-    point `ATTEMPTS` more times, the result of the point is an error.
+    If several workers to which Dask assigned the same points are killed one after another, Dask
+    abandons these points. At the end, the abandoned points are run again one by one. If Dask
+    abandons a point `ATTEMPTS` more times, the result of the point is an error.
 
     Parameters
     ----------

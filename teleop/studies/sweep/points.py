@@ -76,7 +76,10 @@ def spaced(values: Range, shares: Sequence[float] | np.ndarray) -> list[float]:
 
 
 def chosen(values: Sequence[Any], shares: np.ndarray) -> list[Any]:
-    """Return the items of a list at given fractions of its length, which are in [0, 1)."""
+    """Return the items of a list at given fractions of the length of the list.
+
+    Each fraction is at least 0 and less than 1.
+    """
     return [values[math.floor(share * len(values))] for share in shares.tolist()]
 
 
