@@ -25,6 +25,9 @@ threshold:
   `SUSTAINING` and Re{Z_a}. If this product is below `LEAST_DAMPING`, the threshold is
   `LEAST_DAMPING`.
 
+Far from a resonance, a loop with -Re{Z} > Re{Z_a} can be stable too. If tremor moves such a loop,
+the trial is counted as not stable.
+
 [1] J. E. Colgate, N. Hogan, Int. J. Control 48(1), 1988, 65-88.
 """
 
@@ -43,9 +46,10 @@ FASTEST = 4.0
 LEAST_DAMPING = 2.0
 """Damping that any arm has at least [N s/m]."""
 SUSTAINING = 0.75
-"""Ratio of -Re{Z} to the damping Re{Z_a} of a known arm above which the motion is counted as an
-oscillation of the loop. At the ratio r, the loop amplifies the tremor by 1 / (1 - r) or less, here
-by a factor of 4. In an oscillation without tremor, the ratio is 1."""
+"""Ratio r of -Re{Z} to the damping Re{Z_a} of a known arm above which the motion is counted as an
+oscillation of the loop. In an oscillation without tremor, r is 1. At a resonance of arm and
+environment, the velocity that tremor causes is 1 / (1 - r) times that with an environment with
+Re{Z} = 0, here 4 times."""
 MOST_SUSTAINED = 0.8
 """Greatest share of the power of the velocity in a stable trial that is above `FASTEST`, at
 frequencies at which -Re{Z} is above the threshold."""

@@ -92,7 +92,11 @@ def sensor_lag(settings: TrialSettings) -> float:
 
 
 def arm_lag(settings: TrialSettings) -> float:
-    """Return the lag with which the arm acts on the virtual mass of the simulated rig [s]."""
+    """Return the largest lag with which the arm acts on the virtual mass of the simulated rig [s].
+
+    It contains a period for the age of a sample. On the simulated rig, the samples of a tick have
+    the age 0, so that the true lag is about one period shorter.
+    """
     plant = settings.plant_parameters
     servo = 1.0 / (2.0 * math.pi * plant.handle_bandwidth)
     return servo + plant.master_force_lag + LOOP_DELAY / settings.rate

@@ -41,7 +41,7 @@ band."""
 LEAST_DAMPING = 2.0
 """Damping c that any arm has at least [N s/m]. The simulated arms, with stiffnesses of 150 to
 1500 N/m, have a damping of 7 to 23 N s/m. The lag of the handle reduces this damping, but at least
-4 N s/m remain at the frequencies of the oscillations."""
+3 N s/m remain at the frequencies of the oscillations."""
 AVERAGING = 0.08
 """Time constant of each of the two averages that give the mean power of a band [s]. After only
 one average, the mean power would still have a ripple. For a stiff spring, it would then be negative

@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_backend import OperatorModel
+from drivers import Command
+from sim_backend import CUBES, OperatorModel
 from sim_backend.channel import ChannelSettings
+from sim_backend.plant import Plant, PlantParameters
 from teleop.cli import main
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.feedback.law import STIFF_PRIOR
@@ -22,7 +24,6 @@ from teleop.trial.configuration import read_configuration, write_configuration
 from teleop.trial.feedback_checks import (
     PASSIVITY_OFFERED,
     arm_damping,
-    arm_lag,
     check_feedback,
     delayed_loop,
     lag,
@@ -87,12 +88,33 @@ def test_the_lag_of_the_handle_reduces_the_delay_that_a_stiff_arm_permits():
         check_feedback(stiff)
 
 
-def test_the_damping_of_the_arm_is_the_real_part_of_its_delayed_impedance():
-    stiff = replace(settings("position-force"), operator_model=OperatorModel(1500.0))
-    frequency = np.array([4.0, 10.0, 40.0])
-    s = 2j * np.pi * frequency
-    impedance = (stiff.operator_model.arm.damping + 1500.0 / s) * np.exp(-s * arm_lag(stiff))
-    assert arm_damping(stiff, frequency) == pytest.approx(impedance.real)
+def damping_of_the_plant(arm, frequency):
+    """Return -Re{F / V} of the simulated plant: measured force F of the hand, commanded velocity V.
+
+    The hand intends to stay at rest, and the command is a sine [Hz].
+    """
+    plant = Plant(CUBES["soft"], PlantParameters(), arm)
+    t = np.arange(4000) * 1e-3
+    command = 1e-3 * np.sin(2.0 * np.pi * frequency * t)
+    force = []
+    for u in command:
+        force.append(plant.master_force.y)
+        plant.advance(1e-3, Command(u, 0.0))
+    phasor = np.exp(-2j * np.pi * frequency * t)[2000:]
+    return -(np.dot(force[2000:], phasor) / np.dot(command[2000:], phasor)).real
+
+
+@pytest.mark.parametrize("stiffness", [150.0, 400.0, 1500.0])
+@pytest.mark.parametrize("frequency", [5.0, 10.0, 20.0, 30.0])
+def test_the_damping_of_the_arm_is_between_that_with_and_without_the_delay_of_the_loop(
+    stiffness, frequency
+):
+    arm = OperatorModel(stiffness).arm
+    measured = damping_of_the_plant(arm, frequency)
+    trial = replace(settings("position-force"), operator_model=OperatorModel(stiffness))
+    (assumed,) = arm_damping(trial, np.array([frequency]))
+    (new,) = arm_damping(replace(trial, rate=1e5), np.array([frequency]))
+    assert assumed < measured < new
 
 
 def test_on_a_rig_the_stiffness_is_stated_or_there_is_a_warning():
