@@ -117,7 +117,7 @@ class Bank(Mapping[str, Estimator]):
         dt: ArrayLike,
         further: ArrayLike | None = None,
     ) -> Iterator[tuple[str, Estimates]]:
-        """Process n samples with one estimator after another; yield name and estimates of each.
+        """Process n samples; for each estimator in turn, yield its name and its estimates.
 
         Arguments and errors are those of `Estimator.run`. Each estimator processes the samples only
         when the caller asks for its result. The caller must therefore iterate to the end. Otherwise

@@ -1,14 +1,15 @@
 """Compute baselines. A baseline is the part of a signal that is slower than the palpation.
 
-In a fit, a baseline is the sum of the cosines cos(pi j (t - t0) / T), j = 0 ... m, and a parabola.
-t0 is the start of the record, and T is its length. The highest frequency of the cosines is
-m / (2 T). `without_baseline` subtracts a baseline that consists of the cosines only.
+`baseline_regressors` returns the cosines cos(pi j (t - t0) / T), j = 0 ... m, and a parabola as the
+regressors of a baseline. t0 is the start of the record, and T is its length. The highest frequency
+of the cosines is m / (2 T). `without_baseline` subtracts a baseline that consists of the cosines
+only.
 
 The parabola is needed because the slope of a cosine is zero at both ends of the record, but the
-slope of a drift is not. With cosines only, the coefficients of a drift decrease as 1 / j^2, and a
-part of the drift remains at the frequency of the palpation. The parabola can have the slopes of the
-drift at both ends. If this parabola is subtracted from the drift, the cosine coefficients of the
-difference decrease as 1 / j^4 (Lanczos).
+slope of a drift is not. With cosines only, the cosine coefficients of a drift decrease as 1 / j^2,
+and a part of the drift remains at the frequency of the palpation. A parabola can have the same
+slopes at both ends as the drift. If this parabola is subtracted from the drift, the cosine
+coefficients of the difference decrease as 1 / j^4 (Lanczos).
 
 If the cosines and the parabola are among the regressors of a fit, a slow drift of force and
 position does not affect the other parameters (Frisch and Waugh). But the information in the slow

@@ -60,9 +60,10 @@ class BaselineFits:
         self.rest = f - self.orthogonal @ self.along
 
     def fit(self, columns: Floats) -> RobustFit:
-        """Return the fit of the baseline and of the regressors `columns`, shape (n, m).
+        """Return the least-squares fit of the baseline and of other regressors to the signal.
 
-        The first parameters of the fit are those of the baseline.
+        `columns` contains the other regressors, shape (n, m). The first parameters of the fit are
+        those of the baseline.
         """
         q = self.orthogonal
         along = q.T @ columns

@@ -29,7 +29,11 @@ def is_valid(dt: float, size: float) -> bool:
 
 
 def sample_error(dt: float, further: Sequence[float] = (), **values: float) -> ValueError:
-    """Return a ValueError for an invalid sample. The message has the names and the values."""
+    """Return a ValueError for an invalid sample.
+
+    The message contains `dt`, the regressors `further` and all keyword arguments, each with its
+    name and its value.
+    """
     values |= {f"further[{i}]": value for i, value in enumerate(further)}
     got = ", ".join(f"{name}={value!r}" for name, value in values.items())
     return ValueError(

@@ -16,7 +16,8 @@ C is estimated by Thomson's multitaper method. This method does not divide the r
 For a record of length T, its frequency resolution is 4 / T. A frequency bin is used if it satisfies
 two conditions. First, the power of the force in the bin is well above the noise (`ABOVE_NOISE`).
 Second, the coherence in the bin is above a limit. Independent signals exceed this limit in only one
-of a million bins. If no bin satisfies both conditions, a lower limit is used (`COHERENT`).
+of a million bins. If no bin satisfies both conditions, a lower limit of the coherence is used
+(`COHERENT`).
 
 References
 ----------

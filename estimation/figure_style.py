@@ -1,4 +1,4 @@
-"""Define the style of all figures: widths, fonts and lines. Reduce the samples of long lines."""
+"""Define the style of all figures, and draw long lines with fewer samples in less time."""
 
 from __future__ import annotations
 
@@ -131,7 +131,10 @@ def line(index: int) -> dict[str, Any]:
 
 
 def draw(axes: Axes, t: Floats, values: Floats, **style: Any) -> None:
-    """Draw values over time t, both of shape (n,), at the samples that `extremes` returns."""
+    """Draw values over time t, both of shape (n,).
+
+    Only the samples that `extremes` selects are drawn.
+    """
     shown = extremes(values)
     axes.plot(t[shown], values[shown], **style)
 
@@ -144,8 +147,9 @@ def shade(axes: Axes, t: Floats, low: Floats, high: Floats, **style: Any) -> Non
     axes
         The axes.
     t, low, high
-        Times and values of the lower and the upper line, each of shape (n,). If n is larger than
-        `BINS`, the lowest and the highest value of each bin are drawn.
+        Times, values of the lower line, and values of the upper line, each of shape (n,). If n is
+        larger than `BINS`, the samples are divided into bins. In each bin, the area is drawn from
+        the smallest value of `low` to the largest value of `high`.
     **style
         Options of matplotlib's `fill_between`.
     """

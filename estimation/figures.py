@@ -1,4 +1,8 @@
-"""Draw estimates over time: stiffness together with displacement, damping with velocity."""
+"""Draw the estimates of one or several estimators over time.
+
+The displacement is drawn behind the stiffness, and the velocity behind the damping. If there are
+more than `TOGETHER` estimators, displacement and velocity are not drawn.
+"""
 
 from __future__ import annotations
 
@@ -87,7 +91,7 @@ def estimates_figure(
         Time [s], displacement [m], velocity [m/s], each of shape (n,).
     estimates
         Estimates by name of the estimator. If there are more than `TOGETHER` estimators, each
-        estimator has its own panels.
+        estimator has its own panels, and the motion is not drawn.
     truth
         True values of the simulated rig; None if they are not known.
     """
@@ -256,7 +260,8 @@ def frame(
 ) -> None:
     """Set the limits and the style of the axes of stiffness and damping.
 
-    The first part of the record is not used for the limits. `START` is the fraction of this part.
+    The first part of the record is not used for the limits. `START` is the length of this part,
+    divided by the length of the record.
     """
     later = t >= t[0] + START * (t[-1] - t[0])
     k_levels = (0.0, truth.k_surface, truth.k_deepest) if truth else (0.0,)

@@ -40,8 +40,8 @@ class GateParameters:
 class GateState(State):
     """Variables that `step` updates.
 
-    `theta` has one value, the mean square of the force [N^2]. `held` is True while the gate is
-    closed.
+    The vector `theta` has only one element here, the mean square of the force [N^2]. `held` is True
+    while the gate is closed.
     """
 
     v_square: float
@@ -74,12 +74,12 @@ class Gate:
     Parameters
     ----------
     settings
-        Thresholds of force and speed, above which the gate is open, and a time constant.
+        Thresholds of force and speed, and the time constant of the mean squares.
 
     Raises
     ------
     ValueError
-        A setting is negative or not finite, or the window is not positive.
+        A setting is negative or not finite, or the time constant `window` is not positive.
 
     Attributes
     ----------

@@ -84,7 +84,7 @@ class RecentBlocks:
         return found
 
     def autocovariance(self, parameters: Sequence[float]) -> float:
-        """Return the weighted mean product of successive force errors [N^2].
+        """Return the weighted mean of the products of successive force errors [N^2].
 
         Parameters
         ----------

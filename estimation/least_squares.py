@@ -56,7 +56,7 @@ def no_fit(samples: int, further: int) -> Fit:
 def least_squares(
     x: ArrayLike, v: ArrayLike, f: ArrayLike, further: ArrayLike | None = None
 ) -> Fit:
-    """Return the parameters that minimise the sum of (f - phi' theta)^2.
+    """Return the fit whose parameters minimise the sum of (f - phi' theta)^2.
 
     The regressors are scaled to equal size first. If the minimum is not unique, the solution with
     the smallest norm of the scaled parameters is returned.

@@ -58,6 +58,6 @@ class MethodSettings:
     def covariance(self) -> tuple[float, ...]:
         """Initial variance of each parameter, for methods that are not in the paper.
 
-        The methods define these variances for a force noise whose variance is 1 N^2.
+        The values are valid for force noise with a variance of 1 N^2.
         """
         return tuple(1e4 / size**2 for size in self.sizes)

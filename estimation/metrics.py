@@ -70,9 +70,9 @@ def _force(
     estimates
         The estimates after each sample.
     at_samples
-        Function that returns n values of one parameter, one value for each sample. Its argument is
-        another function, which returns the values of this parameter from an object of the class
-        `Estimates`.
+        Function that selects the estimate with which the force of each sample is computed. It
+        returns n values of one parameter. Its argument determines the parameter: it is a function
+        that returns the values of the parameter from an object of the class `Estimates`.
     """
     force: Floats = at_samples(lambda e: e.b) * regression.v
     force = force + at_samples(lambda e: e.k) * regression.x
@@ -145,9 +145,10 @@ def rise_time(t: ArrayLike, estimate: ArrayLike) -> float:
 class RisingValue:
     """Computes the rise time (`rise_time`) of an estimate that is processed in blocks.
 
-    The average is known only at the end. Until then, a sample is stored if its estimate is larger,
-    or smaller, than the estimates of all samples before. Only at such a sample can the estimate
-    reach a level for the first time.
+    The levels of the rise time depend on the average, which is known only at the end. A rising
+    estimate can reach a level for the first time only at a sample where it is larger than at all
+    earlier samples. A falling estimate can do so only at a sample where it is smaller than at all
+    earlier samples. Only samples of these two kinds are stored.
     """
 
     def __init__(self) -> None:

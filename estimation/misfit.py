@@ -223,7 +223,7 @@ class Misfit:
     def _add(
         self, x: float, v: float, f: float, dt: float, further: Sequence[float], is_open: bool
     ) -> bool:
-        """Add a sample. Return True if the sample ends a block that is not the first block."""
+        """Add a sample. Return True if it ends a block that directly follows another block."""
         if not is_open:
             self._begin_block()
             self._before = None

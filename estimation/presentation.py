@@ -66,6 +66,8 @@ class Presented:
     ) -> Figure:
         """Return a figure of stiffness, damping and motion over time, with 95 % intervals.
 
+        The motion is not drawn if there are too many estimators for one panel.
+
         Parameters
         ----------
         width
@@ -129,7 +131,8 @@ class Presented:
 def value_text(value: float, std: float) -> str:
     """Return the text of a value and the half width of its 95 % interval.
 
-    The half width has two significant digits.
+    Both have the same number of decimals, from 0 to 6. Within this range, the half width has two
+    significant digits.
 
     Parameters
     ----------

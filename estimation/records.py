@@ -30,7 +30,7 @@ def update_from(record: np.void, values: Any) -> None:
 
 
 def numbers(values: Any) -> NDArray[np.float64]:
-    """Return all numbers that a dataclass contains as one array, shape (n,)."""
+    """Return one array, shape (n,), that contains all numbers of a dataclass."""
     parts = []
     for field in fields(values):
         value = getattr(values, field.name)

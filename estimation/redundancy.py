@@ -106,9 +106,9 @@ def ambiguity(
 ) -> Ambiguity:
     """Process a recording; return the range of the candidates that the data do not distinguish.
 
-    These are the candidates that the data do not distinguish from the best candidate. The best
-    candidate is the candidate with the smallest monitoring signal. The result contains the range of
-    b and k, and the number of these candidates, over time.
+    The best candidate is the candidate with the smallest monitoring signal. The result describes
+    the candidates that the data do not distinguish from the best candidate. It contains their
+    number, the range of their b and the range of their k, over time.
 
     Parameters
     ----------

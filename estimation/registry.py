@@ -70,7 +70,7 @@ def ai(preset: MethodSettings) -> Estimator:
 def ceiling(preset: MethodSettings) -> tuple[float, ...]:
     """Return the upper limit of the variance of each parameter in a Kalman filter.
 
-    The filter defines these variances for a force noise whose variance is 1 N^2.
+    The values are valid for force noise with a variance of 1 N^2.
     """
     return tuple(1.0 / size**2 for size in preset.sizes)
 

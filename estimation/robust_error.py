@@ -6,15 +6,16 @@ w = X (X' X)^-1 g. The variance of this sum is n times the spectral density of u
 for n samples. The equal-weighted cosine (EWC) estimator computes this variance as the mean square
 of the first B cosine coefficients of u. The estimate has B degrees of freedom, so the confidence
 interval uses Student's t distribution with B degrees of freedom. The coverage of this interval is
-close to 95 %. For a Newey-West interval with normal quantiles, it often is not close to 95 %.
+close to 95 %. The coverage of a Newey-West interval with normal quantiles often is not close to
+95 %.
 
 The estimator assumes that the spectral density of u is the same at the first B cosines as at zero.
 For a periodic motion, w oscillates with the frequency f0 of the motion. So the spectrum of u at
 frequency zero is that of the residual at f0. The spectrum of u at the frequency d is that of the
 residual at f0 - d and f0 + d. If B is the number of cycles, the highest frequency of the B cosines
-is half of f0. B is not larger than the number of cycles, because more cosines would contain the
-residual near frequency zero. There, the residual due to a baseline or friction is large. But B is
-at least `FEWEST_COSINES`, also for fewer cycles.
+is half of f0. More cosines would contain the residual near frequency zero. There, the residual due
+to a baseline or friction is large. So B is at most the number of cycles. There is one exception: if
+the number of cycles is below `FEWEST_COSINES`, B is `FEWEST_COSINES`.
 
 The residuals of samples with a high leverage h are too small, because the fit follows these
 samples. An example is the few samples at the beginning of a ramp, which determine the damping. As
@@ -89,7 +90,7 @@ class RobustFit(NamedTuple):
 
 
 def cosine_count(freedom: int, cycles: float = math.inf) -> int:
-    """Return the number B of cosines of the EWC estimator of a variance.
+    """Return the number B of cosines in the equal-weighted cosine (EWC) estimator.
 
     Parameters
     ----------

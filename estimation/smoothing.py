@@ -19,7 +19,7 @@ CORNER = 0.13252
 
 
 def kernel_width(bandwidth: float) -> float:
-    """Return the standard deviation [s] of a kernel for its half-power frequency [Hz]."""
+    """Return the standard deviation [s] of a kernel, given its half-power frequency [Hz]."""
     return CORNER / bandwidth
 
 

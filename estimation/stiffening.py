@@ -137,7 +137,10 @@ class MatchedSignals:
         return StiffeningFit(b, k, k3, float(np.sqrt(np.mean(residual**2))))
 
     def profile(self, lags: ArrayLike, damping: bool = True, stiffening: bool = True) -> LagProfile:
-        """Return the fit for each of the given lags [s], shape (lags,). See also `fit`."""
+        """Return the results of `fit` for several lags of the force channel [s].
+
+        The arguments `damping` and `stiffening` are those of `fit`.
+        """
         lag = np.asarray(lags, dtype=np.float64)
         fits = [self.fit(float(value), damping, stiffening) for value in lag]
         b, k, _, rms = np.array(fits).T
@@ -155,7 +158,10 @@ def lagged(signal: Floats, dt: Floats, lag: float) -> Floats:
 
 
 def evenly_lagged(signal: Floats, period: float, lag: float) -> Floats:
-    """Do the same as `lagged` for a constant sample period [s], by convolution, which is faster."""
+    """Do the same as `lagged`, but faster, for a constant sample period [s].
+
+    The lag is computed by convolution.
+    """
     decay = math.exp(-period / lag)
     ratio = lag / period
     start = signal - signal[0]

@@ -43,7 +43,7 @@ def columns(estimates: Estimates) -> list[Floats]:
 
 
 def assert_equal(first: list[Floats], second: list[Floats], message: str) -> None:
-    """Raise AssertionError(message) unless the columns are equal to the bit, also in NaN values."""
+    """Raise AssertionError(message) unless the columns have equal values. NaN is equal to NaN."""
     for a, b in zip(first, second, strict=True):
         assert np.array_equal(a, b, equal_nan=True), message
 
@@ -86,7 +86,7 @@ def check_online_equals_batch(estimator: Estimator) -> None:
 def check_compiled_equals_interpreted(estimator: Estimator) -> None:
     """Check that compiled and interpreted code give the same results, bit for bit.
 
-    The signals include degenerate ones. The check is skipped if numba is not installed.
+    Degenerate signals are also used. The check is skipped if numba is not installed.
     """
     if not find_spec("numba"):
         return
@@ -112,7 +112,7 @@ def check_sweeps(estimator: Estimator, samples: Samples) -> None:
 
 
 def check_pieces_equal_the_whole(estimator: Estimator) -> None:
-    """The estimates are the same if the recording is divided into parts, with a `run` for each."""
+    """One `run` for each part of a recording gives the same estimates as one `run` for all."""
     s = palpation(estimator)
     pieces = deepcopy(estimator)
     parts = []

@@ -127,10 +127,10 @@ def stiffening_force(x: Floats, k: float, k3: float) -> Floats:
 
 
 def mid_tangent(k: float, k3: float, lowest: float, highest: float) -> float:
-    """Return the tangent stiffness [N/m] of a stiffening body where the force is at mid-range.
+    """Return the tangent stiffness [N/m] of a stiffening body at the middle of a force range.
 
-    The force is that of `stiffening_force`. The range is that from the position `lowest` to the
-    position `highest` [m].
+    The range is from the force at the position `lowest` [m] to the force at the position `highest`
+    [m]. The force is that of `stiffening_force`.
     """
     grid = np.linspace(lowest, highest, 20001)
     f = stiffening_force(grid, k, k3)
@@ -213,8 +213,8 @@ def relaxing_body(rng: Generator) -> TrueRecord:
     """Return a record of palpation of a standard linear solid, whose force relaxes.
 
     The motion is one ramp and hold, three ramps with holds, or a sine. For ramps, the true
-    stiffness is the slope of force over displacement at the sample where the force first exceeds
-    half of its maximum. For a sine, the true stiffness is the storage stiffness.
+    stiffness is the slope of force over displacement at the time when the force first reaches half
+    of its maximum during a ramp. For a sine, the true stiffness is the storage stiffness.
     """
     rate = rng.choice([100.0, 500.0])
     depth = 10.0 ** rng.uniform(-3.3, -2.3)

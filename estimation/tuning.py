@@ -3,14 +3,15 @@
 Most constants are relative to the settings of a preset. "Memory" is `MethodSettings.memory`, the
 time constant of forgetting.
 
-Most descriptions of the constants contain a settling time. In the test, the specimen is suddenly
-replaced by another specimen. The settling time is the time from this change until the error of k
-remains below 5 %. `python benchmarks/tuning.py` prints the settling time and the standard deviation
-of k due to noise. It prints them for the value of each constant and for multiples of this value.
+Most descriptions of the constants contain a settling time. It is measured in a test in which the
+specimen is suddenly replaced by another specimen. The settling time is the time from this change
+until the error of k remains below 5 %. `python benchmarks/tuning.py` prints the settling time and
+the standard deviation of k due to noise. It prints them for the value of each constant and for
+multiples of this value.
 
 The constants for forgetting factors and forgetting rates are multiples of 0.25. For each of these
-constants, the multiple was chosen with two conditions. The settling time must be at most 0.3 s.
-Under this condition, the standard deviation of k must be as small as possible.
+constants, the chosen multiple has the smallest standard deviation of k of all multiples with a
+settling time of at most 0.3 s.
 """
 
 from __future__ import annotations

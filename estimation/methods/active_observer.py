@@ -26,8 +26,8 @@ class ActiveObserver(RandomWalkKalman):
 
     p contains the force due to friction, to slow relaxation, and to a wrong zero of x or f.
     While x is constant, p cannot be distinguished from k x. If Qp is small, the estimate of p
-    changes slowly from its initial value 0. The standard deviations of k and p are too large during
-    several time constants of this change.
+    changes slowly from its initial value 0. During the first time constants of this
+    change, the standard deviations of k and p are too large.
 
     Parameters
     ----------

@@ -96,12 +96,13 @@ def follow(
 
     The spacing is halved only if the new spacing is not below any of three limits:
 
-    - The first limit is `finest`.
-    - The second limit is a quarter of sqrt(spread) / curvature. This quotient is the standard
-      deviation that the parameter would have if the other parameter were known.
+    - The first limit is the setting `finest`.
+    - The second limit is a quarter of the standard deviation that the parameter would have if the
+      other parameter were known. This standard deviation is sqrt(spread) / curvature.
     - The third limit makes sure that the tie-breaking term does not change the result. At a
-      distance d from its minimum, the monitoring signal is larger by `curvature` d^2. At the third
-      limit, the signal increases by `tie` from the middle to the edge of the axis.
+      distance d from the minimum of the monitoring signal, the signal is larger than the minimum by
+      `curvature` d^2. At the third limit, this difference is `tie` if d is the distance from the
+      middle to the edge of the axis.
     """
     half, spacing = parameters.half, axis.spacing
     if abs(value - axis.middle * spacing) > (half - 0.5) * spacing:

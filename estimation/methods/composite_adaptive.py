@@ -60,7 +60,7 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Integrate theta and P^-1 over one sample period by the implicit Euler method."""
+    """Update P^-1, and integrate theta over one sample period by the implicit Euler method."""
     per_size, theta, move = parameters.per_size, state.theta, state.move
     error, filtered_error = filter_errors(parameters, state, phi, f, dt)
     accumulate(parameters, state, error, filtered_error, dt)
@@ -79,7 +79,8 @@ def filter_errors(
     """Filter phi and f. Return the force error and the filtered prediction error, both [N].
 
     The force error is f - phi' theta. The filtered prediction error is f_W - W' theta, where W and
-    f_W are the filtered phi and f.
+    f_W are the filtered phi and f. If the norm of the scaled regressors is above `LARGEST`, the
+    regressors and the force error of the sample are first reduced by a common factor.
     """
     per_size, theta, s, W = parameters.per_size, state.theta, state.s, state.W
     square = 0.0

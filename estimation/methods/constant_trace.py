@@ -67,7 +67,7 @@ class ConstantTrace(FactoredEstimator):
     Parameters
     ----------
     trace
-        Trace c1, in units of P0.
+        c1, the trace of P before c2 I is added, in units of P0.
     initial_covariance
         Diagonal of P0, which is the unit of P: one value for each parameter of the model, first
         b [(N s/m)^2] and k [(N/m)^2], for force noise with a variance of 1 N^2.

@@ -179,7 +179,7 @@ class DoubleStage(Estimator):
     displacement, velocity
         Typical displacement x0 [m] and velocity v0 [m/s], used for scaling.
     threshold
-        A sample with this force [N] or less, or with x <= 0, does not change the estimate. The
+        A sample with this force [N] or less, or with x < 1e-6 x0, does not change the estimate. The
         threshold must be > 0. A good value is one or two standard deviations of the force noise.
 
     Raises

@@ -118,7 +118,7 @@ def step(
 
 
 def update_noise(state: LogarithmicState, error: float, spread: float, dt: float) -> None:
-    """Update the noise variance: the mean of error^2 / spread, weighted by 1 / spread."""
+    """Update the noise variance with a force error that has `spread` times this variance."""
     share = dt / (NOISE_MEMORY + dt)
     state.evidence += share * (1.0 / spread - state.evidence)
     share /= spread * state.evidence
@@ -151,8 +151,8 @@ def accumulate(
 def solve(state: LogarithmicState, noise: float) -> None:
     """Compute the level, n and v0 B/K, and their covariance for a noise variance of 1 N^2.
 
-    The level is the estimate of ln f at the weighted means of l and u, which are subtracted from l
-    and u. The covariance is R^-1 Q R^-1, with the sums R and Q of `LogarithmicState`.
+    The weighted means of l and u are subtracted from l and u. The level is the estimate of ln f at
+    these means. The covariance is R^-1 Q R^-1, with the sums R and Q of `LogarithmicState`.
     """
     inverse = 1.0 / state.w
     l_mean, u_mean = inverse * state.w_l, inverse * state.w_u
@@ -237,10 +237,10 @@ class Logarithmic(Estimator):
     The right-hand side is linear in ln K, n and B/K, except for the remainder in brackets. Haddadi
     and Hashtrudi-Zaad omit the remainder, so |z| must be below 0.1. Here the remainder is
     linearised at the present estimate of z, so that there is no bias for z between -0.5 and 1.
-    Force noise of variance s causes noise of variance s/f^2 in ln f. The weight of a sample is
-    therefore f^2 (predicted/f)^(3/2), where `predicted` is the force of the previous estimate. f^2
-    and ln f cause a bias, because f contains noise. The last factor removes this bias up to second
-    order in the noise.
+    The weight of a sample has two factors. The first is f^2, because force noise of variance s
+    causes noise of variance s/f^2 in ln f. But f contains noise, so f^2 and ln f cause a bias. The
+    second factor (predicted/f)^(3/2) removes this bias up to second order in the noise. `predicted`
+    is the force of the previous estimate.
 
     b and k are the Kelvin-Voigt parameters at the present displacement: b = B x^n and
     k = K x^(n-1), so that b v + k x is the force. The standard deviations are those of weighted
@@ -260,9 +260,9 @@ class Logarithmic(Estimator):
     displacement, velocity
         Typical displacement x0 [m] and velocity v0 [m/s], used for scaling.
     threshold
-        A sample with this force [N] or less, or with x <= 0, does not change the estimate. The
-        threshold must be > 0. A good value is one or two standard deviations of the noise. A larger
-        threshold causes a bias, because weak forces are then used only if noise increases them.
+        A sample with this force [N] or less, or with x < 1e-6 x0, does not change the estimate.
+        The threshold must be > 0. A good value is one or two standard deviations of the noise. With
+        a larger threshold, weak forces are used only if noise increases them, which causes a bias.
     correlation
         Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 

@@ -7,8 +7,9 @@ constant, is the quadratic function
 
 The computing time does not depend on the size of the box. The search has three steps:
 
-1. A Lagrange-Gauss reduced basis (u, w) of the integer points is computed. u is the integer vector
-   for which the quadratic part of q is smallest. All integer points are on rows parallel to u.
+1. A Lagrange-Gauss reduced basis (u, w) of the integer points is computed. u is the integer vector,
+   other than zero, for which the quadratic part of q is smallest. All integer points are on rows
+   parallel to u.
 2. The minimum is first computed without the limits of the box. The point of the minimum over all
    real (i, j) is between two rows. The best integer point is on one of these two rows. If this
    integer point is in the box, it is the result.

@@ -97,7 +97,11 @@ def fix_at_zero(state: PassiveState, n: int) -> None:
 def step(
     parameters: PassiveParameters, state: PassiveState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Update the unconstrained estimate, and then compute the passive theta nearest to it."""
+    """Update the unconstrained estimate, and then compute the passive estimate from it.
+
+    In the passive estimate, no parameter except f0 is negative. Negative parameters are set to
+    zero one after the other, see `fix_at_zero`.
+    """
     theta, free, bounded = state.theta, state.free, parameters.bounded
     indices = below[len(phi)]
     for i in indices:

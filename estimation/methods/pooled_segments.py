@@ -175,8 +175,8 @@ class PooledSegments(Estimator):
     Cochran's Q, the weighted sum of the squared deviations from the mean, has a chi-squared
     distribution. If Q exceeds the 99.9 % quantile of this distribution, the segments do not have
     the same b or k. The standard deviation of the estimate then includes the variance between the
-    segments. In this case, the property `misfit` contains the relative standard deviation between
-    the segments, provided that it is above 10 %.
+    segments. If the relative standard deviation between the segments is then also above 10 %, it is
+    included in the property `misfit`.
 
     A segment is ignored if its motion is not sufficient to distinguish b and k.
 

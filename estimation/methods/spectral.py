@@ -1,4 +1,7 @@
-"""Estimate damping and stiffness from the frequency response at the motion's frequency (SPM)."""
+"""Estimate damping and stiffness from the frequency response at the frequency of the motion.
+
+This is the signal processing method (SPM), see `SpectralRatio`.
+"""
 
 from __future__ import annotations
 
@@ -145,10 +148,11 @@ def slide(
 
 
 def update(spectrum: Spectrum, value: float, share: float, cos: float, sin: float) -> None:
-    """Rotate <e s> by the phase angle of the sample period, and add a sample to the means.
+    """Rotate <e s> in the complex plane, and add a sample to the means.
 
-    `share` is the weight of the sample. `cos` and `sin` are the cosine and sine of the phase angle,
-    each multiplied by 1 - share.
+    `share` is the weight of the sample. `cos` and `sin` are the cosine and the sine of the angle of
+    rotation, each multiplied by 1 - share. This angle is approximately the phase angle by which the
+    excitation has advanced since the previous sample.
     """
     re, im = spectrum.re, spectrum.im
     spectrum.mean += share * (value - spectrum.mean)

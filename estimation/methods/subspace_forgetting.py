@@ -30,7 +30,7 @@ class SubspaceParameters(FactoredParameters):
 
 
 def scale(parameters: SubspaceParameters, state: FactoredState, phi: Regressors) -> float:
-    """Store the scaled regressors z_i = s_i phi_i in y, and return z' z."""
+    """Store the scaled regressors z_i = s_i phi_i in the field y of the state; return z' z."""
     s, y = parameters.s, state.y
     square = 0.0
     for i in below[len(phi)]:
@@ -41,7 +41,10 @@ def scale(parameters: SubspaceParameters, state: FactoredState, phi: Regressors)
 
 
 def information(state: FactoredState) -> float:
-    """Return z' P^-1 z = |D^-1/2 U^-1 z|^2 for z = y. The field L is overwritten."""
+    """Return z' P^-1 z = |D^-1/2 U^-1 z|^2, where z is the vector in the field y of the state.
+
+    The field L of the state is overwritten.
+    """
     U, D, y, L = state.U, state.D, state.y, state.L
     m = len(D)
     total = 0.0

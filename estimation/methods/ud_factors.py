@@ -177,7 +177,7 @@ def add(state: FactoredState, weight: float, columns: int) -> None:
 
 
 def add_variance(state: FactoredState, i: int, weight: float) -> None:
-    """Add `weight` to the variance P_ii. This is `add` for a y that is the unit vector i."""
+    """Add `weight` to the variance P_ii. The result is that of `add` if y is the unit vector i."""
     D, column, y = state.D, state.U[i], state.y
     former = D[i]
     D[i] = former + weight
@@ -206,7 +206,7 @@ def correct_with_gain(
 
 
 def forgetting_rate(forgetting: float, sample_period: float | None) -> float:
-    """Return the forgetting rate -ln(forgetting) / sample_period [1/s]; 0 without a period.
+    """Return the forgetting rate -ln(forgetting) / sample_period [1/s]; 0 if the period is None.
 
     Raises
     ------
