@@ -63,7 +63,7 @@ class Setup:
     Raises
     ------
     ValueError
-        The lag of the force channel or the depth is not positive.
+        The depth is not positive, or the lag of the force channel is not positive.
     """
 
     cube: AnyBody

@@ -39,7 +39,7 @@ class SpectralParameters:
 
 @dataclass(slots=True)
 class Spectrum:
-    """Means <s> and <e s> of a signal s over the window, with e = exp(-j w (t_0 - t)).
+    """Means <s> and <e s> of a signal s over the window, with e = exp(j w (t_0 - t)).
 
     w is the angular frequency of the motion, and t_0 is the present time. `mean` is <s>. `re` and
     `im` are the real and the imaginary part of <e s>.
@@ -176,7 +176,7 @@ class SpectralRatio(Estimator):
     Robotics Research, 2003. Their method is offline. It uses the mass of a robot in contact, and
     the frequency of the contact force from a Fourier transform. The present method is recursive
     and does not need a mass. Let < > be a mean over an exponential window that ends at the present
-    time t_0, and let e = exp(-j w (t_0 - t)). Then
+    time t_0, and let e = exp(j w (t_0 - t)). Then
 
         X = <e x> - <e> <x>,    V = <e v> - <e> <v>,    F = <e f> - <e> <f>,
         F = b V + k X.

@@ -100,7 +100,7 @@ class Evaluation(Presented):
 
     @property
     def excitation(self) -> Floats:
-        """Excitation measure at the dominant frequency of the motion, shape (n,)."""
+        """Excitation at each sample (`estimation.excitation`), from 0 at rest to 1, shape (n,)."""
         return self.online.excitation
 
     def summary(self, cost: bool = False) -> dict[str, Any]:
