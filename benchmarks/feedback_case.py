@@ -164,7 +164,7 @@ def largest_round_trip(settings: TrialSettings) -> float:
 
     The check before a trial does not assume a damping of the body.
     """
-    loop = replace(delayed_loop(settings), b=settings.setup.cube.b)
+    loop = replace(delayed_loop(settings), b=settings.setup.cube.slow.b)
     return loop.largest_delay - lag(settings)
 
 

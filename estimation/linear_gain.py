@@ -82,10 +82,11 @@ def correct(
     f: float,
     dt: float,
 ) -> None:
-    """Update theta, C, the noise variance s and `std` with a sample and the gain L in the state.
+    """Update theta, C, the noise variance s and `std` with a sample. L is the gain in the state.
 
     theta changes by L (f - phi' theta), and C changes by equation (C) of this module. The standard
-    deviation of parameter i is sqrt(correlation s C_ii).
+    deviation of parameter i is sqrt(n s C_ii). n is the parameter `correlation`, the number of
+    samples per independent value of the force noise.
     """
     theta, std, L, C, C_phi = state.theta, state.std, state.L, state.C, state.C_phi
     indices = below[len(phi)]

@@ -127,7 +127,7 @@ class Slave:
         )
 
     def move_to(self, x: float, v: float) -> None:
-        """Move the motor in one direction to position x [m], and set its velocity to v [m/s]."""
+        """Move the motor to position x [m] without a reversal, and set its velocity to v [m/s]."""
         self.x, self.v = x, v
         self._played = self._transmission.play(self._played, x)
 

@@ -106,7 +106,7 @@ In all other states, the drive changes to a next state without a command.
 
 
 def nmt(command: NmtCommand, node: int) -> bytes:
-    """Return the data of an NMT command to a node."""
+    """Return the data bytes of the NMT message that sends a command to a node."""
     return bytes((command, node))
 
 

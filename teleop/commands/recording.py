@@ -100,7 +100,7 @@ class Columns:
         return recorded_samples, recorded_samples.recording
 
     def wanted(self) -> Wanted:
-        """Return the columns, units and signs that the options select in a table.
+        """Return the columns to read from a table, with their units and signs, from the options.
 
         Raises
         ------

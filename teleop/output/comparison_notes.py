@@ -177,5 +177,5 @@ def remark_texts(groups: Sequence[Group]) -> list[str]:
 
 
 def levels_text(group: Group) -> str:
-    """Return the levels of a group as text."""
+    """Return the factor levels of a group of recordings, separated by commas."""
     return ", ".join(group.levels)

@@ -71,7 +71,7 @@ def drive_report(
     watchdog
         Time until the watchdog stopped the drive [s]; NaN if it did not stop the drive.
     strokes
-        Strokes of the drive, from the shortest to the longest.
+        Measured test motions (strokes) of the drive, from the shortest to the longest.
     problem
         Problem of the drive; empty for none.
     """
@@ -99,7 +99,7 @@ def remark(name: str, strokes: Sequence[Stroke]) -> str:
     name
         Name of the drive.
     strokes
-        Strokes of the drive, from the shortest to the longest.
+        Measured test motions (strokes) of the drive, from the shortest to the longest.
     """
     if not strokes or not abs(strokes[-1].lost) > (
         LARGEST_DEVIATION * strokes[-1].commanded + strokes[-1].explained

@@ -147,14 +147,14 @@ def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
 def complete_settings(
     document: Mapping[str, Any], folder: Path, place: str = "the file"
 ) -> TrialSettings:
-    """Return the settings for a document that contains all that a trial needs.
+    """Return the settings in a document, and check that they are complete and valid.
 
     Parameters
     ----------
     document, folder
         See `settings_from`.
     place
-        Where a missing setting can be added, for a message.
+        Name of the place where the user can add a missing setting. It is part of the error message.
 
     Raises
     ------
