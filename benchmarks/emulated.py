@@ -19,12 +19,13 @@ def emulated(name: str, condition: str = "autonomous", rate: int = 0) -> Iterato
     """Emulate an example rig in another process; yield the rig file for runs on this rig.
 
     `rate` is the rate of the loop and of the samples [Hz]. If it is 0, they are those of the rig
-    file.
+    file. The baud rate of a serial port is then high enough for 4 kHz.
     """
     with tempfile.TemporaryDirectory() as folder:
         rig, out = RIGS / f"{name}.toml", Path(folder) / "run.toml"
         if rate:
             text = re.sub(r"rate_hz = \d+", f"rate_hz = {rate}", rig.read_text())
+            text = re.sub(r"baud_bps = \d+", "baud_bps = 3000000", text)
             rig = Path(folder) / rig.name
             rig.write_text(text)
         process = subprocess.Popen(

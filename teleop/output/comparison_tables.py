@@ -15,7 +15,7 @@ from teleop.evaluation.groups import Group
 from teleop.evaluation.kinds import MEANING
 from teleop.evaluation.means import Mean
 from teleop.evaluation.result import Result
-from teleop.evaluation.short_remarks import remark_counts
+from teleop.evaluation.short_remarks import remark_counts, short
 from teleop.files import RECORDING
 from teleop.output.comparison_notes import (
     CAPTION,
@@ -170,10 +170,8 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
         if not row.result.identifiable:
             reasons = "; ".join(row.result.reasons)
             console.print(f"  {name}: no result: {reasons}", style="yellow")
-    remarks = remark_counts(row.result for row in rows if row.result.identifiable)
-    for text, count in remarks.items():
-        if count > 1:
-            console.print(f"  {text} ({count} recordings)", style="yellow")
+    for text in remark_lines(rows, names):
+        console.print(f"  {text}", style="yellow")
     hints = [hint for row in rows if not row.result.identifiable for hint in row.result.hints]
     hints += [hint for hint, _ in shared(row.result.hints for row in rows)]
     for hint in dict.fromkeys(hints):
@@ -182,6 +180,22 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
     print_text_table(title, without_kinds(group_table(groups, by), by))
     if tracking := tracking_table(groups, by):
         print_text_table("tracking", tracking)
+
+
+def remark_lines(rows: Sequence[Compared], names: Sequence[str]) -> list[str]:
+    """Return the remarks on the results as lines.
+
+    A remark on several recordings is one line without the numbers that differ between them. The
+    other remarks on a recording are one line that begins with the name of the recording.
+    """
+    results = [(name, row.result) for name, row in zip(names, rows, strict=True)]
+    results = [(name, result) for name, result in results if result.identifiable]
+    counts = remark_counts(result for _, result in results)
+    lines = [f"{text} ({count} recordings)" for text, count in counts.items() if count > 1]
+    for name, result in results:
+        if own := [text for text in result.reasons if counts[short(text)] == 1]:
+            lines.append(f"{name}: {'; '.join(own)}")
+    return lines
 
 
 def kinds_of_b(rows: Iterable[Compared]) -> list[str]:

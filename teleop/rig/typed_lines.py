@@ -40,4 +40,8 @@ class TypedLines:
         return [line.decode(errors="replace") for line in lines]
 
     def _in_background(self) -> bool:
-        return os.isatty(self._descriptor) and os.tcgetpgrp(self._descriptor) != os.getpgrp()
+        """Return whether the input is the terminal that controls this process in the background."""
+        try:
+            return os.tcgetpgrp(self._descriptor) != os.getpgrp()
+        except OSError:  # not a terminal, or a terminal that does not control this process
+            return False

@@ -407,7 +407,9 @@ def test_the_tables_of_the_paper_are_not_divided_in_80_columns(monkeypatch, caps
     assert heading.split()[-2:] == ["e_f", "[N]"]
 
 
-def test_a_remark_that_several_recordings_share_is_printed_once_with_its_hint(monkeypatch, capsys):
+def test_shared_remarks_are_printed_once_with_their_hint_and_others_with_the_file(
+    monkeypatch, capsys
+):
     monkeypatch.setenv("COLUMNS", "80")
     remarks = [("negative", "one is 1"), ("negative", "one is 2"), ("negative",)]
     results = [Result(1.0, 0.9, 1.1, -1.0, -1.1, -0.9, True, one, ("lag",)) for one in remarks]
@@ -416,9 +418,21 @@ def test_a_remark_that_several_recordings_share_is_printed_once_with_its_hint(mo
     print_comparison(rows, grouped(rows, ["cube"], {}), ["cube"])
     lines = capsys.readouterr().out.splitlines()
     start = lines.index("  3.mcap: no result: no contact")
-    expected = ["  negative (3 recordings)", "  hint: touch", "  hint: lag"]
-    assert lines[start + 1 : start + 4] == expected
-    assert not any("one is" in line for line in lines)
+    assert lines[start + 1 : start + 6] == [
+        "  negative (3 recordings)",
+        "  0.mcap: one is 1",
+        "  1.mcap: one is 2",
+        "  hint: touch",
+        "  hint: lag",
+    ]
+
+
+def test_the_comparison_of_one_recording_prints_its_remarks_with_their_numbers(capsys):
+    remark = "bad fit: 12% of the force variance in contact is not explained"
+    result = Result(1.0, 0.9, 1.1, -1.0, -1.1, -0.9, True, (remark,))
+    row = Compared("1.mcap", {"cube": "soft"}, result, {})
+    print_comparison([row], grouped([row], ["cube"], {}), ["cube"])
+    assert f"1.mcap: {remark}" in " ".join(capsys.readouterr().out.split())
 
 
 def summarised(k, b, e_f):

@@ -62,6 +62,18 @@ def test_complete_lines_are_read_without_waiting():
     assert typed.read() == []
 
 
+def test_lines_are_read_from_a_terminal_that_does_not_control_the_process():
+    terminal, descriptor = os.openpty()
+    try:
+        typed = TypedLines(descriptor)
+        assert typed.read() == []
+        os.write(terminal, b"free hard\n")
+        assert typed.read() == ["free hard"]
+    finally:
+        os.close(terminal)
+        os.close(descriptor)
+
+
 def test_a_telemanipulator_is_exchanged_when_the_drives_are_disabled():
     now = [0.0]
     file = read_rig_file(BOARD)
