@@ -20,7 +20,7 @@ from itertools import product
 from pathlib import Path
 from typing import get_args
 
-from feedback_case import BODIES
+from feedback_bodies import BODIES
 
 from estimation import MODELS
 from estimation.registry import BUILT_IN
