@@ -109,12 +109,14 @@ def include(
     damping: float,
     n: float,
 ) -> tuple[float, float]:
-    """Return the autocovariance after one more block, and the force error of this block.
+    """Add a block to the autocovariance of the force error from one block to the next.
+
+    Returns the new autocovariance [N^2], and the force error of this block [N].
 
     Parameters
     ----------
     covariance, last
-        Autocovariance before this block [N^2], and force error of the previous block [N].
+        Autocovariance without this block [N^2], and force error of the previous block [N].
     f, v, x, share
         The block, as in `RecentBlocks.blocks`.
     stiffness, damping, n

@@ -33,7 +33,7 @@ class RecordedClock(Clock):
     Parameters
     ----------
     recording
-        Recording of a trial with the pointer of the live page.
+        Recording of a trial in which a person moved the handle with the mouse in the live page.
     rate
         Ticks per second [Hz].
     """

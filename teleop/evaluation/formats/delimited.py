@@ -283,7 +283,7 @@ class Scan:
         return self._add(number, names, "") if not self._above or self._pick(names) else None
 
     def _header_cells(self, number: int, line: str, width: int) -> list[str]:
-        """Split a header into cells. A unit in brackets stays in the cell of its name."""
+        """Split a header into cells. A name and the unit in brackets after it stay in one cell."""
         cells = self._cells(number, line)
         if self._dialect.delimiter is None and len(cells) != width:
             return re.findall(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?", line)
