@@ -48,8 +48,8 @@ def series(
         Rig file (TOML) of a hardware rig. The trials run on this rig, in real time. Default: the
         rig of the plan, or the simulated rig.
     tare
-        File with the zero offsets of the channels, from `teleop rig tare`. Default: the tare of
-        the plan.
+        File with the zero offsets of the channels of the rig --rig, from `teleop rig tare`.
+        Default: the tare of the plan.
     out
         Folder for the recordings, the table trials.csv with a row for each trial and estimator,
         and the journal journal.jsonl. Default: series-NAME, where NAME is the name of the plan.
@@ -82,7 +82,10 @@ def series(
     options = {"rig": rig, "tare": tare, "out": out, "ask": ask, "no_ask": ask is False}
     resume = resuming_command(plan, options | {"yes": yes, "json": json}, live)
     if tare and not rig:
-        raise InputError("--tare: expected also --rig, the rig to which the zero offsets belong")
+        raise InputError(
+            "--tare: expected also --rig, the rig to which the zero offsets belong; for the rig of "
+            "the plan, expected tare in its [settings]"
+        )
     read, trials = read_series(plan, rig, tare)
     folder = out or Path(f"series-{read.name}")
     if dry_run and json:
