@@ -149,9 +149,11 @@ async def flood(running: Session) -> None:
 async def flooding(running: Session) -> AsyncIterator[None]:
     """Send too many messages within the block."""
     task = asyncio.create_task(flood(running))
-    yield
-    task.cancel()
-    await asyncio.gather(task, return_exceptions=True)
+    try:
+        yield
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
 
 
 def now() -> float:

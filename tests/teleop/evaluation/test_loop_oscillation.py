@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,10 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_backend import OperatorModel, Transmission, operators
+from sim_backend import operators
 from sim_backend.channel import ChannelSettings
 from teleop.control import bilateral
-from teleop.control.feedback.settings import FeedbackSettings
 from teleop.evaluation.loop_oscillation import (
     LEAST_DAMPING,
     MOST_SUSTAINED,
@@ -22,29 +20,11 @@ from teleop.evaluation.loop_oscillation import (
 )
 from teleop.evaluation.rendering import hand
 from teleop.safety.events import ACTIVE
-from teleop.safety.tightened_limits import TightenedLimits
 from teleop.trial.feedback_checks import arm_damping
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 STEP = 1e-3
 TIME = np.arange(0.0, 4.0, STEP)
-
-
-def settings_of(law, cube, arm, seed=0, channel=None):
-    """Return a trial without lost motion, in which the operator reverses at 10 N."""
-    settings = TrialSettings(
-        cube=cube,
-        clock="virtual",
-        duration=10.0,
-        seed=seed,
-        estimators=("rls",),
-        feedback=FeedbackSettings(law),
-        channel=channel,
-        operator_model=OperatorModel(arm, 10.0),
-        tightened_limits=TightenedLimits(soft_force=20.0, hard_force=40.0),
-    )
-    return replace(settings, custom_setup=replace(settings.setup, transmission=Transmission()))
 
 
 def response(impedance, omega):
@@ -102,8 +82,10 @@ def test_with_a_known_arm_motion_counts_if_the_loop_replaces_most_of_what_the_ar
     assert found > 0.95 if counts else found < 0.05
 
 
-def test_amplified_tremor_of_a_stable_loop_is_not_an_oscillation_if_the_arm_is_known():
-    settings = settings_of("position-force", "soft", 1500.0, 1, ChannelSettings(4e-3))
+def test_amplified_tremor_of_a_stable_loop_is_not_an_oscillation_if_the_arm_is_known(
+    feedback_settings,
+):
+    settings = feedback_settings("position-force", "soft", 1500.0, 1, ChannelSettings(4e-3))
     result = run_trial(settings)
     assert result.fault is None
     active = result.recording.where(result.recording["mode"] == ACTIVE)
@@ -126,18 +108,18 @@ def test_a_signal_that_is_shorter_than_a_segment_is_evaluated():
     assert share(velocity[:0], force[:0]) == 0.0
 
 
-def test_the_tremor_of_a_stiff_arm_is_not_counted_as_unstable():
-    result = run_trial(settings_of("model-mediated", "soft", 1500.0, seed=2))
+def test_the_tremor_of_a_stiff_arm_is_not_counted_as_unstable(feedback_settings):
+    result = run_trial(feedback_settings("model-mediated", "soft", 1500.0, seed=2))
     assert result.feedback()["stable"]
 
 
 @pytest.mark.parametrize("tremor", [0.0, operators.TREMOR_AMPLITUDE])
 def test_an_oscillation_without_a_stop_is_counted_as_unstable_with_and_without_tremor(
-    monkeypatch, tremor
+    monkeypatch, feedback_settings, tremor
 ):
     monkeypatch.setattr(operators, "TREMOR_AMPLITUDE", tremor)
     monkeypatch.setattr(bilateral, "MOST_SHARE", np.inf)
-    settings = settings_of("position-force", "hard", 150.0)
+    settings = feedback_settings("position-force", "hard", 150.0)
     result = run_trial(settings)
     assert result.fault is None
     assert not result.feedback()["stable"]
