@@ -19,7 +19,8 @@ TRAVEL = 4.0
 """Smallest travel at one force level that counts as free motion, as a multiple of the travel that
 the stiffness permits."""
 LAG = 1.5
-"""Safety factor on the travel between a peak of the force and the later peak of the position."""
+"""Safety factor on the travel between a peak of the force and the later peak of the position. There
+is such a travel only if the force leads the position, which means a positive damping."""
 MOVED = 0.5
 """The travel is computed from the position without its baseline. The position with its baseline
 must travel at least this fraction of the required travel. Otherwise the tip is at rest, and only
@@ -55,9 +56,9 @@ def levels(record: Prepared, width: float) -> tuple[NDArray[np.bool_] | None, bo
     v = np.gradient(x, record.period)
     elastic = without_baseline(f, record.order)
     b, k, _ = np.linalg.lstsq(np.column_stack([v, x, np.ones(len(x))]), elastic, rcond=None)[0]
-    loss = min(1.0, abs(b) * float(np.std(v)) / max(abs(k) * float(np.std(x)), 1e-300))
+    lead = min(1.0, max(b, 0.0) * float(np.std(v)) / max(abs(k) * float(np.std(x)), 1e-300))
     turn = float(np.arccos(1.0 - min(1.0, 2.0 * width / (high - low))))
-    lag = float(np.ptp(x)) * np.sin(np.arctan(loss)) * turn
+    lag = float(np.ptp(x)) * np.sin(np.arctan(lead)) * turn
     fast = np.abs(v) > 0.1 * np.percentile(np.abs(v), 95)
     rate = np.gradient(elastic, record.period)
     margin = round(record.width / record.period)

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from teleop.control.clock import Tick, VirtualClock
 from teleop.errors import InputError
 from teleop.live.cells import ARM, END, PAGE, PROCESS, SIZE, STOP, CellReader, CellWriter
 from teleop.live.ring import RingWriter, ring_size
@@ -62,10 +63,26 @@ class Hand(Sink):
         return Outcome(None, 0, 0, "")
 
 
+class LateClock(VirtualClock):
+    """A clock of a busy machine: ticks are late, and some periods are skipped."""
+
+    def __init__(self, rate):
+        super().__init__(rate)
+        self.random = np.random.default_rng(0)
+
+    def wait(self):
+        skipped = int(self.random.random() < 0.01) * int(self.random.integers(1, 4))
+        lateness = float(self.random.exponential(1e-4))
+        self._tick += 1 + skipped
+        self._now = self._tick / self.rate + lateness
+        return Tick(lateness, skipped > 0, skipped, float(self.random.uniform(1e-4, 5e-4)))
+
+
 @pytest.mark.parametrize("last", [None, END, STOP], ids=["whole", "end", "stop"])
-@pytest.mark.parametrize("clock", ["virtual", "real"])
-def test_the_repeated_trial_is_identical_to_the_bit(tmp_path, clock, last):
-    settings = TrialSettings(operator="pointer", clock=clock, duration=1.5, cube="medium")
+@pytest.mark.parametrize("clock", [VirtualClock, LateClock], ids=["on time", "late"])
+def test_the_repeated_trial_is_identical_to_the_bit(tmp_path, monkeypatch, clock, last):
+    settings = TrialSettings(operator="pointer", clock="virtual", duration=1.5, cube="medium")
+    monkeypatch.setattr("teleop.trial.run.make_clock", lambda settings: clock(settings.rate))
     path = tmp_path / "trial.mcap"
     run_trial(settings, path, live=Hand(last))
     recording = load(path)
