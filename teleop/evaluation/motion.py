@@ -29,9 +29,9 @@ class Motion(NamedTuple):
     strokes: int
     """Number of whole strokes, from one reversal to the next; 0 if they are not larger than the
     noise."""
-    shape_factor: float
-    """Shape factor of the motion, 1 for a sine; NaN for a motion of less than three cycles. See
-    `teleop.evaluation.prepared.Prepared.shape_factor`."""
+    fundamental_share: float
+    """Share of the fundamental in the motion, 1 for a sine; NaN for a motion of less than three
+    cycles. See `teleop.evaluation.prepared.Prepared.fundamental_share`."""
 
 
 def motion_of(record: Prepared) -> Motion:
@@ -46,6 +46,6 @@ def motion_of(record: Prepared) -> Motion:
     if not found or float(np.median(strokes)) < NOISE * record.x_noise:
         found = 0
     if frequency is None or found < FEWEST_STROKES:
-        return Motion(math.nan, math.nan, travel, found, record.shape_factor)
+        return Motion(math.nan, math.nan, travel, found, record.fundamental_share)
     half = 0.5 * float(np.median(strokes))
-    return Motion(frequency, half, travel, found, record.shape_factor)
+    return Motion(frequency, half, travel, found, record.fundamental_share)

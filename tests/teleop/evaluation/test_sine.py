@@ -12,7 +12,7 @@ from estimation.testing_records import relaxed
 from teleop.cli import main
 from teleop.evaluation.analysis import analyse
 from teleop.evaluation.motion import motion_of
-from teleop.evaluation.prepared import LARGEST_SHAPE, prepare
+from teleop.evaluation.prepared import SINE, prepare
 from teleop.evaluation.signals import Signals, periods
 
 FREQUENCY = 0.5
@@ -75,6 +75,25 @@ def test_a_sine_with_outliers_of_the_position_is_a_sine():
     assert prepare(Signals(t, x, f, periods(t), "position")).sinusoidal
 
 
+def test_an_oscillation_of_the_drive_within_the_lost_motion_leaves_a_sine_a_sine():
+    t = np.arange(10_000) / 1000.0
+    tip = 2e-3 * np.sin(4.0 * np.pi * t)
+    x = tip + 2e-5 * np.sin(30.0 * np.pi * t)
+    f = 20.0 + 5000.0 * tip + np.random.default_rng(0).normal(0.0, 0.01, len(t))
+    record = prepare(Signals(t, x, f, periods(t), "position"))
+    assert record.sinusoidal
+    assert record.fundamental_share == pytest.approx(1.0 / (1.0 + 0.075**2), abs=2e-3)
+
+
+def test_the_fundamental_share_of_a_triangle_wave_is_that_of_its_fourier_series():
+    t = np.arange(10_000) / 1000.0
+    x = 2e-3 * (1.0 + 2.0 / np.pi * np.arcsin(np.sin(2.0 * np.pi * t)))
+    f = 5.0 + 5000.0 * x + np.random.default_rng(0).normal(0.0, 0.01, len(t))
+    record = prepare(Signals(t, x, f, periods(t), "position"))
+    assert not record.sinusoidal
+    assert record.fundamental_share == pytest.approx(1.0 / sum(n**-2.0 for n in (1, 3, 5, 7, 9)), abs=0.01)
+
+
 def test_damping_of_two_kinds_is_not_compared_between_files(tmp_path, capsys):
     sine = relaxing_sine(5)
     t = np.arange(0.0, 30.0, 0.01)
@@ -106,7 +125,7 @@ def test_the_kind_of_b_follows_from_the_shape_of_the_motion(hold):
     x = x + rng.normal(0.0, 1e-6, len(t))
     found = analyse(Signals(t, x, f, periods(t), "position"))
     assert found.result.k == pytest.approx(2000.0, rel=0.01)
-    sine = found.record.shape_factor < LARGEST_SHAPE
+    sine = found.record.fundamental_share > SINE
     assert sine == (hold == 0.0)
     assert (found.result.damping_at_hz is not None) == sine
-    assert motion_of(found.record).shape_factor == found.record.shape_factor
+    assert motion_of(found.record).fundamental_share == found.record.fundamental_share
