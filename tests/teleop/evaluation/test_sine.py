@@ -91,7 +91,9 @@ def test_the_fundamental_share_of_a_triangle_wave_is_that_of_its_fourier_series(
     f = 5.0 + 5000.0 * x + np.random.default_rng(0).normal(0.0, 0.01, len(t))
     record = prepare(Signals(t, x, f, periods(t), "position"))
     assert not record.sinusoidal
-    assert record.fundamental_share == pytest.approx(1.0 / sum(n**-2.0 for n in (1, 3, 5, 7, 9)), abs=0.01)
+    assert record.fundamental_share == pytest.approx(
+        1.0 / sum(n**-2.0 for n in (1, 3, 5, 7, 9)), abs=0.01
+    )
 
 
 def test_damping_of_two_kinds_is_not_compared_between_files(tmp_path, capsys):
