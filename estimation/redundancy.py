@@ -126,19 +126,19 @@ def ambiguity(
     """
     b, k = estimator.grid.b.values, estimator.grid.k.values
     rows = []
-    samples = zip(x.tolist(), v.tolist(), f.tolist(), dt.tolist(), strict=True)
-    for n, (x_now, v_now, f_now, period) in enumerate(samples, start=1):
-        estimator.update(x_now, v_now, f_now, period)
-        if n % every == 0:
-            first, last = estimator.tied_rows(margin)
-            tied = np.flatnonzero(first <= last)
-            rows.append(
-                (
-                    (last[tied] - first[tied] + 1).sum(),
-                    b[tied[0]],
-                    b[tied[-1]],
-                    k[first[tied].min()],
-                    k[last[tied].max()],
-                )
+    for start in range(0, len(x) - every + 1, every):
+        block = (channel[start : start + every].tolist() for channel in (x, v, f, dt))
+        for sample in zip(*block, strict=True):
+            estimator.update(*sample)
+        first, last = estimator.tied_rows(margin)
+        tied = np.flatnonzero(first <= last)
+        rows.append(
+            (
+                (last[tied] - first[tied] + 1).sum(),
+                b[tied[0]],
+                b[tied[-1]],
+                k[first[tied].min()],
+                k[last[tied].max()],
             )
+        )
     return Ambiguity(*np.array(rows, dtype=np.float64).reshape(-1, 5).T)

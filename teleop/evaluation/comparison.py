@@ -123,6 +123,7 @@ def tidy_rows(rows: Iterable[Compared], factors: Sequence[str]) -> list[dict[str
                 cells[f"kind of {symbol}"] = kind
             cells["at force [N]"] = r.force if batch else None
             cells["at depth [m]"] = r.depth if batch else None
+            cells["depth from"] = r.depth_from if batch and r.depth is not None else None
             cells["b at frequency [Hz]"] = r.damping_at_hz if batch else None
             cells["compensated force lag [s]"] = row.force_lag
             for symbol, unit in UNITS.items():

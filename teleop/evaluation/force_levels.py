@@ -19,8 +19,7 @@ TRAVEL = 4.0
 """Smallest travel at one force level that counts as free motion, as a multiple of the travel that
 the stiffness permits."""
 LAG = 1.5
-"""Safety factor on the travel between a peak of the force and the later peak of the position. There
-is such a travel only if the force leads the position, which means a positive damping."""
+"""Safety factor on the travel between a peak of the force and the later peak of the position."""
 MOVED = 0.5
 """The travel is computed from the position without its baseline. The position with its baseline
 must travel at least this fraction of the required travel. Otherwise the tip is at rest, and only
@@ -56,9 +55,9 @@ def levels(record: Prepared, width: float) -> tuple[NDArray[np.bool_] | None, bo
     v = np.gradient(x, record.period)
     elastic = without_baseline(f, record.order)
     b, k, _ = np.linalg.lstsq(np.column_stack([v, x, np.ones(len(x))]), elastic, rcond=None)[0]
-    lead = min(1.0, max(b, 0.0) * float(np.std(v)) / max(abs(k) * float(np.std(x)), 1e-300))
+    loss = min(1.0, abs(b) * float(np.std(v)) / max(abs(k) * float(np.std(x)), 1e-300))
     turn = float(np.arccos(1.0 - min(1.0, 2.0 * width / (high - low))))
-    lag = float(np.ptp(x)) * np.sin(np.arctan(lead)) * turn
+    lag = float(np.ptp(x)) * np.sin(np.arctan(loss)) * turn
     fast = np.abs(v) > 0.1 * np.percentile(np.abs(v), 95)
     rate = np.gradient(elastic, record.period)
     margin = round(record.width / record.period)
@@ -73,7 +72,9 @@ def levels(record: Prepared, width: float) -> tuple[NDArray[np.bool_] | None, bo
         if beside.sum() < 3:
             continue
         stiffness = float(np.median(rate[beside] / v[beside]))
-        allowed = TRAVEL * width / max(stiffness, 1e-300) + LAG * lag
+        allowed = TRAVEL * width / max(stiffness, 1e-300)
+        if bottom or b > 0.0:  # the peak of a force that lags is not earlier
+            allowed += LAG * lag
         resting = np.zeros(len(f), dtype=np.bool_)
         for start, end in runs(level):
             peak = not bottom and peak_height(f[start:end]) > PEAKED * width

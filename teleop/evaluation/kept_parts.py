@@ -17,7 +17,7 @@ SECTION = 16.0
 palpation, so that the number of samples in a section depends on the rate."""
 SECTIONS = 5
 """Largest number of sections of a recording that are kept in memory."""
-LAST = 1 << 16
+LAST = 1 << 15
 """Approximate largest number of ticks at the end of a recording whose columns are kept."""
 
 

@@ -224,5 +224,5 @@ def negative_damping(force_lag: float) -> Reason:
         return Reason(f"{lags}, or {lost}", LAG)
     return Reason(
         f"damping is negative although the force lag is compensated: {lost}, or the lag of the "
-        f"force is longer than {force_lag * 1e3:g} ms"
+        f"force is longer than the compensated lag ({force_lag * 1e3:g} ms)"
     )

@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -151,6 +152,22 @@ def results_of_one_body(b, half, remark, frequency=1.0):
 
 
 UNRESOLVED = "damping is not resolved: its interval contains zero"
+
+
+def test_a_row_states_from_where_the_depth_of_a_result_is_measured():
+    one, other = results_of_one_body(3.0, 1.0, UNRESOLVED)[:2]
+    other = replace(other, depth_from="contact point")
+    rows = [
+        Compared(f"{r.depth_from}.mcap", {}, r, {"rls": summarised(900.0, 2.0, 0.1)})
+        for r in (one, other)
+    ]
+    cells = [(row["method"], row["depth from"]) for row in tidy_rows(rows, [])]
+    assert cells == [
+        ("result", "lowest position"),
+        ("rls", None),
+        ("result", "contact point"),
+        ("rls", None),
+    ]
 
 
 def test_values_of_models_with_further_parameters_are_of_another_kind():

@@ -17,6 +17,7 @@ from teleop.evaluation.evaluation import evaluate
 from teleop.evaluation.force_levels import clipped
 from teleop.evaluation.prepared import prepare
 from teleop.evaluation.result import Result
+from teleop.evaluation.short_remarks import short
 from teleop.evaluation.signals import Signals, periods
 from teleop.evaluation.smallest_step import smallest_step
 
@@ -67,6 +68,17 @@ def test_the_lost_motion_of_the_simulated_rig_is_not_taken_for_saturation(tmp_pa
     assert not any("saturated" in reason for reason in found["reasons"])
 
 
+def test_lost_motion_at_the_lowest_force_is_not_taken_for_free_motion(tmp_path, capsys):
+    path = str(tmp_path / "trial.mcap")
+    run = ["run", "--condition", "mimic", "--cube", "hard", "--seed", "2", "--clock", "virtual"]
+    assert main([*run, "--record", path, "--json"]) == 0
+    capsys.readouterr()
+    assert main(["estimate", path, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["result"]["identifiable"]
+    assert "free" not in {phase["phase"] for phase in found["phases"]}
+
+
 @settings(max_examples=10, deadline=None)
 @given(
     seed=st.integers(0, 100),
@@ -103,8 +115,9 @@ def test_a_remark_on_negative_damping_does_not_blame_a_lag_that_is_compensated()
     signals = Signals(T, X, 10.0 + K * lost(X, 0.1 * AMPLITUDE), periods(T), "position")
     before, after = (analyse(signals, lag).result for lag in (0.0, 1e-3))
     assert any("--force-lag" in hint for hint in before.hints)
-    assert any("the lag of the force is longer than 1 ms" in reason for reason in after.reasons)
+    assert any("longer than the compensated lag (1 ms)" in reason for reason in after.reasons)
     assert not any("--force-lag" in hint for hint in after.hints)
+    assert any(short(reason).endswith("than the compensated lag") for reason in after.reasons)
 
 
 def test_the_smallest_step_is_one_count_and_no_rounding_error():
