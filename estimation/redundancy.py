@@ -77,12 +77,16 @@ def redundancy(gamma: Candidate, epsilon: Candidate, plant: Candidate) -> Redund
 
 
 class Ambiguity(NamedTuple):
-    """Range of the candidates that the data do not distinguish from the best candidate.
+    """Best candidate, and range of the candidates that the data do not distinguish from it.
 
-    The best candidate is the candidate with the smallest monitoring signal. Each field is an array
-    over time, of shape (n,).
+    The best candidate is the candidate with the smallest monitoring signal. It is the estimate of
+    the multi-estimator. Each field is an array over time, of shape (n,).
     """
 
+    b: Floats
+    """Damping of the best candidate [N s/m]."""
+    k: Floats
+    """Stiffness of the best candidate [N/m]."""
     candidates: Floats
     """Number of candidates within the margin of the best candidate, which is also counted."""
     b_low: Floats
@@ -129,11 +133,13 @@ def ambiguity(
     for start in range(0, len(x) - every + 1, every):
         block = (channel[start : start + every].tolist() for channel in (x, v, f, dt))
         for sample in zip(*block, strict=True):
-            estimator.update(*sample)
+            best = estimator.update(*sample)
         first, last = estimator.tied_rows(margin)
         tied = np.flatnonzero(first <= last)
         rows.append(
             (
+                best.b,
+                best.k,
                 (last[tied] - first[tied] + 1).sum(),
                 b[tied[0]],
                 b[tied[-1]],
@@ -141,4 +147,4 @@ def ambiguity(
                 k[last[tied].max()],
             )
         )
-    return Ambiguity(*np.array(rows, dtype=np.float64).reshape(-1, 5).T)
+    return Ambiguity(*np.array(rows, dtype=np.float64).reshape(-1, 7).T)

@@ -41,7 +41,7 @@ from teleop.evaluation.sampling_gaps import closed_up
 from teleop.evaluation.signals import Signals
 from teleop.evaluation.smallest_step import smallest_step
 
-KEPT = 1 << 18
+KEPT = 1 << 17
 """Largest product of the number of kept samples and the number of estimators, for the commands. See
 the parameter `most` of `evaluate`."""
 

@@ -210,6 +210,4 @@ def ambiguity_drawing(evaluation: Evaluation) -> Markup:
     fresh = alone.bank()["me"]
     assert isinstance(fresh, MultiEstimator)
     tied = ambiguity(fresh, *regression[:4], MARGIN, every)
-    looks = slice(every - 1, None, every)
-    winner = alone.bank()["me"].run(*regression[:4]).part(looks)
-    return svg(ambiguity_figure(t[looks], tied, winner))
+    return svg(ambiguity_figure(t[every - 1 :: every], tied))

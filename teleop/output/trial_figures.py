@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from estimation import Estimates
 from estimation.compiled import Floats
 from estimation.figure_style import (
     BLUE,
@@ -103,7 +102,7 @@ def timing_figure(recording: Recording) -> Figure:
     return figure
 
 
-def ambiguity_figure(t: Floats, tied: Ambiguity, winner: Estimates) -> Figure:
+def ambiguity_figure(t: Floats, tied: Ambiguity) -> Figure:
     """Return a figure of k and b of the best candidate and of the tied candidates over time.
 
     Candidates are tied if they fit the data about as well as the best candidate.
@@ -113,15 +112,14 @@ def ambiguity_figure(t: Floats, tied: Ambiguity, winner: Estimates) -> Figure:
     t
         Times at which the candidates are compared [s], shape (n,).
     tied
-        Ranges of k and b at each time. They contain the values of all tied candidates.
-    winner
-        The best candidate at each time, which is the estimate of the multi-estimator.
+        The best candidate and the ranges of k and b at each time. The ranges contain the values of
+        all tied candidates.
     """
     figure = new_figure(0.57, rows=2)
     upper, lower = figure.subplots(2, 1, sharex=True)
     bands = (
-        (upper, tied.k_low * 1e-3, tied.k_high * 1e-3, winner.k * 1e-3, "$\\hat k$ [kN/m]"),
-        (lower, tied.b_low, tied.b_high, winner.b, "$\\hat b$ [N s/m]"),
+        (upper, tied.k_low * 1e-3, tied.k_high * 1e-3, tied.k * 1e-3, "$\\hat k$ [kN/m]"),
+        (lower, tied.b_low, tied.b_high, tied.b, "$\\hat b$ [N s/m]"),
     )
     for axes, low, high, best, label in bands:
         shade(axes, t, low, high, color=BLUE, alpha=0.25, label="candidates that are as good")
