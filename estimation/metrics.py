@@ -46,7 +46,8 @@ def predicted_force(
     estimates
         The estimates after each sample.
     before
-        The estimate after the sample before these samples; None at the start of a record.
+        The estimate that belongs to the last sample before `regression`; None at the start of a
+        record.
     """
 
     def delayed(of: Callable[[Estimates], Floats]) -> Floats:

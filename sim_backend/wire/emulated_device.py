@@ -32,7 +32,7 @@ class Mount(ABC):
 
     @abstractmethod
     def drive(self, name: str, velocity: float) -> None:
-        """Move a drive of the device at a velocity [m/s], positive in the drive's direction."""
+        """Move a drive of the device at a velocity [m/s], with the sign that the drive uses."""
 
     @abstractmethod
     def brake(self, name: str) -> None:

@@ -170,7 +170,7 @@ class DeviceMount(Mount):
         return 0.0
 
     def drive(self, name: str, velocity: float) -> None:
-        """Move the axis of a drive at a velocity [m/s], positive in the drive's direction."""
+        """Move the axis of a drive at a velocity [m/s], with the sign that the drive uses."""
         if name in self.axes:
             axis, sign = self.axes[name]
             self._mechanism.drive(axis, sign * velocity)

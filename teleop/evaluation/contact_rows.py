@@ -95,7 +95,7 @@ class Rows:
         )
 
     def in_contact(self, y: Floats) -> Floats:
-        """Return y with a constant value out of contact: the value of y at the contact point."""
+        """Replace the samples of y out of contact by the value of y at the contact point."""
         point = self.phases.contact_point
         if point is None:
             return y

@@ -118,7 +118,7 @@ def chosen_table(path: Path, wanted: Wanted, whole: Collection[str] = ()) -> Tab
 
 
 def blocks(tables: Sequence[Table]) -> str:
-    """Return a list of the tables in a file, with their numbers, for error messages."""
+    """Return the text of an error message that lists the tables in a file, numbered from 1."""
     shown = [
         f"{i} {table.title!r}, {table.samples} samples of {listed(table.headings)}"
         if table.title

@@ -57,7 +57,8 @@ class History:
     rows
         Number of rows that the buffer can store.
     now
-        Function that returns the time of sending [s], which is written into the frames.
+        Function that returns the present time [s]. Each frame that is sent to a page contains this
+        time.
 
     Attributes
     ----------

@@ -47,7 +47,10 @@ def print_result(summary: Mapping[str, Any], name: str) -> None:
 
 
 def result_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return lines that state stiffness and damping with 95 % intervals, or that there are none."""
+    """Return lines with stiffness, damping and their 95 % intervals, if there is a result.
+
+    Otherwise, the only line states that no stiffness and no damping can be given.
+    """
     result = summary["result"]
     if not result["identifiable"]:
         return ["no stiffness and no damping can be given:"]

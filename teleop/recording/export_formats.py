@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import csv
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -16,6 +17,10 @@ from teleop.files import new_file, write_text
 from teleop.json_documents import dumps
 from teleop.recording.recording import load
 from teleop.recording.stream import RecordingStream
+
+BLOCKS_IN_GROUP = 4
+"""Number of blocks of ticks in a row group of a Parquet file. Until the end, the writer keeps about
+60 kB for each row group in memory."""
 
 
 def write_csv(file: BinaryIO, recording: RecordingStream) -> None:
@@ -137,9 +142,9 @@ def write_parquet(file: BinaryIO, recording: RecordingStream) -> None:
     }
     schema = pyarrow.schema(fields, metadata=about)
     with parquet.ParquetWriter(file, schema) as writer:
-        for columns in blocks(recording):
-            arrays = [pyarrow.array(column) for column in columns.values()]
-            writer.write_table(pyarrow.Table.from_arrays(arrays, schema=schema))
+        tables = (pyarrow.table(columns, schema=schema) for columns in blocks(recording))
+        while group := list(islice(tables, BLOCKS_IN_GROUP)):
+            writer.write_table(pyarrow.concat_tables(group))
 
 
 FORMATS: dict[str, tuple[str, Callable[[BinaryIO, RecordingStream], None]]] = {

@@ -80,7 +80,7 @@ class Memory(Sink):
         self.events.append(event_record(event))
 
     def close(self) -> Outcome:
-        """Return the state of the recording, with the number of stored ticks."""
+        """Return the number of stored ticks. There is nothing to close, because no file is open."""
         return Outcome(None, self._pushed, 0, "")
 
 

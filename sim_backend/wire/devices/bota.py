@@ -53,7 +53,10 @@ class EmulatedBota(EmulatedSerialDevice):
         return math.inf if self._configuring else self._due
 
     def emit(self, now: float) -> list[bytes]:
-        """Return the message at power-up, the answers, and the frames to be sent at `now` [s]."""
+        """Return the bytes that the sensor sends at time `now` [s].
+
+        These are the message at power-up (once), the answers to commands, and frames of samples.
+        """
         if math.isnan(self._power_up):
             self._power_up, self._due = now, now
             self._answers.append(b"App Init\r\n")
