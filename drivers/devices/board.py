@@ -22,7 +22,7 @@ after their start."""
 ASKING = 0.25
 """If a request has no answer after this time [s], the request is repeated."""
 STOPPED: dict[int, str] = {
-    State.WATCHDOG: "watchdog: the board missed the commands",
+    State.WATCHDOG: "watchdog: no command arrived in time; the loop was late, or the line is disturbed",
     State.DRIVE_FAULT: "drive fault input",
 }
 

@@ -34,7 +34,7 @@ CORNER = 5.0
 FINENESS = 4.0
 """Smallest number of grid points per standard deviation of the kernel, if the sampling rate of the
 record is high enough."""
-SINE = 0.95
+SINE = 0.9
 """Fundamental share (see `Prepared.fundamental_share`) above which a motion counts as a sine. The
 share is 1 for a sine and 0.84 for a triangle wave."""
 OUTLIERS = 5
