@@ -21,8 +21,9 @@ PATIENCE = 4.0
 after their start."""
 ASKING = 0.25
 """If a request has no answer after this time [s], the request is repeated."""
+WATCHDOG = "watchdog: no command arrived in time: the loop was late, or the line is disturbed"
 STOPPED: dict[int, str] = {
-    State.WATCHDOG: "watchdog: no command arrived in time; the loop was late, or the line is disturbed",
+    State.WATCHDOG: WATCHDOG,
     State.DRIVE_FAULT: "drive fault input",
 }
 

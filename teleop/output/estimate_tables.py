@@ -207,8 +207,8 @@ def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:
     lag = summary["force_lag_s"]
     return [
         f"{summary['samples_used']} of {summary['samples']} samples, {summary['from_s']:.3f} to "
-        f"{summary['to_s']:.3f} s; sample period: median {1e3 / summary['rate_hz']:.4g} ms, longest "
-        f"{summary['longest_gap_s'] * 1e3:.4g} ms",
+        f"{summary['to_s']:.3f} s; sample period: median {1e3 / summary['rate_hz']:.4g} ms, "
+        f"longest {summary['longest_gap_s'] * 1e3:.4g} ms",
         f"datum: {datum['position_m'] * 1e3:.6g} mm, {datum['force_n']:.6g} N ({datum['source']})",
         f"conditioning: {summary['conditioning']}, bandwidth {summary['bandwidth_hz']:.3g} Hz; "
         + (f"force lag {lag * 1e3:g} ms compensated" if lag else "no force lag compensated"),

@@ -17,7 +17,7 @@ import pytest
 from drivers import RigError
 from drivers.codecs import board as codec
 from drivers.device import NO_SAMPLE
-from drivers.devices.board import Board
+from drivers.devices.board import WATCHDOG, Board
 from drivers.devices.board_settings import BoardSettings
 from drivers.framing import cobs
 from sim_backend.wire.devices.board import EmulatedBoard
@@ -459,7 +459,7 @@ def test_the_watchdog_stops_the_axes_and_is_latched(wire, bench):
     for _ in range(5):
         wire.step()
     assert bench.axes["axis_1"] is None
-    assert wire.driver.error == "watchdog: no command arrived in time; the loop was late, or the line is disturbed"
+    assert wire.driver.error == WATCHDOG
     for _ in range(20):
         wire.driver.drives["axis_1"].enable()
         wire.driver.drives["axis_1"].command(0.05)
@@ -467,7 +467,7 @@ def test_the_watchdog_stops_the_axes_and_is_latched(wire, bench):
         assert bench.axes["axis_1"] is None
     wire.driver.drives["axis_1"].idle()
     wire.run(20)
-    assert wire.driver.error == "watchdog: no command arrived in time; the loop was late, or the line is disturbed"
+    assert wire.driver.error == WATCHDOG
     assert wire.enable("axis_1")
     assert not wire.driver.error
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.devices.board import Board
+from drivers.devices.board import WATCHDOG, Board
 from drivers.devices.board_settings import BoardSettings
 from drivers.transports.serial_port import SerialPort
 
@@ -189,7 +189,7 @@ def test_over_a_pseudo_terminal_its_watchdog_stops_the_axis(bench):
     driver.drives["axis_1"].command(0.05)
     assert bench.until(lambda: driver.samples["velocity_1"].value > 0.0)
     assert bench.port.wait_for(lambda: driver.error, SOON)
-    assert driver.error == "watchdog: no command arrived in time; the loop was late, or the line is disturbed"
+    assert driver.error == WATCHDOG
     assert bench.port.wait_for(lambda: driver.samples["velocity_1"].value == 0.0, SOON)
 
 
