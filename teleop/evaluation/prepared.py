@@ -109,7 +109,7 @@ class Prepared:
     def fundamental_share(self) -> float:
         """Share of the fundamental in the motion; NaN for a motion of less than three cycles.
 
-        The fundamental is the frequency at which the spectrum of the position has its maximum. The
+        The fundamental is the frequency at which the spectrum of the velocity has its maximum. The
         share is the power of the velocity between 0.5 and 1.5 times this frequency, divided by its
         power up to 10 times this frequency. A triangle wave, holds and tremor of the hand reduce
         it. A small oscillation of the drive within the lost motion hardly changes it. Single
@@ -119,9 +119,10 @@ class Prepared:
         x = without_baseline(x, self.order)
         if len(turning_points(x, float(np.std(x)))) - 2 < 2 * FEWEST_CYCLES - 1:
             return math.nan
-        power = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(len(x)))) ** 2
-        ratio = np.arange(len(power)) / np.argmax(power)
-        power *= ratio**2
+        pieces = np.split(x, self.starts[1:])
+        v = np.concatenate([np.gradient(piece, self.period) for piece in pieces])
+        power = np.abs(np.fft.rfft((v - v.mean()) * np.hanning(len(v)))[1:]) ** 2
+        ratio = np.arange(1, len(power) + 1) / (1 + np.argmax(power))
         return float(power[(ratio > 0.5) & (ratio < 1.5)].sum() / power[ratio < 10.0].sum())
 
     @property

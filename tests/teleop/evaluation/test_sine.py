@@ -85,6 +85,24 @@ def test_an_oscillation_of_the_drive_within_the_lost_motion_leaves_a_sine_a_sine
     assert record.fundamental_share == pytest.approx(1.0 / (1.0 + 0.075**2), abs=2e-3)
 
 
+def test_a_sine_with_gaps_is_a_sine():
+    t = np.arange(10_000) / 1000.0
+    t = t[np.abs(t % 3.7 - 3.0) > 0.15]
+    x = 2e-3 * np.sin(2.0 * np.pi * t)
+    f = 20.0 + 5000.0 * x + np.random.default_rng(0).normal(0.0, 0.01, len(t))
+    gaps = tuple((1 + np.flatnonzero(np.diff(t) > 0.1)).tolist())
+    record = prepare(Signals(t, x, f, periods(t), "position", gaps))
+    assert len(record.starts) == 3
+    assert record.sinusoidal
+
+
+def test_a_slow_motion_with_small_cycles_is_no_sine():
+    t = np.arange(10_000) / 1000.0
+    x = 2e-3 * np.sin(0.2 * np.pi * t) + 3e-4 * np.sin(2.0 * np.pi * t)
+    f = 20.0 + 5000.0 * x + np.random.default_rng(0).normal(0.0, 0.01, len(t))
+    assert not prepare(Signals(t, x, f, periods(t), "position")).sinusoidal
+
+
 def test_the_fundamental_share_of_a_triangle_wave_is_that_of_its_fourier_series():
     t = np.arange(10_000) / 1000.0
     x = 2e-3 * (1.0 + 2.0 / np.pi * np.arcsin(np.sin(2.0 * np.pi * t)))
