@@ -41,6 +41,9 @@ FEWEST_CYCLES = 3.0
 """If a record is shorter than this number of periods of the lower end of the band, no baseline is
 used."""
 
+BLOCK = 4096
+"""Number of samples at which the regressors of a baseline are computed at the same time."""
+
 
 def baseline_order(low: float, seconds: float) -> int:
     """Return the number m of cosines in a baseline. The constant is not counted.
@@ -94,6 +97,23 @@ def baseline_regressors(t: Floats, start: float, seconds: float, order: int) -> 
         return columns
     s = 2.0 * (t - start) / seconds - 1.0
     return np.column_stack([columns, s, s**2])
+
+
+def baseline(t: Floats, start: float, seconds: float, coefficients: Floats) -> Floats:
+    """Return a fitted baseline at n times, shape (n,).
+
+    Parameters
+    ----------
+    t, start, seconds
+        As in `cosines`.
+    coefficients
+        Coefficients of all regressors of the baseline (`baseline_regressors`).
+    """
+    order = max(len(coefficients) - 3, 0)
+    parts = np.array_split(t, math.ceil(len(t) / BLOCK))
+    return np.concatenate(
+        [baseline_regressors(part, start, seconds, order) @ coefficients for part in parts]
+    )
 
 
 def without_baseline(values: Floats, order: int) -> Floats:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from estimation.compiled import Floats
 from estimation.estimator import LEVEL_95
 from estimation.robust_error import RobustFit
+from estimation.smoothing import smooth
 
 
 class BatchData(NamedTuple):
@@ -28,6 +29,8 @@ class BatchData(NamedTuple):
     """Time [s]."""
     x: Floats
     """Smoothed displacement from the datum [m]."""
+    raw_x: Floats
+    """Measured displacement from the datum, without smoothing [m]."""
     v: Floats
     """Velocity [m/s]."""
     f: Floats
@@ -47,6 +50,20 @@ class BatchData(NamedTuple):
     unloaded: float = 0.0
     """Force out of contact, relative to the datum [N]. If this force is not known, it is assumed
     that the sensor reads 0 out of contact."""
+
+    def smoothed(self, values: Floats) -> Floats:
+        """Return values that are smoothed with the kernel, shape (n,)."""
+        samples = self.width / float(self.t[1] - self.t[0])
+        return np.concatenate(
+            [smooth(piece, samples) for piece in np.split(values, self.starts[1:])]
+        )
+
+    def sharpened(self, values: Floats) -> Floats:
+        """Return smoothed values y with peaks nearly as high as before the smoothing, shape (n,).
+
+        The result is 2 y - H y, where H y are the values y after a second smoothing.
+        """
+        return 2.0 * values - self.smoothed(values)
 
 
 class Parameter(NamedTuple):
@@ -143,7 +160,7 @@ def with_intervals(
     fitted
         The fitted parameters of the model.
     predicted
-        The force of the model [N], shape (n,).
+        The smoothed force of the model [N], shape (n,).
     """
     residual = data.f[data.rows] - predicted[data.rows]
     jacobian = np.column_stack([one.jacobian for one in fitted])
@@ -164,10 +181,10 @@ def with_intervals(
         )
     n, m = len(residual), len(fitted)
     likelihood = n * math.log(max(float(np.mean(residual**2)), 1e-300))
-    measured = data.raw_f[data.inside] - predicted[data.inside]
-    variance = float(np.var(data.raw_f[data.inside]))
     shown = np.full(len(predicted), np.nan)
-    shown[data.inside] = predicted[data.inside]
+    shown[data.inside] = data.sharpened(predicted)[data.inside]
+    measured = data.raw_f[data.inside] - shown[data.inside]
+    variance = float(np.var(data.raw_f[data.inside]))
     return BatchFit(
         name,
         parameters,

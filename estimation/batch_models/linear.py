@@ -49,5 +49,11 @@ def fit_linear(name: str, data: BatchData) -> BatchFit:
 
 
 def regressor(parameter: str, data: BatchData) -> Floats:
-    """Return the regressor of a parameter (k, b, f0 or k3), shape (n,)."""
-    return {"k": data.x, "b": data.v, "f0": np.ones(len(data.x)), "k3": data.x**3}[parameter]
+    """Return the regressor of a parameter (k, b, f0 or k3), shape (n,).
+
+    The regressor of k3 is the smoothed cube of the measured displacement. The cube of the smoothed
+    displacement would be smaller, and the estimates of k and k3 biased.
+    """
+    if parameter == "k3":
+        return data.smoothed(data.raw_x**3)
+    return {"k": data.x, "b": data.v, "f0": np.ones(len(data.x))}[parameter]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from estimation.baseline import without_baseline
+from estimation.baseline import baseline
 from estimation.batch_models import BatchData, BatchFit, compare_models
 from estimation.batch_models.prony import Relaxation, fit_prony
 from estimation.robust_error import robust_fit
@@ -56,16 +56,16 @@ class Analysis:
         rows = Rows(record, phases)
         if len(rows.rows) < FEWEST_HOLD:
             return None
-        x, f = record.x, record.f
-        slow = np.zeros(len(f))
-        if rows.order:
-            inside = np.flatnonzero(phases.usable)
-            slow = f - without_baseline(f, rows.order)
-            slow = slow - slow[inside].mean()
-            x = record.palpation + float(x[inside].mean())
+        f, slow = record.f, np.zeros(len(record.f))
+        if rows.order and self.local:
+            seconds = float(record.clock[-1])
+            coefficients = self.local.best.theta[: rows.v_column]
+            slow = baseline(record.clock, 0.0, seconds, coefficients)
+            slow -= slow[phases.usable].mean()
         return BatchData(
             t=record.t,
-            x=x,
+            x=record.x,
+            raw_x=record.raw_x,
             v=record.v,
             f=f - slow,
             raw_f=record.raw_f - slow,
@@ -95,6 +95,7 @@ class Analysis:
         return compare_models(
             data._replace(
                 x=data.x - x,
+                raw_x=data.raw_x - x,
                 f=data.f - f,
                 raw_f=data.raw_f - f,
                 contact=contact,

@@ -178,7 +178,7 @@ def remarks(
         found.append(
             Reason(
                 f"a baseline is removed ({local.baseline_size:.3g} N peak to peak, below "
-                f"{0.6 * record.band.low:.2g} Hz): drift, or relaxation"
+                f"{0.6 * record.band.low:.2g} Hz): drift, relaxation, or a transient at the start"
             )
         )
     if local.samples < FEWEST_INDEPENDENT:

@@ -23,8 +23,9 @@ from teleop.evaluation.short_remarks import remark_counts, short
         ),
         ("adhesion: the force falls by 0.2 N below its level out of contact", "adhesion"),
         (
-            "a baseline is removed (0.1 N peak to peak, below 0.2 Hz): drift, or relaxation",
-            "a baseline is removed: drift, or relaxation",
+            "a baseline is removed (0.1 N peak to peak, below 0.2 Hz): drift, relaxation, or a "
+            "transient at the start",
+            "a baseline is removed: drift, relaxation, or a transient at the start",
         ),
         (
             "the stiffness changes over the cycles, from 900 to 800 N/m (medians of the first and "
