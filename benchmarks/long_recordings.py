@@ -4,7 +4,8 @@ A trial is run in virtual time. Its recording is repeated up to each length, fro
 With the option `--run`, a trial of each length is run instead, and measured too. Each command
 evaluates the long recording in its own process. This process reports its processor time, its
 largest memory, and the largest memory of its child processes (the recorder). The option `--against`
-states the folder with the source of another version, which is measured in the same run.
+states the folder with the source of another version, which is measured in the same run. With
+`--recording`, the commands evaluate an existing recording.
 """
 
 from __future__ import annotations
@@ -91,21 +92,37 @@ def measure(arguments: list[str], tree: Path | None) -> str:
     return text + (f" exit code {code:.0f}" if code else "")
 
 
+def measure_commands(
+    file: Path, folder: Path, commands: list[str], trees: dict[str, Path | None]
+) -> None:
+    """Print time and memory of each command with each version."""
+    print(f"  the recording has {file.stat().st_size / 1e6:.0f} MB", flush=True)
+    for command in commands:
+        arguments = [one.format(file=file, folder=folder) for one in COMMANDS[command]]
+        for title, tree in trees.items():
+            print(f"  {command:24} {title:13} {measure(arguments, tree)}", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", default="10,600,3600")
     parser.add_argument("--commands", default="|".join(COMMANDS), help="separated by |")
     parser.add_argument("--run", action="store_true", help="run a trial of each length")
+    parser.add_argument("--recording", type=Path, help="an existing recording")
     parser.add_argument("--against", type=Path)
     options = parser.parse_args()
     trees = {"this version": None} | ({"other": options.against} if options.against else {})
+    commands = options.commands.split("|")
+    print(f"# python benchmarks/long_recordings.py {' '.join(sys.argv[1:])}, {date.today()}")
+    print("time, processor time and largest memory of each command")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        if options.recording:
+            measure_commands(options.recording, folder, commands, trees)
+            return
         source = folder / "trial.mcap"
         if not options.run:
             measure([*TRIAL, "--duration=60", f"--record={source}"], None)
-        print(f"# python benchmarks/long_recordings.py {' '.join(sys.argv[1:])}, {date.today()}")
-        print("time, processor time and largest memory of each command")
         for seconds in map(float, options.seconds.split(",")):
             file = folder / f"{seconds:g}.mcap"
             print(f"{seconds:g} s at 1 kHz, load {os.getloadavg()[0]:.0f}", flush=True)
@@ -114,11 +131,7 @@ def main() -> None:
                 print(f"  {'run':24} {'this version':13} {measure(trial, None)}", flush=True)
             else:
                 repeat(source, file, seconds)
-            print(f"  the recording has {file.stat().st_size / 1e6:.0f} MB", flush=True)
-            for command in options.commands.split("|"):
-                arguments = [one.format(file=file, folder=folder) for one in COMMANDS[command]]
-                for title, tree in trees.items():
-                    print(f"  {command:24} {title:13} {measure(arguments, tree)}", flush=True)
+            measure_commands(file, folder, commands, trees)
             file.unlink()
 
 
