@@ -12,6 +12,7 @@ ticks that were written to the pipe are recorded.
 from __future__ import annotations
 
 import json
+import math
 import os
 import struct
 import sys
@@ -103,6 +104,7 @@ class FrameReader:
         self._places = {name: len(CDR) + 8 * index for index, name in enumerate(columns)}
         self._last = b""
         self._rest = b""
+        self._estimates: list[tuple[str, float, float, float]] = []
 
     def process(self, data: bytes) -> None:
         """Process the next data from the pipe, which may end within a frame."""
@@ -134,15 +136,19 @@ class FrameReader:
         return float(DOUBLE.unpack_from(self._last, self._places[column])[0])
 
     def _status(self) -> Status:
+        mode = Mode(int(self._value("mode")))
         estimates = [
             (name, *PAIR.unpack_from(self._last, self._places[b]), self._value(misfit))
             for name, b, misfit in self._estimators
         ]
+        without_sample = all(math.isnan(k) for _, _, k, _ in estimates)
+        if not (without_sample and mode is Mode.ACTIVE):
+            self._estimates = estimates
         return Status(
-            Mode(int(self._value("mode"))).name.lower(),
+            mode.name.lower(),
             self._value("target"),
             self._value("slave_position"),
-            None if self._value("contact") == 0.0 else estimates,
+            None if self._value("contact") == 0.0 else self._estimates,
         )
 
 
