@@ -15,7 +15,11 @@ from teleop.studies.workers import workers
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs /proc")
 PARENT = """
-import sys, time
+import signal, sys, time
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in the background of a shell
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
 from teleop.cli import app, main
 from teleop.studies.workers import workers
 
