@@ -5,7 +5,6 @@ from __future__ import annotations
 import codecs
 import csv
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -17,11 +16,6 @@ from teleop.files import new_file, write_text
 from teleop.json_documents import dumps
 from teleop.recording.recording import load
 from teleop.recording.stream import RecordingStream
-
-BLOCKS_IN_GROUP = 4
-"""Number of blocks of ticks in a row group of a Parquet file. Until the end, the writer keeps about
-60 kB for each row group in memory."""
-
 
 def write_csv(file: BinaryIO, recording: RecordingStream) -> None:
     """Write the columns of a recording as CSV. The header of each column is `name [unit]`.
@@ -141,10 +135,10 @@ def write_parquet(file: BinaryIO, recording: RecordingStream) -> None:
         "events": dumps(recording.events),
     }
     schema = pyarrow.schema(fields, metadata=about)
-    with parquet.ParquetWriter(file, schema) as writer:
-        tables = (pyarrow.table(columns, schema=schema) for columns in blocks(recording))
-        while group := list(islice(tables, BLOCKS_IN_GROUP)):
-            writer.write_table(pyarrow.concat_tables(group))
+    # Measured values hardly repeat: a dictionary of them would make file and memory larger.
+    with parquet.ParquetWriter(file, schema, use_dictionary=False) as writer:
+        for columns in blocks(recording):
+            writer.write_table(pyarrow.table(columns, schema=schema))
 
 
 FORMATS: dict[str, tuple[str, Callable[[BinaryIO, RecordingStream], None]]] = {
