@@ -17,6 +17,7 @@ from teleop.json_documents import dumps
 from teleop.recording.recording import load
 from teleop.recording.stream import RecordingStream
 
+
 def write_csv(file: BinaryIO, recording: RecordingStream) -> None:
     """Write the columns of a recording as CSV. The header of each column is `name [unit]`.
 
