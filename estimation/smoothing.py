@@ -8,6 +8,8 @@ noise than a difference quotient.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from estimation.compiled import Floats
@@ -36,6 +38,15 @@ def smooth(values: Floats, width: float) -> Floats:
         Standard deviation of the kernel [samples].
     """
     return _convolve(values, _kernel(width))
+
+
+def smooth_pieces(values: Floats, starts: Sequence[int], width: float) -> Floats:
+    """Smooth each piece of a signal between gaps, and return the whole signal, shape (n,).
+
+    `starts` are the indices of the first samples of the pieces; see `smooth` for the other
+    parameters.
+    """
+    return np.concatenate([smooth(piece, width) for piece in np.split(values, starts[1:])])
 
 
 def slope(values: Floats, width: float, period: float) -> Floats:

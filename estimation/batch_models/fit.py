@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from estimation.compiled import Floats
 from estimation.estimator import LEVEL_95
 from estimation.robust_error import RobustFit
-from estimation.smoothing import smooth
+from estimation.smoothing import smooth_pieces
 
 
 class BatchData(NamedTuple):
@@ -53,10 +53,7 @@ class BatchData(NamedTuple):
 
     def smoothed(self, values: Floats) -> Floats:
         """Return values that are smoothed with the kernel, shape (n,)."""
-        samples = self.width / float(self.t[1] - self.t[0])
-        return np.concatenate(
-            [smooth(piece, samples) for piece in np.split(values, self.starts[1:])]
-        )
+        return smooth_pieces(values, self.starts, self.width / float(self.t[1] - self.t[0]))
 
     def sharpened(self, values: Floats) -> Floats:
         """Return smoothed values y with peaks nearly as high as before the smoothing, shape (n,).

@@ -23,7 +23,7 @@ from scipy.ndimage import median_filter
 from estimation.baseline import FEWEST_CYCLES, baseline_order, without_baseline
 from estimation.coherent_band import CoherentBand, block_means
 from estimation.compiled import Floats
-from estimation.smoothing import kernel_width, slope, smooth
+from estimation.smoothing import kernel_width, slope, smooth, smooth_pieces
 from teleop.evaluation.resampled import Resampled, resample
 from teleop.evaluation.signals import Signals
 from teleop.evaluation.smallest_step import repeated_rounding
@@ -144,8 +144,7 @@ class Prepared:
 
     def smoothed(self, values: Floats) -> Floats:
         """Smooth values on the grid with the kernel, and return them, shape (n,)."""
-        pieces = np.split(values, self.starts[1:])
-        return np.concatenate([smooth(piece, self.width / self.period) for piece in pieces])
+        return smooth_pieces(values, self.starts, self.width / self.period)
 
     def sharpened(self, values: Floats) -> Floats:
         """Return values whose peaks are nearly as high as before the smoothing.

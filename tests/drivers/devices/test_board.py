@@ -17,12 +17,13 @@ import pytest
 from drivers import RigError
 from drivers.codecs import board as codec
 from drivers.device import NO_SAMPLE
-from drivers.devices.board import WATCHDOG, Board
+from drivers.devices.board import Board
 from drivers.devices.board_settings import BoardSettings
 from drivers.framing import cobs
 from sim_backend.wire.devices.board import EmulatedBoard
 from sim_backend.wire.emulated_device import Mount
 
+WATCHDOG = "watchdog: no command arrived in time: the loop was late, or the line is disturbed"
 ROOT = Path(__file__).parents[3]
 FIRMWARE = ROOT / "drivers" / "firmware"
 EXAMPLE = {

@@ -11,10 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from drivers.devices.board import WATCHDOG, Board
+from drivers.devices.board import Board
 from drivers.devices.board_settings import BoardSettings
 from drivers.transports.serial_port import SerialPort
 
+WATCHDOG = "watchdog: no command arrived in time: the loop was late, or the line is disturbed"
 FIRMWARE = Path(__file__).parents[3] / "drivers" / "firmware"
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
 SANITIZERS = ["-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover"]
