@@ -50,6 +50,12 @@ class BatchData(NamedTuple):
     unloaded: float = 0.0
     """Force out of contact, relative to the datum [N]. If this force is not known, it is assumed
     that the sensor reads 0 out of contact."""
+    baseline: Floats | None = None
+    """Regressors of the baseline that was subtracted from the force, at the fitted samples, shape
+    (rows, m); None if no baseline was subtracted. They are part of the Jacobian, so the intervals
+    contain the uncertainty of the baseline."""
+    cycles: float = math.inf
+    """Number of cycles of a periodic motion in the record; infinite for other motions."""
 
     def smoothed(self, values: Floats) -> Floats:
         """Return values that are smoothed with the kernel, shape (n,)."""
@@ -161,15 +167,19 @@ def with_intervals(
     """
     residual = data.f[data.rows] - predicted[data.rows]
     jacobian = np.column_stack([one.jacobian for one in fitted])
+    sizes = np.maximum(np.sqrt(np.mean(jacobian**2, axis=0)), 1e-300).tolist()
+    values = np.array([one.value for one in fitted])
+    if data.baseline is not None:
+        jacobian = np.column_stack([jacobian, data.baseline])
+        values = np.concatenate([values, np.zeros(data.baseline.shape[1])])
     scale = np.sqrt(np.mean(jacobian**2, axis=0))
     scale[scale == 0.0] = 1.0
     inverse = np.linalg.pinv(jacobian / scale, rcond=1e-9) / scale[:, None]
-    fit = RobustFit(np.array([one.value for one in fitted]), residual, inverse, jacobian)
+    fit = RobustFit(values, residual, inverse, jacobian)
     parameters = {}
     span = float(np.ptp(data.f[data.rows]))
-    sizes = np.maximum(np.sqrt(np.mean(jacobian**2, axis=0)), 1e-300).tolist()
     for i, one in enumerate(fitted):
-        half = LEVEL_95 * fit.deviation(np.eye(len(fitted))[i])
+        half = LEVEL_95 * fit.deviation(np.eye(len(values))[i], data.cycles)
         low, high = one.plausible
         known = low < one.value < high and math.isfinite(half)
         known = known and half < (span / sizes[i] if one.may_vanish else abs(one.value))

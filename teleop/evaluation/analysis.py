@@ -56,12 +56,13 @@ class Analysis:
         rows = Rows(record, phases)
         if len(rows.rows) < FEWEST_HOLD:
             return None
-        f, slow = record.f, np.zeros(len(record.f))
+        f, slow, regressors = record.f, np.zeros(len(record.f)), None
         if rows.order and self.local:
             seconds = float(record.clock[-1])
             coefficients = self.local.best.theta[: rows.v_column]
             slow = baseline(record.clock, 0.0, seconds, coefficients)
-            slow -= slow[phases.usable].mean()
+            slow -= slow[rows.rows].mean()
+            regressors = rows.basis[:, 1:] - rows.basis[:, 1:].mean(axis=0)
         return BatchData(
             t=record.t,
             x=record.x,
@@ -74,6 +75,8 @@ class Analysis:
             starts=record.starts,
             width=record.width,
             contact=phases.contact_point.value if phases.contact_point else None,
+            baseline=regressors,
+            cycles=rows.cycles,
         )
 
     def models(self, x: float, f: float) -> list[BatchFit]:

@@ -75,8 +75,31 @@ def test_a_slow_drift_of_the_position_costs_no_accuracy():
         assert result.k == pytest.approx(2000.0, rel=2e-5)
 
 
-def test_intervals_of_a_sine_with_drift_contain_the_truth_and_are_not_too_wide():
-    results = [analyse(sine(drift=8e-3, seed=seed)).result for seed in range(20)]
+@pytest.fixture(scope="module")
+def sines_with_drift():
+    return [analyse(sine(drift=8e-3, seed=seed)) for seed in range(20)]
+
+
+def check_models(analyses):
+    fits = [fit for one in analyses for fit in one.models(0.0, 5.0)]
+    fits = [fit.parameters for fit in fits if fit.name == "kelvin-voigt with datum"]
+    for name, true in (("k", 2000.0), ("b", 20.0)):
+        inside = [fit[name].low <= true <= fit[name].high for fit in fits]
+        assert sum(inside) >= 17
+    # Least squares with independent noise of 5 mN has a standard deviation of 0.16 N/m.
+    assert np.median([fit["k"].high - fit["k"].low for fit in fits]) < 2.0 * 2.0 * 1.96 * 0.16
+
+
+def test_intervals_of_the_models_of_a_sine_with_drift_contain_the_truth(sines_with_drift):
+    check_models(sines_with_drift)
+
+
+def test_intervals_of_the_models_of_a_sine_contain_the_truth():
+    check_models([analyse(sine(seed=seed)) for seed in range(20)])
+
+
+def test_intervals_of_a_sine_with_drift_contain_the_truth_and_are_not_too_wide(sines_with_drift):
+    results = [one.result for one in sines_with_drift]
     scores = [1.96 * (r.k - 2000.0) / (r.k_high - r.k) for r in results]
     # The standard deviation of 20 standard normal values is within 0.6 to 1.4 in 99 % of cases.
     assert 0.6 < np.std(scores) < 1.4
@@ -115,8 +138,7 @@ def test_parameters_at_the_edge_of_plausibility_are_not_identifiable():
     evaluation = evaluate(sine(), EstimateSettings())
     fits = {fit.name: fit for fit in evaluation.models}
     assert not fits["stiffening"].parameters["k3"].identifiable
-    k = fits["kelvin-voigt with datum"].parameters["k"]
-    assert k.value == pytest.approx(2000.0, rel=1e-3)
+    assert fits["kelvin-voigt with datum"].identifiable
 
 
 def models_of_a_poke(seed, drift):
