@@ -1,7 +1,7 @@
 """Read and check rig files.
 
-A rig file assigns the channels and drives of a rig to devices, and the devices to buses. The format
-is TOML. If a file has several problems, all problems are listed in one error.
+A rig file is a TOML file that describes a telemanipulator. It gives the device for each channel
+(measured quantity) and each drive, and the bus of each device. One error lists all problems.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class RigFileError(ValueError):
 
 @dataclass(frozen=True)
 class RigFile:
-    """Content of a valid rig file."""
+    """Content of a valid rig file, which is a TOML file that describes a telemanipulator."""
 
     path: Path
     """Path of the file."""
@@ -54,7 +54,7 @@ class RigFile:
     """Settings of the devices, by name."""
 
     def make_devices(self) -> dict[str, Device]:
-        """Return a new object for each device, by the device's name.
+        """Return a new object for each device, by the name of the device.
 
         The devices are not yet connected to their buses.
         """
@@ -65,7 +65,7 @@ class RigFile:
 
 
 def read_rig_file(path: Path) -> RigFile:
-    """Read and check a rig file.
+    """Read and check a rig file, and return its content.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def read_rig_file(path: Path) -> RigFile:
 
 
 def parse_rig_file(path: Path, text: str) -> RigFile:
-    """Check the text of a rig file.
+    """Check the text of a rig file, and return its content.
 
     Parameters
     ----------
@@ -118,9 +118,10 @@ def parse_rig_file(path: Path, text: str) -> RigFile:
 
 
 def valid_sections(tree: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the sections of a rig file by name, with None in place of each invalid section.
+    """Return the sections of a rig file by name. The value of an invalid section is None.
 
-    The caller can then check the references between the valid sections.
+    `tree` is the parsed TOML file without the section `[devices]`. With the result, the caller can
+    check the names by which one section refers to another section.
     """
     sections = {}
     for name, part in RigSections.model_fields.items():
@@ -133,9 +134,9 @@ def valid_sections(tree: Mapping[str, Any]) -> dict[str, Any]:
 
 @cache
 def device_validator(settings: type[DeviceSettings]) -> TypeAdapter[DeviceSettings]:
-    """Return pydantic's validator for the settings of a kind of device.
+    """Return pydantic's validator for a class of device settings.
 
-    Each validator is created only once.
+    The validator is created at the first call with this class, and is stored for later calls.
     """
     return TypeAdapter(settings)
 
@@ -199,7 +200,8 @@ def reference_problems(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
     rig
         The rig file. Its invalid sections are None.
     declared
-        Names of all devices in the file. References to an invalid device are not reported.
+        Names of all devices in the file, including devices with an invalid section. References to
+        such a device are not reported, because its section has already been reported.
     """
     try:
         devices = rig.make_devices()
@@ -226,14 +228,16 @@ def reference_problems(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
             if problem and drive.device not in declared - devices.keys():
                 yield f"drives.{name}.{problem}"
         slave, master = sections.drives.slave, sections.drives.master
-        if master and (master.device, master.drive) == (slave.device, slave.drive):
-            yield "drives.master: same drive as drives.slave: expected another drive"
+        if master and master.device == slave.device in devices:
+            names = {sole_drive(devices[slave.device], one.drive) for one in (master, slave)}
+            if len(names) == 1 and "" not in names:
+                yield "drives.master: same drive as drives.slave: expected another drive"
 
 
 def bus_problems(
     devices: Mapping[str, Device], buses: Mapping[str, SerialSettings | CanSettings]
 ) -> Iterator[str]:
-    """Yield the problems of buses: unknown names, and ports or CAN identifiers used twice."""
+    """Yield problems of buses: unknown names of buses, and ports or CAN identifiers used twice."""
     ports: dict[str, str] = {}
     for name, settings in buses.items():
         port = settings.port if isinstance(settings, SerialSettings) else settings.channel
@@ -268,7 +272,7 @@ def bus_problems(
 def channel_problem(
     name: str, channel: ChannelSettings, devices: Mapping[str, Device]
 ) -> str | None:
-    """Check the device, the signal and the scale of a channel.
+    """Check that the device and signal of a channel exist, and that no needed scale is missing.
 
     Return a text that describes the problem, or None if there is no problem.
     """
@@ -284,7 +288,7 @@ def channel_problem(
 
 
 def drive_problem(drive: DriveSettings, devices: Mapping[str, Device]) -> str | None:
-    """Check the device and the drive that a section of the rig file names.
+    """Check that the device and the drive that a section of the rig file names exist.
 
     Return a text that describes the problem, or None if there is no problem.
     """

@@ -106,6 +106,17 @@ def test_two_devices_on_one_port_are_refused(tmp_path):
     ]
 
 
+@pytest.mark.parametrize("master", ["", 'drive = "axis"'])
+@pytest.mark.parametrize("slave", ["", 'drive = "axis"'])
+def test_one_drive_cannot_be_both_master_and_slave(tmp_path, master, slave):
+    head, text = (RIGS / "odrive-bota.toml").read_text().split("[drives.master]")
+    text = text.replace('device = "master"', f'device = "slave"\n{master}')
+    text = text.replace("[drives.slave]", f"[drives.slave]\n{slave}")
+    assert problems(tmp_path, f"{head}[drives.master]{text}") == [
+        "drives.master: same drive as drives.slave: expected another drive"
+    ]
+
+
 @pytest.mark.parametrize("content", [b"\xff\xfe", b"name =", b"[a]\n[a]\n", b"a = 1\x00"])
 def test_an_invalid_toml_file_is_reported_in_one_line(tmp_path, content):
     path = tmp_path / "rig.toml"
