@@ -1,4 +1,7 @@
-"""Connect the controller to a rig: the interface of all rigs, and the drivers of real devices."""
+"""Interface between the controller and a rig, and the drivers of real devices.
+
+A rig is a telemanipulator with its sensors and drives, real or simulated.
+"""
 
 from drivers.rig import (
     AXES,

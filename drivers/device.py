@@ -1,4 +1,4 @@
-"""Base classes of the devices and drives of a rig."""
+"""Base classes of the devices and drives of a rig (the hardware of a telemanipulator)."""
 
 from __future__ import annotations
 
@@ -33,9 +33,10 @@ NO_SAMPLE = Sample(math.nan, -math.inf)
 
 
 class DeviceSettings(BaseModel):
-    """Base class of the `[devices.NAME]` sections of a rig file.
+    """Base class of the settings of a device: the section `[devices.NAME]` of the rig file.
 
-    The name of a setting ends with its unit.
+    The rig file describes the hardware. If a setting has a unit, the name of the setting ends with
+    this unit, for example `watchdog_ms`.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -44,17 +45,18 @@ class DeviceSettings(BaseModel):
 
 
 class VelocityDrive(ABC):
-    """A drive with velocity control. No method waits for the device.
+    """A drive with velocity control.
 
-    Velocities are in m/s. They are positive in the positive direction of the drive.
+    Velocities are in m/s. They are positive in the positive direction of the drive. The methods
+    send messages to the device, but do not wait for its answer.
     """
 
     @abstractmethod
     def enable(self) -> bool:
         """Request that the drive goes into operation with zero velocity.
 
-        In operation, the watchdog of the drive is active. This method is called once per tick until
-        it returns True.
+        In operation, the drive follows velocity commands, and its watchdog is active. This method
+        is called once per tick (cycle of the control loop) until it returns True.
 
         Returns
         -------
@@ -64,7 +66,7 @@ class VelocityDrive(ABC):
 
     @abstractmethod
     def command(self, velocity: float) -> float:
-        """Set the velocity that the next `transmit` of the device sends.
+        """Store the velocity that the next call of `Device.transmit` sends to the drive.
 
         Parameters
         ----------
@@ -81,7 +83,7 @@ class VelocityDrive(ABC):
     def idle(self) -> None:
         """Take the drive out of operation immediately. This method may be called repeatedly.
 
-        Unlike `command`, this method sends its messages at once and not at the next `transmit`.
+        This method sends its messages at once. It does not wait for the next `Device.transmit`.
         """
 
 
@@ -98,8 +100,8 @@ class Device(ABC):
     Attributes
     ----------
     samples
-        Latest sample of each signal, by the name of the signal. Before the first sample, the value
-        is `NO_SAMPLE`.
+        Latest sample of each signal, by the name of the signal; `NO_SAMPLE` until the first sample
+        is received.
     error
         Error that the device reports, as text; empty if there is no error.
     emergency_stop
@@ -129,13 +131,15 @@ class Device(ABC):
         """Return the SI unit of each signal, by the name of the signal.
 
         If the scale of a sensor is unknown, the signal has the unit of the raw value, for example
-        `V`. The rig file must then give a scale for each channel that uses the signal.
+        `V`. The rig file must then give a scale for each channel (measured quantity of the rig)
+        that is computed from the signal.
         """
 
     def update(self, now: float) -> None:  # noqa: B027
-        """Update the device. This method is called at each tick, after all buses were read.
+        """Do the periodic work of the device, for example detect that messages are missing.
 
-        The default method does nothing.
+        This method is called at each tick (cycle of the control loop), after all received messages
+        were processed. The default method does nothing.
 
         Parameters
         ----------
@@ -144,11 +148,11 @@ class Device(ABC):
         """
 
     def rearm(self) -> None:
-        """Clear a latched error. An error that is still present is reported again."""
+        """Clear the stored error. If its cause is still present, the error is reported again."""
         self.error = ""
 
     def transmit(self) -> None:  # noqa: B027
-        """Send the velocities that `command` has set for the drives.
+        """Send the velocities that `VelocityDrive.command` has stored for the drives.
 
         The default method does nothing.
         """
@@ -169,14 +173,15 @@ class Device(ABC):
         return False
 
     def stop(self) -> None:  # noqa: B027
-        """End the communication with the device, before its bus is closed.
+        """End the communication with the device, before its serial port or CAN bus is closed.
 
-        The drives are already out of operation. The default method does nothing.
+        When this method is called, the drives are already out of operation. The default method
+        does nothing.
         """
 
 
 class SerialDevice(Device):
-    """A device on a serial port that no other device uses."""
+    """A device on a serial port. No other device uses this port."""
 
     @abstractmethod
     def start(self, port: SerialPort) -> None:
@@ -214,7 +219,7 @@ class CanDevice(Device):
     def identifiers(self) -> Iterable[int]:
         """Return the identifiers of the CAN frames that the device sends.
 
-        In an identifier of 29 bits, bit 31 is set.
+        If an identifier has 29 bits (extended frame), bit 31 of the returned number is set.
         """
 
     @abstractmethod
@@ -229,14 +234,14 @@ class CanDevice(Device):
 
     @abstractmethod
     def receive(self, frame: can.Message, time: float) -> None:
-        """Process a CAN frame that has one of the `identifiers`.
+        """Process a CAN frame that the device has sent.
 
         Malformed frames are counted in `rejected`.
 
         Parameters
         ----------
         frame
-            The frame.
+            The frame. Its identifier is one of those that `identifiers` returns.
         time
             Time of arrival on the controller's clock [s].
         """
@@ -247,7 +252,7 @@ class DerivedDevice(Device):
 
     @abstractmethod
     def start(self, devices: Mapping[str, Device]) -> None:
-        """Find the devices whose signals are needed.
+        """Find the devices from whose signals this device computes its own signals.
 
         Parameters
         ----------
@@ -257,25 +262,25 @@ class DerivedDevice(Device):
         Raises
         ------
         RigError
-            A device with the needed signals is missing.
+            There is no device with the needed signals.
         """
 
 
 def sole_drive(device: Device, wanted: str) -> str:
-    """Return the name of a drive of a device.
+    """Return the name of the wanted drive of a device, or of its only drive.
 
     Parameters
     ----------
     device
         The device.
     wanted
-        Name of the drive; empty for the only drive of the device.
+        Name of the wanted drive. If it is empty, the only drive of the device is wanted.
 
     Returns
     -------
     str
-        Name of the drive. Empty if the device has no such drive, or if `wanted` is empty and the
-        device does not have exactly one drive.
+        Name of the drive. The name is empty if the device has no drive with the name `wanted`, or
+        if `wanted` is empty and the device does not have exactly one drive.
     """
     names: Sequence[str] = list(device.drives)
     if wanted:

@@ -12,31 +12,31 @@ MICROSECOND = 1e-6
 
 
 class DeviceClock:
-    """Converts the time stamps of a device (32-bit microseconds) to the controller's clock.
+    """Converts the time stamps of a device to the controller's clock.
 
-    This class estimates the offset between the two clocks. At each reading of the port, it
-    computes a difference: the time of the reading minus the newest time stamp in the data. Each
-    sample is taken before the port is read. Therefore this difference is the offset plus the age of
-    the newest sample, and the age is positive.
+    A sample of the device has a time stamp: the time on the device's clock, as a 32-bit number of
+    microseconds. A time stamp is converted by adding an offset, which is the time on the
+    controller's clock minus the time on the device's clock. This class estimates the offset.
 
-    Instead of the time of a reading, a port gives the mean of the times of this reading and of the
-    previous reading. Therefore this class also computes the mean of the newest time stamps of
-    these two readings. The difference of the two means is the offset plus a mean of two ages, which
-    is positive. This is also true if the controller or the device is delayed.
+    The serial port is read periodically. Consider two successive readings at the times t1 and t2,
+    and the newest time stamps s1 and s2 received until then. The difference t2 - s2 is the true
+    offset plus the age of the newest sample at t2. The age is positive. The port does not give t2,
+    but the mean of t1 and t2. Therefore this class computes the difference
 
-    The estimated offset is the minimum of the differences of all readings. This minimum is the true
-    offset plus the smallest mean age. From one reading to the next, the minimum may increase by the
-    largest drift between two crystal clocks, `DRIFT`.
+        d = (t1 + t2) / 2 - (s1 + s2) / 2,
 
-    A converted time is therefore never too early. It is too late by the smallest mean age, which is
-    at most the smallest latency plus one sample period. On USB, the smallest latency is well below
-    1 ms. The true age of a sample that arrives just before a reading can be smaller than the
-    smallest mean age, by up to half a sample period. The computed age of this sample is then
-    negative. A delayed sample, for example a sample that waited in a queue, has a larger age, and
-    does not change the minimum.
+    which is the true offset plus the mean of two ages. The estimated offset is the smallest d of
+    all readings. Since the clocks drift, the estimate may also increase: at most by `DRIFT` [s/s].
 
-    If the clock of a device has no crystal, it can be slow by more than `DRIFT`. In this case, the
-    error of the converted times increases steadily.
+    The estimated offset is larger than the true offset by the smallest mean age. Therefore a
+    converted time is never too early, and is too late by this mean age. The error is at most one
+    sample period plus the smallest latency, which is well below 1 ms on USB. A delayed sample, for
+    example a sample that waited in a queue, has a larger age, and so does not change the estimate.
+    If a sample arrives just before a reading, its true age can be smaller than the error, by up to
+    half a sample period. The age that is computed from the converted time is then negative.
+
+    A device without a crystal oscillator can have a clock that is slow by more than `DRIFT`. The
+    error of the converted times then increases steadily.
     """
 
     def __init__(self) -> None:
@@ -46,14 +46,15 @@ class DeviceClock:
         self._seen = math.nan
 
     def observe(self, newest: int, now: float) -> None:
-        """Update the offset between the clocks after a reading of the port.
+        """Update the estimated offset between the two clocks, after the serial port was read.
 
         Parameters
         ----------
         newest
-            Newest time stamp in the data of this reading [us].
+            Newest time stamp of the device in the received data [us].
         now
-            Mean of the times of this reading and of the previous reading [s].
+            Mean of two times on the controller's clock [s]: when the port was read now, and when
+            the port was read the previous time.
         """
         stamp = self._continued(newest)
         before = stamp if self._newest is None else self._newest
@@ -73,9 +74,10 @@ class DeviceClock:
         return self._continued(stamp) * MICROSECOND + self._offset
 
     def _continued(self, stamp: int) -> int:
-        """Return a time stamp [us] that continues to increase after the overflow at 2^32.
+        """Return a time stamp [us] plus the multiple of 2^32 us that corrects its overflow.
 
-        The difference between the result and the newest time stamp is at most 2^31 us.
+        After 2^32 us, the time stamps of the device start at zero again. The result is the value
+        that is nearest to the newest time stamp that was passed to `observe`.
         """
         if self._newest is None:
             return stamp

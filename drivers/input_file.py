@@ -1,4 +1,4 @@
-"""Read regular files only. FIFOs and device files are rejected, because reading may never end."""
+"""Read only regular files. FIFOs and device files are rejected: reading them may never end."""
 
 from __future__ import annotations
 
@@ -21,7 +21,9 @@ KINDS = (
 
 
 def open_input(path: Path) -> BinaryIO:
-    """Open a regular file for reading, without waiting.
+    """Open a regular file for reading in binary mode.
+
+    FIFOs and device files are rejected at once, without waiting for their data.
 
     Raises
     ------
@@ -54,7 +56,7 @@ def read_input(path: Path, largest: int = LARGEST) -> bytes:
 
 
 def check_regular(mode: int) -> None:
-    """Raise OSError if a file mode (`st_mode`) is not that of a regular file."""
+    """Raise OSError if a file mode (`st_mode`) is not the mode of a regular file."""
     if not stat.S_ISREG(mode):
         kind = next((kind for is_one, kind in KINDS if is_one(mode)), "special file")
         raise OSError(errno.EINVAL, f"expected a file, this is a {kind}")
@@ -64,6 +66,6 @@ def without_waiting(path: str, flags: int) -> int:
     """Open a file without waiting, and return the file descriptor.
 
     Even a FIFO without a writer is opened at once. This function is used as the argument `opener`
-    of `open`.
+    of the built-in function `open`.
     """
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))

@@ -49,7 +49,7 @@ def syntax_problem(error: Exception, text: str) -> str:
 def value_problem(part: Mapping[str, Any]) -> str:
     """Return a text that describes a problem which pydantic found in a value.
 
-    The text contains the invalid value, if there is one, but never its key.
+    The text contains the invalid value, if there is one. It does not contain the key of the value.
 
     Parameters
     ----------
@@ -80,14 +80,22 @@ def value_problem(part: Mapping[str, Any]) -> str:
 
 
 def tag_name(part: Mapping[str, Any]) -> str:
-    """Return the name of the key that determines the type of a TOML table, for example `kind`."""
+    """Return the name of the key whose value determines which keys a TOML table can have.
+
+    For example, the key `kind` distinguishes serial ports and CAN buses.
+
+    Parameters
+    ----------
+    part
+        One of the errors of pydantic's ValidationError.
+    """
     return str(part["ctx"]["discriminator"]).strip("'")
 
 
 def given(value: Any) -> str:
-    """Return the last part of an error message, which shows the invalid value.
+    """Return the end of an error message that shows the invalid value, for example `, got 5`.
 
-    If the invalid value is a TOML table, the text is empty.
+    If the invalid value is a TOML table, an empty text is returned.
     """
     if isinstance(value, dict):
         return ""
@@ -97,7 +105,7 @@ def given(value: Any) -> str:
 
 
 def as_phrase(message: str) -> str:
-    """Return an error message of pydantic or tomllib, changed for use after a colon.
+    """Return an error message of pydantic or tomllib in a form that can follow a colon.
 
     The prefix `Value error, ` is removed, and the first letter is changed to lower case.
     """

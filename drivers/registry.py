@@ -1,6 +1,7 @@
-"""Find the class of a device for the kind that a rig file gives.
+"""Find the Python class for a kind of device, for example `bota` or `odrive`.
 
-Other installed packages can add kinds of devices by entry points of the group `teleop.devices`.
+A rig file gives the kind of each device. Other installed packages can add kinds of devices by entry
+points of the group `teleop.devices`.
 """
 
 from __future__ import annotations
@@ -25,12 +26,17 @@ BUILT_IN = {
 
 
 def kinds() -> list[str]:
-    """Return the names of all kinds of devices, sorted."""
+    """Return the names of all kinds of devices that a rig file can contain, sorted."""
     return sorted(BUILT_IN.keys() | entry_points(group=GROUP).names)
 
 
 def device_class(kind: str) -> type[Device]:
-    """Return the class of a kind of device.
+    """Return the Python class for a kind of device.
+
+    Parameters
+    ----------
+    kind
+        Name of the kind, for example `bota`.
 
     Raises
     ------

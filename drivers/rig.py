@@ -1,4 +1,7 @@
-"""Define the interface of a rig: read the channels, command velocities, and stop the drives."""
+"""Define the interface of a rig, which is a real or simulated telemanipulator.
+
+With this interface the controller reads the sensors, commands velocities, and stops the drives.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,8 @@ from typing import Annotated, NamedTuple, Self, get_origin, get_type_hints
 new_tuple = tuple.__new__
 """Constructor of a NamedTuple from a tuple of all its values: `new_tuple(Command, (u, w))`.
 
-It takes a third of the time of `Command(u, w)`. It is used for the objects that each tick creates.
+This takes a third of the time of `Command(u, w)`. It is used for objects that are created at each
+tick of the control loop.
 """
 
 
@@ -38,9 +42,9 @@ Velocity = Annotated[float, "m/s"]
 
 
 class Ages(NamedTuple):
-    """Age of the sample of each channel. The age is the time since the sample was taken [s].
+    """Age of the latest sample of each channel (measured quantity) [s].
 
-    The fields have the order of `CHANNELS`.
+    The age is the time since the sample was taken. The fields have the order of `CHANNELS`.
     """
 
     master_force: float
@@ -51,12 +55,14 @@ class Ages(NamedTuple):
 
 
 class Measurement(NamedTuple):
-    """Latest samples of all channels of a rig at one tick, in SI units.
+    """Latest samples of all channels of a rig at one tick of the control loop, in SI units.
 
-    Positions are displacements from the contact datum (zero position). They are positive into the
-    environment. Forces are positive in compression. If the rig does not have a channel, the value
-    of this channel is NaN. The fields with the types `Force`, `Position` and `Velocity` are the
-    channels. `CHANNELS` contains their names, and `UNITS` their units.
+    A channel is a measured quantity. The fields with the types `Force`, `Position` and `Velocity`
+    are the channels. `CHANNELS` contains their names, and `UNITS` their units. If the rig does not
+    measure a channel, the value of this channel is NaN.
+
+    Positions are displacements from the contact datum (the zero position). They are positive toward
+    the environment (the specimen). Forces are positive in compression.
     """
 
     time: float
@@ -80,7 +86,7 @@ class Measurement(NamedTuple):
 
     @property
     def channels(self) -> tuple[float, ...]:
-        """Values of the channels, in the order of `CHANNELS`."""
+        """Values of the channels (measured quantities), in the order of `CHANNELS`."""
         return self[1:6]
 
 
@@ -97,7 +103,7 @@ CHANNELS = tuple(UNITS)
 class Command(NamedTuple):
     """Velocities of the two drives [m/s], positive in the direction of increasing position.
 
-    If the handle has no drive, the velocity of the master has no effect.
+    The master is the handle. If it has no drive, `master_velocity` has no effect.
     """
 
     master_velocity: float
@@ -113,15 +119,17 @@ class Rig(ABC):
     """A telemanipulator, real or simulated.
 
     A rig is a context manager. On entry the rig is opened. On every exit the drives are taken out
-    of operation, and then the rig is closed. `enable` arms the watchdogs of the drives. If the
-    process is killed, the watchdogs stop the drives.
+    of operation, and then the rig is closed. When a drive is in operation, its watchdog is active.
+    The watchdog stops the drive if no more commands arrive, for example because the process was
+    killed.
     """
 
     @property
     def rejected(self) -> Mapping[str, Mapping[str, int]]:
-        """Number of rejected messages of each device, by the reason of the rejection.
+        """Number of rejected messages of each device, for each reason of rejection.
 
-        The first key is the name of the device. Devices without rejected messages are omitted.
+        For example, `rejected["handle"]["checksum"]` is the number of messages of the device
+        `handle` with a wrong checksum. Devices without rejected messages are omitted.
         """
         return {}
 
@@ -166,8 +174,8 @@ class Rig(ABC):
     def rearm(self) -> None:  # noqa: B027
         """Clear the latched errors of the drives.
 
-        This method is called when a person requests it. An error that is still present is reported
-        again.
+        A latched error is reported until it is cleared. This method is called only if a person
+        requests it. If the cause of an error is still present, the error is reported again.
         """
 
     @abstractmethod
@@ -177,12 +185,13 @@ class Rig(ABC):
         Parameters
         ----------
         command
-            Velocities [m/s].
+            Wanted velocities [m/s].
 
         Returns
         -------
         Command
-            Velocities that the drives apply [m/s], limited to the range of each drive.
+            Velocities after the limitation to the range of each drive [m/s]. The drives receive
+            these velocities.
 
         Raises
         ------

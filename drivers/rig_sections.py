@@ -1,4 +1,7 @@
-"""Define the sections of a rig file. Names of keys end with the unit. Unknown keys are errors."""
+"""Define the sections of a rig file, a TOML file that describes a telemanipulator.
+
+The key of a physical quantity ends with its unit, for example `lag_ms`. Unknown keys are errors.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ class Section(BaseModel):
 
 
 class SerialSettings(Section):
-    """Section of the rig file for a serial port."""
+    """Section `[buses.NAME]` of a rig file, for a serial port."""
 
     kind: Literal["serial"]
     port: Annotated[str, Field(min_length=1)]
@@ -28,7 +31,10 @@ class SerialSettings(Section):
 
 
 class CanSettings(Section):
-    """Section of the rig file for a CAN bus, with any adapter that python-can supports."""
+    """Section `[buses.NAME]` of a rig file, for a CAN bus.
+
+    Every CAN adapter that python-can supports can be used.
+    """
 
     kind: Literal["can"]
     interface: str
@@ -41,7 +47,7 @@ BusSettings = Annotated[SerialSettings | CanSettings, Field(discriminator="kind"
 
 
 class ChannelSettings(Section):
-    """Section of the rig file for a channel.
+    """Section of a rig file for one channel (measured quantity).
 
     The value of the channel is computed from a signal of a device. In SI units, the value is
     sign * scale * signal + offset.
@@ -59,12 +65,15 @@ class ChannelSettings(Section):
 
     @property
     def gain(self) -> float:
-        """Scale times sign [SI unit of the channel per unit of the signal]."""
+        """Product of sign and scale, which is multiplied by the signal of the device.
+
+        The unit is the SI unit of the channel, divided by the unit of the signal.
+        """
         return self.sign * (self.scale or 1.0)
 
 
 class ForceSettings(ChannelSettings):
-    """Section of the rig file for a channel that measures a force."""
+    """Section of a rig file for a channel that measures a force."""
 
     offset_n: FiniteFloat = 0.0
     range_n: tuple[FiniteFloat, FiniteFloat]
@@ -74,12 +83,12 @@ class ForceSettings(ChannelSettings):
 
     @property
     def offset(self) -> float:
-        """Offset of the channel [N]."""
+        """Offset of the measured force [N]. The force is gain * signal + offset."""
         return self.offset_n
 
 
 class PositionSettings(ChannelSettings):
-    """Section of the rig file for a channel that measures a position."""
+    """Section of a rig file for a channel that measures a position."""
 
     offset_mm: FiniteFloat = 0.0
     range_mm: tuple[FiniteFloat, FiniteFloat]
@@ -87,16 +96,16 @@ class PositionSettings(ChannelSettings):
     frozen_travel_mm: Positive | None = None
     """Largest commanded displacement during which a working encoder gives the same value [mm]."""
     resolution_um: Positive = 1.0
-    """Displacement per encoder count [um]."""
+    """Smallest displacement that the encoder can measure [um]."""
 
     @property
     def offset(self) -> float:
-        """Offset of the channel [m]."""
+        """Offset of the measured position [m]. The position is gain * signal + offset."""
         return self.offset_mm * 1e-3
 
 
 class VelocitySettings(ChannelSettings):
-    """Section of the rig file for a channel that measures a velocity."""
+    """Section of a rig file for a channel that measures a velocity."""
 
     range_mm_per_s: tuple[FiniteFloat, FiniteFloat]
     max_rate_mm_per_s2: Positive | None = None
@@ -105,14 +114,15 @@ class VelocitySettings(ChannelSettings):
 
     @property
     def offset(self) -> float:
-        """Offset of the channel [m/s]; always zero."""
+        """Offset of the measured velocity [m/s]. It is always zero."""
         return 0.0
 
 
 class ChannelsSettings(Section):
-    """Section of the rig file for all channels.
+    """Section `[channels]` of a rig file: the settings of all channels (measured quantities).
 
-    The position of the handle and the velocity of the slave are optional.
+    The position of the handle (`master_position`) and the velocity of the slave
+    (`slave_velocity`) are optional.
     """
 
     master_force: ForceSettings
@@ -122,14 +132,17 @@ class ChannelsSettings(Section):
     slave_velocity: VelocitySettings | None = None
 
     def items(self) -> Iterator[tuple[str, ForceSettings | PositionSettings | VelocitySettings]]:
-        """Yield the name and settings of each channel of the rig, in the order of `CHANNELS`."""
+        """Yield the name and settings of each channel that the rig file contains.
+
+        The order is that of `drivers.CHANNELS`.
+        """
         for name in CHANNELS:
             if channel := getattr(self, name):
                 yield name, channel
 
 
 class DriveSettings(Section):
-    """Section of the rig file for the drive of the master or of the slave."""
+    """Section of a rig file for one drive: the drive of the master or of the slave."""
 
     device: str
     drive: str = ""
@@ -139,20 +152,26 @@ class DriveSettings(Section):
 
 
 class DrivesSettings(Section):
-    """Section of the rig file for the drives. If the master has no drive, the handle is passive."""
+    """Section `[drives]` of a rig file: the settings of the drives of slave and master.
+
+    The drive of the master is optional. Without this drive, the handle is passive.
+    """
 
     slave: DriveSettings
     master: DriveSettings | None = None
 
     def items(self) -> Iterator[tuple[str, DriveSettings]]:
-        """Yield the name and settings of each drive, in the order of `drivers.Command`."""
+        """Yield the name and settings of each drive: first `master`, if given, then `slave`."""
         for name in AXES:
             if drive := getattr(self, name):
                 yield name, drive
 
 
 class LimitsSettings(Section):
-    """Section of the rig file for the safety limits. See `teleop.safety.Limits`."""
+    """Section `[limits]` of a rig file: the safety limits of the rig.
+
+    The class `teleop.safety.Limits` explains the limits.
+    """
 
     max_velocity_mm_per_s: Positive
     max_acceleration_m_per_s2: Positive
@@ -171,7 +190,8 @@ class LimitsSettings(Section):
 class RigSections(Section):
     """All sections of a rig file except the sections of devices.
 
-    The keys in the section of a device depend on the kind of the device.
+    The sections of devices are checked separately, because their keys depend on the kind of the
+    device.
     """
 
     name: Annotated[str, Field(min_length=1)]

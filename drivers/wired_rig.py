@@ -16,21 +16,21 @@ from drivers.transports.can_bus import CanBus
 from drivers.transports.serial_port import SerialPort
 
 FIRST_SAMPLES = 2.0
-"""Longest wait until every channel has a first sample [s]."""
+"""Longest wait until every channel (measured quantity) has a first sample [s]."""
 ENABLING = 2.0
 """Longest time from the first call of `enable` until all drives are in operation [s]."""
 
 
 class Channel(NamedTuple):
-    """A channel of the rig. Its value is computed from a signal of a device.
+    """A channel (measured quantity) of the rig, and the signal of a device that measures it.
 
-    The value in SI units is gain * signal + offset.
+    The value of the channel in SI units is gain * signal + offset.
     """
 
     device: Device
     signal: str
     gain: float
-    """Gain, with its sign [SI unit of the channel per unit of the signal]."""
+    """Gain, positive or negative [SI unit of the channel per unit of the signal]."""
     offset: float
     """Offset, in the SI unit of the channel."""
     lag: float
@@ -46,7 +46,7 @@ class WiredDrive(NamedTuple):
     """Index of the drive's velocity in a `Command`."""
     drive: VelocityDrive
     sign: int
-    """Direction of the drive relative to the rig, 1 or -1."""
+    """1 if the positive directions of the drive and of the rig are the same, otherwise -1."""
     max_velocity: float
     """Largest speed [m/s]."""
 
@@ -93,19 +93,20 @@ class WiredRig(Rig):
 
     @property
     def rejected(self) -> Mapping[str, Mapping[str, int]]:
-        """Number of rejected messages of each device, by the reason of the rejection.
+        """Number of rejected messages of each device, for each reason of rejection.
 
-        The first key is the name of the device. Devices without rejected messages are omitted.
+        For example, `rejected["handle"]["checksum"]` is the number of messages of the device
+        `handle` with a wrong checksum. Devices without rejected messages are omitted.
         """
         return {name: device.rejected for name, device in self.devices.items() if device.rejected}
 
     def open(self) -> None:
-        """Connect to every device, and wait for the first sample of every channel.
+        """Connect to every device, and wait for a sample of every channel (measured quantity).
 
         Raises
         ------
         RigError
-            A port cannot be opened, a device does not answer, or a channel has no sample.
+            A port cannot be opened, a device does not answer, or a channel has no sample after 2 s.
         """
         for bus in self.buses.values():
             bus.open()
@@ -132,7 +133,11 @@ class WiredRig(Rig):
         return {name: c.device.samples[c.signal].value for name, c in self._channels.items()}
 
     def _sources_of(self, channels: list[str]) -> str:
-        """Return a text that names the device of each channel and the problems of the device."""
+        """Return a text for an error message about channels that have no sample.
+
+        For each channel, the text gives the device, its bus, the number of its rejected messages
+        and the error that it reports.
+        """
         parts = []
         for name in channels:
             device = self._channels[name].device
@@ -155,7 +160,7 @@ class WiredRig(Rig):
         return bus
 
     def _poll(self) -> None:
-        """Read every bus, and update every device."""
+        """Read every bus, and then call the method `update` of every device."""
         for bus in self.buses.values():
             bus.poll()
         now = self._now()
@@ -163,7 +168,7 @@ class WiredRig(Rig):
             device.update(now)
 
     def read(self) -> Measurement:
-        """Read every bus, and return the latest sample of every channel.
+        """Read every bus, and return the latest sample of every channel (measured quantity).
 
         Raises
         ------
@@ -189,7 +194,7 @@ class WiredRig(Rig):
         return Measurement._make((now, *values, Ages._make(ages), error, stop))
 
     def rearm(self) -> None:
-        """Clear the latched errors of all devices."""
+        """Clear the latched errors of all devices (errors that are reported until cleared)."""
         for device in self.devices.values():
             device.rearm()
 
@@ -199,7 +204,7 @@ class WiredRig(Rig):
         Raises
         ------
         RigError
-            A drive is not in operation within `ENABLING`, or cannot be commanded.
+            A drive is not in operation 2 s after the first call, or cannot be commanded.
         """
         if math.isnan(self._enabling):
             self._enabling = self._now()
@@ -211,19 +216,19 @@ class WiredRig(Rig):
         return self._enabled
 
     def write(self, command: Command) -> Command:
-        """Command velocities to the drives, limited to the range of each drive.
+        """Limit velocities to the range of each drive, and send them to the drives.
 
-        Until all drives are in operation, zero velocity is commanded instead.
+        Until all drives are in operation, zero velocity is sent instead.
 
         Parameters
         ----------
         command
-            Velocities [m/s].
+            Wanted velocities [m/s].
 
         Returns
         -------
         Command
-            Velocities that the drives apply [m/s].
+            Velocities that the drives receive [m/s]; zero for a drive that the rig does not have.
 
         Raises
         ------
@@ -247,8 +252,8 @@ class WiredRig(Rig):
     def idle(self) -> None:
         """Take every drive out of operation.
 
-        If this fails for a drive, the other drives are taken out of operation before the error is
-        raised.
+        If this fails for one drive, the other drives are still taken out of operation. Then the
+        error is raised.
         """
         self._enabled, self._enabling = False, math.nan
         with ExitStack() as stack:

@@ -2,7 +2,8 @@
 
 In the docstrings of this package, "the paper" is T. Yamamoto, M. Bernhardt, A. Peer, M. Buss,
 A. M. Okamura, "Techniques for environment parameter estimation during telemanipulation", BioRob
-2008. Numbers of equations, as in (8), are those of the paper unless another source is named.
+2008. Unless another source is named, a number in parentheses, such as (8), is the number of an
+equation in the paper.
 """
 
 from estimation.bank import Bank

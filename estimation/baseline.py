@@ -5,11 +5,12 @@ regressors of a baseline. t0 is the start of the record, and T is its length. Th
 of the cosines is m / (2 T). `without_baseline` subtracts a baseline that consists of the cosines
 only.
 
-The parabola is needed because the slope of a cosine is zero at both ends of the record, but the
-slope of a drift is not. With cosines only, the cosine coefficients of a drift decrease as 1 / j^2,
-and a part of the drift remains at the frequency of the palpation. A parabola can have the same
-slopes at both ends as the drift. If this parabola is subtracted from the drift, the cosine
-coefficients of the difference decrease as 1 / j^4 (Lanczos).
+The parabola is needed for a drift, for the following reason. At both ends of the record, the time
+derivative of each cosine is zero, but that of a drift is not. The cosine coefficients of a drift
+therefore decrease only as 1 / j^2, and a part of the drift remains at the frequency of the
+palpation. A parabola can have the same time derivatives at both ends as the drift. If this parabola
+is subtracted from the drift, the cosine coefficients of the difference decrease as 1 / j^4
+(Lanczos).
 
 If the cosines and the parabola are among the regressors of a fit, a slow drift of force and
 position does not affect the other parameters (Frisch and Waugh). But the information in the slow
@@ -32,23 +33,25 @@ from scipy.fft import dct
 from estimation.compiled import Floats
 
 BELOW = 0.6
-"""Highest frequency of a baseline, divided by the lower end of the frequency band in which the
-force follows the displacement."""
+"""Ratio of two frequencies: the highest frequency of a baseline, and the lower end of the band in
+which the force follows the displacement."""
 MOST = 300
 """Largest number of cosines. In a long record, the highest frequency of a baseline is therefore
 lower than `BELOW` permits."""
 FEWEST_CYCLES = 3.0
-"""If a record is shorter than this number of periods of the lower end of the band, no baseline is
-used."""
+"""Smallest length of a record with a baseline, in periods of the lower end of the band in which the
+force follows the displacement."""
 
 BLOCK = 4096
-"""Number of samples at which the regressors of a baseline are computed at the same time."""
+"""Approximate number of samples for which the regressors of a baseline are computed together, to
+limit the memory."""
 
 
 def baseline_order(low: float, seconds: float) -> int:
-    """Return the number m of cosines in a baseline. The constant is not counted.
+    """Return the number m of cosines in a baseline: the slow part of a signal.
 
-    m is 0 if the record is shorter than `FEWEST_CYCLES` periods of the frequency `low`.
+    The cosines are cos(pi j (t - t0) / T), j = 1 ... m, for a record with the start t0 and the
+    length T. m is 0 if the record is shorter than `FEWEST_CYCLES` periods of the frequency `low`.
 
     Parameters
     ----------
@@ -63,7 +66,9 @@ def baseline_order(low: float, seconds: float) -> int:
 
 
 def cosines(t: Floats, start: float, seconds: float, order: int) -> Floats:
-    """Return an array of shape (n, 1 + order): a column of ones, and one column for each cosine.
+    """Return a column of ones, and one column for each cosine, shape (n, 1 + order).
+
+    Column j is cos(pi j (t - t0) / T), j = 0 ... `order`.
 
     Parameters
     ----------
@@ -72,25 +77,30 @@ def cosines(t: Floats, start: float, seconds: float, order: int) -> Floats:
     start, seconds
         Start t0 and length T of the record [s].
     order
-        Number of cosines. The constant is not counted.
+        Number of cosines. The column of ones is not counted.
     """
     return np.asarray(np.cos(np.pi / seconds * np.outer(t - start, np.arange(order + 1))))
 
 
 def baseline_regressors(t: Floats, start: float, seconds: float, order: int) -> Floats:
-    """Return the regressors of a baseline: the constant, the cosines and the parabola.
+    """Return the regressors of a baseline: a constant, slow cosines and a parabola.
 
-    A fit with these regressors usually has other regressors as well, for example v and x.
+    A baseline is the part of a signal that is slower than the palpation. A fit with these
+    regressors usually has other regressors as well, for example v and x.
 
     Parameters
     ----------
-    t, start, seconds, order
-        As in `cosines`.
+    t
+        Times [s], shape (n,).
+    start, seconds
+        Start and length of the record [s].
+    order
+        Number of cosines, from `baseline_order`.
 
     Returns
     -------
-    Array of shape (n, order + 3). The last two columns are those of the parabola. If `order` is 0,
-    the constant is the only column, and the shape is (n, 1).
+    Array of shape (n, order + 3). The last two columns are the linear and the quadratic term of the
+    parabola. If `order` is 0, the constant is the only column, and the shape is (n, 1).
     """
     columns = cosines(t, start, seconds, order)
     if order == 0:
@@ -102,12 +112,16 @@ def baseline_regressors(t: Floats, start: float, seconds: float, order: int) -> 
 def baseline(t: Floats, start: float, seconds: float, coefficients: Floats) -> Floats:
     """Return a fitted baseline at n times, shape (n,).
 
+    A baseline is the part of a signal that is slower than the palpation.
+
     Parameters
     ----------
-    t, start, seconds
-        As in `cosines`.
+    t
+        Times [s], shape (n,).
+    start, seconds
+        Start and length of the record [s].
     coefficients
-        Coefficients of all regressors of the baseline (`baseline_regressors`).
+        Fitted coefficients of the baseline, in the order of the columns of `baseline_regressors`.
     """
     order = max(len(coefficients) - 3, 0)
     parts = np.array_split(t, math.ceil(len(t) / BLOCK))
@@ -119,15 +133,15 @@ def baseline(t: Floats, start: float, seconds: float, coefficients: Floats) -> F
 def without_baseline(values: Floats, order: int) -> Floats:
     """Return the values minus their baseline, shape (n,).
 
-    The baseline is a least-squares fit of the constant and the cosines. It has no parabola, because
-    a parabola would follow the palpation at the ends of the record. If `order` is 0, the values are
-    returned unchanged.
+    A baseline is the part of a signal that is slower than the palpation. Here the baseline is a
+    constant and slow cosines, fitted to the values by least squares. The baseline has no parabola,
+    because a parabola would follow the palpation at the ends of the record. If `order` is 0, the
+    values are returned unchanged.
 
     The samples are evenly spaced. The scalar products of the cosines and the values are therefore
-    computed by a discrete cosine transform (DCT-I), in a time proportional to n log n. The first
-    and the last sample have the same weight as the other samples. With this weight, the cosines are
-    not exactly orthogonal. The coefficients are therefore the solution of 1 + `order` linear
-    equations.
+    computed by a discrete cosine transform (DCT-I), in a time proportional to n log n. In the fit,
+    all samples have the same weight. With equal weights, the cosines are not exactly orthogonal.
+    The coefficients are therefore computed by solving 1 + `order` linear equations.
 
     Parameters
     ----------

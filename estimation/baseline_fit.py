@@ -1,14 +1,15 @@
-"""Make several least-squares fits that have the same baseline among their regressors.
+"""Make several least-squares fits to the same values f, all with the same baseline.
 
-The regressors of a fit are the columns of two matrices, B and X. B contains the regressors of the
-baseline. It has many columns, and is the same in every fit. X contains the other regressors. It has
-few columns, and is different in each fit.
+A baseline is the slow part of a signal. The regressors of a fit are the columns of two matrices, B
+and X. B contains the regressors of the baseline. B has many columns, and is the same in every fit.
+X contains the other regressors, for example v and x. X has few columns, and is different in each
+fit.
 
-First, the components along B are subtracted from X and from the values f. The differences are
-orthogonal to B. The parameters of X and the residual of the fit are computed from these differences
-(Frisch, Waugh and Lovell). B is decomposed only once. Let X have m columns, B have p columns, and
-let there be n samples. Then the time for a fit is proportional to n m p. Without this method, it
-would be proportional to n (m + p)^2.
+First, X and f are projected onto the subspace that is orthogonal to the columns of B. The
+parameters of X and the residual of the fit are computed from these projections (Frisch, Waugh and
+Lovell). B is decomposed only once, for all fits. Let X have m columns, let B have p columns, and
+let there be n samples. Then the time for a fit is proportional to n m p. A fit without this method
+takes a time proportional to n (m + p)^2.
 
 References
 ----------
@@ -26,27 +27,29 @@ from estimation.compiled import Floats
 from estimation.robust_error import RobustFit, robust_fit
 
 RANK = 1e-10
-"""Relative limit below which values are treated as zero.
+"""Limit below which a ratio is treated as zero.
 
-It applies to the singular values of B, relative to the largest one. It also applies to the part of
-a column of X that is orthogonal to B, relative to the norm of the column.
+One ratio is a singular value of B, divided by the largest singular value of B. The other ratio is
+the norm of the part of a column of X that is orthogonal to B, divided by the norm of the column.
 """
 
 
 class BaselineFits:
-    """Fits a baseline and other regressors to one signal.
+    """Fit a signal by a baseline (the slow part of the signal) and other regressors.
+
+    The baseline is prepared once. Then `fit` can be called with different other regressors.
 
     Parameters
     ----------
     basis
         Regressors B of the baseline, shape (n, p).
     f
-        Values to fit, shape (n,).
+        Samples of the signal, shape (n,).
 
     Attributes
     ----------
     rest
-        The values minus their least-squares baseline, shape (n,).
+        The residual of a fit of the baseline alone, shape (n,).
     """
 
     def __init__(self, basis: Floats, f: Floats) -> None:
@@ -62,8 +65,9 @@ class BaselineFits:
     def fit(self, columns: Floats) -> RobustFit:
         """Return the least-squares fit of the baseline and of other regressors to the signal.
 
-        `columns` contains the other regressors, shape (n, m). The first parameters of the fit are
-        those of the baseline.
+        The signal and the baseline are those that were given to the class. `columns` contains the
+        other regressors, shape (n, m). The parameters `theta` of the fit are first the p parameters
+        of the baseline, and then the m parameters of the other regressors.
         """
         q = self.orthogonal
         along = q.T @ columns
@@ -81,19 +85,20 @@ class BaselineFits:
 
 
 class Inverse:
-    """The matrix (Z' Z)^-1 Z' of a fit, shape (p + m, n). Z = [B, X] contains all regressors.
+    """The matrix (Z' Z)^-1 Z' of a least-squares fit with the regressors Z, shape (p + m, n).
 
-    The matrix itself is not stored. An object of this class can only be the right factor of a
-    product `gradients @ inverse`. The left factor is a vector or a matrix.
+    Z = [B, X] consists of the p regressors B of a baseline and m other regressors X. The matrix
+    itself is not stored, because it would be large. If `inverse` is an object of this class, only
+    the product `gradients @ inverse` can be computed, where `gradients` is a vector or a matrix.
 
     Parameters
     ----------
     baseline
-        The decomposed baseline B.
+        Object that contains B, decomposed into an orthonormal basis Q and coefficients.
     along
-        Components of X along the orthonormal basis of B, shape (p, m).
+        The matrix Q' X, shape (p, m).
     own
-        Fit of the part of X that is orthogonal to B.
+        Fit with the regressors X - Q Q' X, which are the part of X that is orthogonal to B.
     """
 
     __array_ufunc__ = None  # numpy then leaves the product to __rmatmul__
@@ -103,11 +108,18 @@ class Inverse:
 
     @property
     def leverage(self) -> Floats:
-        """Leverage of each sample: the diagonal of Z (Z' Z)^-1 Z', shape (n,)."""
+        """Leverage of each sample, shape (n,).
+
+        The leverages are the diagonal of Z (Z' Z)^-1 Z', where Z contains all regressors of a fit.
+        """
         return np.asarray(self.baseline.leverage + self.own.leverage)
 
     def __rmatmul__(self, gradients: Floats) -> Floats:
-        """Return the product of `gradients`, shape (p + m,) or (r, p + m), with this matrix."""
+        """Return the product `gradients @ inverse`, where `inverse` is this object.
+
+        This object stands for a matrix of shape (p + m, n). `gradients` has the shape (p + m,) or
+        (r, p + m), and the product has the shape (n,) or (r, n).
+        """
         size = len(self.baseline.to_theta)
         slow = gradients[..., :size] @ self.baseline.to_theta
         own = gradients[..., size:] - slow @ self.along
@@ -118,10 +130,11 @@ class Inverse:
 
 
 class FitWithBaseline(RobustFit):
-    """A fit of a baseline and of other regressors X. `BaselineFits.fit` returns such a fit.
+    """A least-squares fit with the regressors B of a baseline and other regressors X.
 
-    The field `inverse` is an object of the class `Inverse`. The field `regressors` does not contain
-    the regressors of the baseline. It contains X minus the components of X along the baseline.
+    `BaselineFits.fit` returns such a fit. Two fields differ from the base class. `inverse` is
+    not an array, but an object of the class `Inverse`, which can be multiplied from the left.
+    `regressors` contains only the part of X that is orthogonal to B, shape (n, m).
     """
 
     __slots__ = ()
@@ -130,7 +143,8 @@ class FitWithBaseline(RobustFit):
     def leverage(self) -> Floats:
         """Leverage of each sample, shape (n,).
 
-        It is the diagonal of Z (Z' Z)^-1 Z'. The matrix Z contains all regressors of the fit.
+        The leverages are the diagonal of Z (Z' Z)^-1 Z', where Z contains all regressors of the
+        fit, including those of the baseline.
         """
         inverse: Any = self.inverse
         return np.asarray(inverse.leverage)

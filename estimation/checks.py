@@ -29,10 +29,10 @@ def is_valid(dt: float, size: float) -> bool:
 
 
 def sample_error(dt: float, further: Sequence[float] = (), **values: float) -> ValueError:
-    """Return a ValueError for an invalid sample.
+    """Return (do not raise) a ValueError with a message about an invalid sample.
 
-    The message contains `dt`, the regressors `further` and all keyword arguments, each with its
-    name and its value.
+    The message contains the names and values of all numbers of the sample: `dt`, the regressors
+    `further` (those besides v and x), and the keyword arguments, for example `x=...`.
     """
     values |= {f"further[{i}]": value for i, value in enumerate(further)}
     got = ", ".join(f"{name}={value!r}" for name, value in values.items())
@@ -44,7 +44,16 @@ def sample_error(dt: float, further: Sequence[float] = (), **values: float) -> V
 def checked_samples(
     x: ArrayLike, v: ArrayLike, f: ArrayLike, dt: ArrayLike, further: ArrayLike | None = None
 ) -> Samples:
-    """Check the samples, and return them as contiguous float64 arrays.
+    """Check n samples, and return them as contiguous float64 arrays.
+
+    Parameters
+    ----------
+    x, v, f
+        Displacement [m], velocity [m/s], force [N], each of shape (n,).
+    dt
+        Time since the previous sample [s], of shape (n,), or one number for all samples.
+    further
+        Regressors besides v and x, shape (n, regressors - 2); None if there are none.
 
     Raises
     ------
@@ -77,14 +86,25 @@ def checked_samples(
 
 
 def positive_values(name: str, values: Sequence[float], model: Model) -> tuple[float, ...]:
-    """Check that there is one positive value per parameter of the model; return them as a tuple.
+    """Check the values of a setting that has one value per parameter of a model.
 
-    `name` is the name of the setting in the error message.
+    Parameters
+    ----------
+    name
+        Name of the setting, for the error message.
+    values
+        The values of the setting.
+    model
+        The model, for example with the two parameters b and k.
+
+    Returns
+    -------
+    The values as a tuple.
 
     Raises
     ------
     ValueError
-        The number of values is not the number of parameters, or a value is out of range.
+        The number of values is not the number of parameters, or a value is not positive and finite.
     """
     if len(values) != model.regressors or not all(0.0 < value < math.inf for value in values):
         raise ValueError(
@@ -97,8 +117,9 @@ def positive_values(name: str, values: Sequence[float], model: Model) -> tuple[f
 def check_correlation(correlation: float) -> None:
     """Raise ValueError if `correlation` is below 1 or infinite.
 
-    If the noise of successive force samples is correlated, n samples contain only n / `correlation`
-    independent values of the noise. For white noise, `correlation` is 1.
+    `correlation` describes the noise of the force. It is 1 for white noise. If the noise of
+    successive samples is correlated, n samples contain only n / `correlation` independent values of
+    the noise.
     """
     if not 1.0 <= correlation < math.inf:
         raise ValueError(f"correlation must be at least 1, got {correlation}")

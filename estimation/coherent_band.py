@@ -6,18 +6,19 @@ band is therefore computed from the part of the force that is coherent with the 
 power spectrum of this part is C(w) S_ff(w), where w is the angular frequency, C is the coherence,
 and S_ff is the power spectrum of the force.
 
-- The lower end of the band is computed from w^2 C S_ff. This is the power of the time derivative of
-  the force, in which a slow baseline is small.
-- The centre and the upper end are computed from w C S_ff. The factor w is a compromise: in a
-  ramp-and-hold motion, most of C S_ff is due to the holds, and most of w^2 C S_ff is due to the
-  corners of the motion.
+- The lower end of the band is computed from w^2 C S_ff. This is the power spectrum of the time
+  derivative of the coherent force. In this derivative, a slow drift of the force is small.
+- The centre and the upper end are computed from w C S_ff. The factor w is a compromise between 1
+  and w^2. In a motion of ramps and holds, C S_ff is mainly due to the holds, and w^2 C S_ff is
+  mainly due to the corners between ramps and holds.
 
 C is estimated by Thomson's multitaper method. This method does not divide the record into segments.
-For a record of length T, its frequency resolution is 4 / T. A frequency bin is used if it satisfies
-two conditions. First, the power of the force in the bin is well above the noise (`ABOVE_NOISE`).
-Second, the coherence in the bin is above a limit. Independent signals exceed this limit in only one
-of a million bins. If no bin satisfies both conditions, a lower limit of the coherence is used
-(`COHERENT`).
+For a record of length T, the estimate at a frequency is a mean over the frequencies that differ
+from it by less than 4 / T. A frequency bin is used if it satisfies two conditions. First, the power
+of the force in the bin is well above the noise (`ABOVE_NOISE`). Second, the estimated coherence in
+the bin is above a limit (`COHERENT`). If force and displacement were independent signals, their
+estimated coherence would exceed this limit in only one of a million bins. If no bin satisfies both
+conditions, a lower limit is used.
 
 References
 ----------
@@ -37,17 +38,18 @@ TAPERS = 6
 """Number of tapers.
 
 There are 2 NW orthogonal tapers (`BANDWIDTH` is NW). The last two of them are not used, because
-they leak: with one taper more, the ends of a single slow stroke appear as power at all frequencies.
+their spectral leakage is large. Even with one taper more, the ends of a single slow stroke would
+appear as power at all frequencies.
 """
 BANDWIDTH = 4.0
 """Time-bandwidth product NW of the tapers."""
 COHERENT = (0.94, 0.56)
-"""A bin is used if its coherence is at least the first value.
+"""Two limits of the coherence. A bin is used if its coherence is at least the first limit.
 
-If this condition selects no bin, the second value is used instead of the first.
+If this condition selects no bin, the second limit is used instead of the first.
 
 In a bin, the estimated coherence of independent signals is larger than c with the probability
-(1 - c)^(TAPERS - 1). This probability is 1e-6 for the first value and 0.016 for the second.
+(1 - c)^(TAPERS - 1). This probability is 1e-6 for the first limit and 0.016 for the second.
 """
 ABOVE_NOISE = 10.0
 """A bin is used if the power of the force in the bin is above this multiple of the noise power.
@@ -55,13 +57,19 @@ ABOVE_NOISE = 10.0
 The noise power is the median power of the upper half of the bins.
 """
 MOST_SAMPLES = 1 << 16
-"""If a record has at least twice this number of samples, it is averaged in blocks first."""
+"""A record with at least twice this number of samples is first averaged in blocks."""
 LOWEST, HIGHEST = 0.005, 0.95
-"""Fraction of the power that is below the lower end of the band, and below its upper end."""
+"""Fractions of the weighted power that define the band: the fraction below the lower end of the
+band, and the fraction below its upper end. The weights are w^2 and w."""
 
 
 class CoherentBand(NamedTuple):
-    """Frequency band in which the force is coherent with the displacement."""
+    """Frequency band in which the force is coherent with the displacement.
+
+    w is the angular frequency, C is the coherence, and S_ff is the power spectrum of the force. If
+    the force is not coherent with the displacement at any frequency, `coherence` is 0, and the band
+    is not meaningful.
+    """
 
     low: float
     """Frequency below which 0.5 % of the integral of w^2 C S_ff lies [Hz]."""
@@ -70,10 +78,10 @@ class CoherentBand(NamedTuple):
     high: float
     """Frequency below which 95 % of the integral of w C S_ff lies [Hz].
 
-    The half bandwidth of the tapers is subtracted.
+    The half bandwidth of the tapers is subtracted from this frequency.
     """
     coherence: float
-    """Mean coherence, weighted by the power; 0 if no bin is coherent."""
+    """Mean of C with the weights C S_ff; 0 if the force is not coherent at any frequency."""
 
 
 def block_means(values: Floats, length: int) -> Floats:
@@ -85,16 +93,16 @@ def block_means(values: Floats, length: int) -> Floats:
 
 
 def slepian_tapers(n: int) -> Floats:
-    """Return the first discrete prolate spheroidal sequences, shape (TAPERS, n).
+    """Return the tapers of the multitaper method, shape (TAPERS, n).
 
-    Each row is one sequence, and the rows are orthonormal. The sequences are eigenvectors of a
-    tridiagonal matrix (D. Slepian, Bell System Technical Journal 57(5), 1978). The sign of each
-    sequence is arbitrary.
+    The tapers are the first discrete prolate spheroidal sequences. Each row is one sequence, and
+    the rows are orthonormal. The sequences are eigenvectors of a tridiagonal matrix (D. Slepian,
+    Bell System Technical Journal 57(5), 1978). The sign of each sequence is arbitrary.
 
     Parameters
     ----------
     n
-        Number of samples.
+        Number of samples in each sequence.
     """
     place = np.arange(n, dtype=np.float64)
     half_band = BANDWIDTH / n

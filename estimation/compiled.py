@@ -1,7 +1,7 @@
 """Apply the step of a method to arrays of samples.
 
-A step is the function with which an estimation method processes one sample (`estimation.step`). It
-is either interpreted by Python or compiled by numba. numba is installed with the extra `fast`.
+A step is the function with which an estimation method processes one sample (`estimation.step`). A
+step is interpreted by Python, or compiled by numba. The extra `fast` of the package installs numba.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ WORTH_LOADING_STEP = 3_000
 
 
 class Samples(NamedTuple):
-    """Inputs of a step for n samples."""
+    """Regressors, force and time of n samples, as the input of an estimation method."""
 
     phi: Floats
     """Regressors, shape (n, regressors)."""
@@ -47,7 +47,7 @@ class Samples(NamedTuple):
 
 
 class Law(NamedTuple):
-    """The function `step` of a method, and the values of its constant settings."""
+    """The function with which a method processes one sample, and its constant settings."""
 
     step: Step
     parameters: Any
@@ -56,11 +56,11 @@ class Law(NamedTuple):
 class CompilationChoice:
     """Decide whether samples are processed by interpreted or by compiled code.
 
-    Compiled code is faster, but numba must be loaded first. The samples are counted. numba is
-    loaded when their number reaches `WORTH_LOADING_NUMBA`. Python interprets this number of samples
-    in about the same time as it loads numba. The best decision would need the number of all later
-    samples, which is not known. With this rule, the total time is at most twice the time with the
-    best decision (ski rental problem).
+    Compiled code is faster, but the library numba must be loaded first. The rule is to load numba
+    when the number of samples reaches `WORTH_LOADING_NUMBA`. The interpreter needs about as much
+    time for this number of samples as for loading numba. The best decision would need the number of
+    all later samples, which is not known. With the rule, the total time is at most twice the time
+    with the best decision (ski rental problem).
 
     Arrays of fewer than `WORTH_LOADING_STEP` samples are always interpreted, and are not counted.
     """
@@ -70,7 +70,10 @@ class CompilationChoice:
         """Number of samples that were interpreted so far, in all arrays that are not short."""
 
     def is_compiled(self, samples: int) -> bool:
-        """Return whether compiled code is used for this number of samples."""
+        """Return whether an array with this number of samples is processed by compiled code.
+
+        Call this method once per array, because it also counts the samples.
+        """
         if samples < WORTH_LOADING_STEP or not find_spec("numba"):
             return False
         if "numba" in sys.modules:
@@ -84,15 +87,15 @@ choice = CompilationChoice()
 
 
 def sweep(law: Law, state: State, samples: Samples) -> Floats:
-    """Apply a step to n samples, and return the estimate after each sample.
+    """Apply the step of a method to n samples, and return the estimate after each sample.
 
-    The state is updated in place. The results of compiled and interpreted code are identical to
-    the bit, because both do the same operations in the same order, without fused multiply-add.
+    `state` is updated in place. The results of compiled and interpreted code are identical to the
+    bit, because both do the same operations in the same order, without fused multiply-add.
 
     Returns
     -------
-    Array of shape (n, 2 m + 1). Each row has the m values of `theta`, the m values of `std`,
-    and `held`.
+    Array of shape (n, 2 m + 1). A row has the m estimated values, their m standard deviations,
+    and 1 if the sample did not change the estimate (`held`), otherwise 0.
     """
     if choice.is_compiled(len(samples.f)):
         return compiled_sweep(law, state, samples)
@@ -100,7 +103,7 @@ def sweep(law: Law, state: State, samples: Samples) -> Floats:
 
 
 def interpreted_sweep(law: Law, state: State, samples: Samples) -> Floats:
-    """Do the same as `sweep`, but always with interpreted code."""
+    """Apply the step of a method to n samples in interpreted code; `sweep` describes the result."""
     step, parameters = interpreted(law.step), law.parameters
     theta, std = state.theta, state.std
     columns = (column.tolist() for column in samples)
@@ -117,7 +120,7 @@ def interpreted_sweep(law: Law, state: State, samples: Samples) -> Floats:
 
 
 def compiled_sweep(law: Law, state: State, samples: Samples) -> Floats:
-    """Do the same as `sweep`, but always with compiled code.
+    """Apply the step of a method to n samples in compiled code; `sweep` describes the result.
 
     Raises
     ------
@@ -141,18 +144,18 @@ interpreted = cache(own_copy)
 
 @cache
 def compiled(step: Step, regressors: int) -> Callable[..., None]:
-    """Return a compiled function that calls a step for each sample.
+    """Return a compiled function that calls a step for each of n samples.
 
-    The arguments of the compiled function are those of `_template`: a record of the parameters, a
-    record of the state, the arrays of `Samples`, and a table. The compiled function writes the
-    estimates into this table, whose columns are those of `sweep`.
+    A step processes one sample (`estimation.step`). The arguments of the returned function are the
+    constant settings and the state of the step (two numpy records), the arrays of `Samples`, and
+    an array into which the estimates are written. `sweep` describes the columns of this array.
 
     Parameters
     ----------
     step
-        The step.
+        The step to compile.
     regressors
-        Number of regressors.
+        Number of regressors in a sample.
     """
     from numba.np.unsafe.ndarray import to_fixed_tuple
 
@@ -180,21 +183,21 @@ def looped(
     inputs: tuple[NDArray[Any], ...],
     outputs: tuple[NDArray[Any], ...],
 ) -> None:
-    """Call a function that loops over n samples. The function is interpreted or compiled.
+    """Call a function that loops over n samples, either interpreted or compiled.
 
     The results of interpreted and compiled code are identical to the bit.
 
     Parameters
     ----------
     loop
-        Function with the arguments constants, inputs and outputs, which writes into the outputs.
-        The function must follow the rules of a step (`estimation.step`).
+        Function that is called as `loop(*constants, *inputs, *outputs)` and writes into the
+        outputs. Its code must follow the rules in `estimation.step`.
     constants
         Numbers that are the same for all samples.
     inputs
-        Arrays.
+        Arrays that the function reads.
     outputs
-        Arrays, each of shape (n,), of floating-point numbers or integers.
+        Arrays that the function writes, shape (n,), of floating-point numbers or integers.
     """
     if choice.is_compiled(len(outputs[0])):
         compiled_loop(loop)(*constants, *inputs, *outputs)
@@ -207,7 +210,7 @@ def looped(
 
 @cache
 def compiled_loop(loop: Callable[..., None]) -> Callable[..., None]:
-    """Return a compiled copy of a function that loops over samples, see `looped`."""
+    """Return a compiled copy of a function that loops over n samples and that `looped` calls."""
     called = {name: own_copy(value, called_by_machine_code) for name, value in calls(loop).items()}
     copy = FunctionType(loop.__code__, {**used_globals(loop), **called})
     copy.__module__ = __name__
@@ -218,10 +221,10 @@ def compiled_loop(loop: Callable[..., None]) -> Callable[..., None]:
 
 @cache
 def compiled_below() -> object:
-    """Return the object that replaces `below` of `estimation.step` in compiled code.
+    """Return the object that replaces the global constant `estimation.step.below` in compiled code.
 
-    A step contains loops of the form `for i in below[n]`. In compiled code, `below[n]` is
-    `range(n)`. In interpreted code, `below[n]` is the tuple (0, 1, ..., n - 1).
+    Loops over n regressors have the form `for i in below[n]`. In interpreted code, `below[n]` is
+    the tuple (0, 1, ..., n - 1). In compiled code, `below[n]` is `range(n)`.
     """
     import operator
 
@@ -230,10 +233,10 @@ def compiled_below() -> object:
     from numba.extending import models, overload, register_model, typeof_impl
 
     class Below:
-        """Object that replaces `step.below`."""
+        """Class of the object that replaces `estimation.step.below` in compiled code."""
 
     class BelowType(types.Type):
-        """Numba type of `Below`."""
+        """The type that numba assigns to objects of the class `Below`."""
 
     kind = BelowType("below")
     typeof_impl.register(Below)(lambda value, context: kind)
@@ -254,8 +257,8 @@ def compiled_below() -> object:
 def package_source() -> str:
     """Return the source text of all modules of this package as one string.
 
-    The name of each compiled function contains a hash of this string. If a module changes, the name
-    changes, and the function is compiled again.
+    numba stores compiled functions on the disk, by name. Each name contains a hash of this string.
+    If a module changes, the name changes, and the function is compiled again.
     """
     files = sorted(Path(__file__).parent.rglob("*.py"))
     return "".join(file.read_text(encoding="utf-8") for file in files)
@@ -266,12 +269,12 @@ _regressors = 2
 
 
 def _step(parameters: Any, state: Any, phi: Any, f: float, dt: float) -> None:
-    """Placeholder for the step of an estimator; `compiled` replaces it in copies of `_template`."""
+    """Placeholder for a step, which processes one sample. `compiled` inserts the real step."""
     raise NotImplementedError
 
 
 def _to_fixed_tuple(row: Any, length: int) -> Any:
-    """Placeholder for `to_fixed_tuple` of numba; `compiled` replaces it."""
+    """Placeholder for the numba function `to_fixed_tuple`. `compiled` inserts this function."""
     raise NotImplementedError
 
 

@@ -1,4 +1,8 @@
-"""Make the signal conditioner with a given name."""
+"""Make the signal conditioner with a given name.
+
+A signal conditioner is a filter that computes displacement, velocity and force from the measured
+position and force.
+"""
 
 from __future__ import annotations
 
@@ -27,20 +31,24 @@ def make_conditioner(
 ) -> Conditioner:
     """Return a new signal conditioner with this name.
 
+    A signal conditioner is a filter that computes displacement, velocity and force from the
+    measured position and force.
+
     Parameters
     ----------
     name
-        One of `CONDITIONERS`.
+        `matched` for `MatchedFilter`, `svf` for `StateVariableFilter`, `foaw` for
+        `FirstOrderAdaptiveWindowing`, or `difference` for `FilteredDifference`.
     bandwidth
-        Bandwidth of the filter [Hz]. `foaw` does not use it.
+        Bandwidth of the filter [Hz]. The conditioner `foaw` does not use this value.
     resolution
-        Distance per encoder count [m]. Only `foaw` uses it.
+        Distance per encoder count [m]. Only the conditioner `foaw` uses this value.
     force_lag
-        Time constant of the lag of the force channel [s]. Only the matched filter compensates this
-        lag.
+        Time constant of the lag of the force channel [s]. Only the conditioner `matched`
+        compensates this lag.
     model
-        Model that defines the regressors. Only the matched filter computes regressors other than
-        velocity and displacement.
+        Model that defines the regressors. Only the conditioner `matched` computes regressors other
+        than velocity and displacement.
 
     Raises
     ------

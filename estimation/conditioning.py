@@ -42,7 +42,7 @@ class Conditioned(NamedTuple):
 
 
 class Regression(NamedTuple):
-    """Filtered regressors and force of n samples, the arguments of `Bank.run`."""
+    """Filtered regressors and force of n samples. The fields are the arguments of `Bank.run`."""
 
     x: Floats
     """Displacement [m], shape (n,)."""
@@ -56,28 +56,28 @@ class Regression(NamedTuple):
     """The model's regressors besides v and x, shape (n, regressors - 2)."""
 
     def part(self, samples: slice | NDArray[np.intp] | NDArray[np.bool_]) -> Regression:
-        """Return the signals of some of the samples, given by a slice, indices or a mask."""
+        """Return some of the samples. `samples` is a slice, an array of indices, or a mask."""
         return Regression(*(channel[samples] for channel in self))
 
 
 class Conditioner(ABC):
-    """Base class of the filters that compute x, v and f from the measured position and force."""
+    """Base class of filters that compute x, v and f from measured position and force."""
 
     settling = 0.0
     """Time from the first sample until the transient of the filter has decayed to 1 % [s]."""
 
     @abstractmethod
     def reset(self) -> None:
-        """Discard all samples."""
+        """Reset the filter to its state before the first sample."""
 
     def update(self, x: float, f: float, dt: float) -> Conditioned:
-        """Process one sample: position x [m], force f [N], time `dt` [s] since the previous sample.
+        """Filter one sample: position x [m], force f [N], time `dt` [s] since the previous sample.
 
         Raises
         ------
         ValueError
-            A value is not finite or too large, or `dt` is not positive. The state of the
-            conditioner does not change.
+            A value is not finite or too large, or `dt` is not positive. In this case, the state
+            of the filter does not change.
         """
         if not is_valid(dt, abs(x) + abs(f)):
             raise sample_error(dt, x=x, f=f)
@@ -85,28 +85,28 @@ class Conditioner(ABC):
 
     @abstractmethod
     def _condition(self, x: float, f: float, dt: float) -> Conditioned:
-        """Process one sample. `update` has checked the values."""
+        """Filter one sample. The caller, `update`, has checked that the values are valid."""
 
     def correlation(self, dt: float) -> float:
-        """Return the number of samples per independent value of the force noise.
+        """Return (number of samples) / (number of independent values of the force noise in them).
 
-        It is 1 for white noise, and larger for correlated noise. `dt` is the sample period [s].
+        The ratio is 1 for white noise, and larger for correlated noise. `dt`: sample period [s].
         """
         return 1.0
 
     def run(self, x: ArrayLike, f: ArrayLike, dt: ArrayLike) -> Regression:
-        """Process n samples, with the same results as n calls of `update`.
+        """Filter n samples, with the same results as n calls of `update`.
 
         Raises
         ------
         ValueError
-            The shapes differ, a value is not finite, or a `dt` is not positive.
+            The shapes differ, a value is not finite or too large, or a `dt` is not positive.
         """
         samples = checked_samples(x, x, f, dt)
         return self._condition_all(samples.phi[:, 1].copy(), samples.f, samples.dt)
 
     def _condition_all(self, x: Floats, f: Floats, dt: Floats) -> Regression:
-        """Process n samples. `run` has checked the values."""
+        """Filter n samples. The caller, `run`, has checked that the values are valid."""
         rows = zip(x.tolist(), f.tolist(), dt.tolist(), strict=True)
         out = np.array(
             [(c.x, c.v, c.f, *c.further) for c in (self._condition(*row) for row in rows)]
@@ -130,7 +130,7 @@ class FilteredDifference(Conditioner):
         self.reset()
 
     def reset(self) -> None:
-        """Discard all samples."""
+        """Reset the filter to its state before the first sample."""
         self._x = math.nan
         self._v = 0.0
 
@@ -152,17 +152,17 @@ class FilteredDifference(Conditioner):
 class FirstOrderAdaptiveWindowing(Conditioner):
     """Compute velocity by first-order adaptive windowing (FOAW), in the end-fit variant.
 
-    The velocity is the slope of the line from the oldest to the newest position in a window. The
-    window is as long as possible, but every position in the window must have a distance of at most
-    `resolution` from this line. At rest the window is long, which gives low noise. In motion the
-    window is short, which gives a small delay.
+    The velocity is the slope (over time) of the line from the oldest to the newest position in a
+    window. The window is as long as possible, but every position in it must differ from this line
+    by at most `resolution`. At rest the window is long, which gives low noise. In motion the window
+    is short, which gives a small delay.
 
     Parameters
     ----------
     resolution
-        Peak error of a position sample [m], for example one encoder count.
+        Largest error of a position sample [m], for example the distance per encoder count.
     longest
-        Largest length of the window [samples].
+        Largest number of sample periods in the window.
 
     References
     ----------
@@ -180,7 +180,7 @@ class FirstOrderAdaptiveWindowing(Conditioner):
         self.reset()
 
     def reset(self) -> None:
-        """Discard all samples."""
+        """Reset the filter to its state before the first sample."""
         self._past.clear()
         self._time = 0.0
 
@@ -201,12 +201,12 @@ class FirstOrderAdaptiveWindowing(Conditioner):
 
 
 class StateVariableFilter(Conditioner):
-    """Compute velocity as the state y' of a second-order low-pass filter of the position.
+    """Compute velocity as the derivative y' of the output y of a low-pass filter of the position.
 
     Parameters
     ----------
     bandwidth
-        Natural frequency of the filter [Hz].
+        Natural frequency of the filter, which is of second order and critically damped [Hz].
     """
 
     def __init__(self, bandwidth: float) -> None:
@@ -214,7 +214,7 @@ class StateVariableFilter(Conditioner):
         self.settling = SETTLED_SECOND / angular(bandwidth)
 
     def reset(self) -> None:
-        """Discard all samples."""
+        """Reset the filter to its state before the first sample."""
         self._position.reset()
 
     def _condition(self, x: float, f: float, dt: float) -> Conditioned:
@@ -223,15 +223,15 @@ class StateVariableFilter(Conditioner):
 
 
 class MatchedFilter(Conditioner):
-    """Apply the same state-variable filter to position and force.
+    """Apply the same second-order low-pass filter to position and force.
 
     The velocity is a state of the filter of the position. For every linear filter H,
     f = b v + k x implies H f = b H v + k H x. So the filter reduces noise without bias in b or k.
     A filter that delays only v would cause a bias: for a delay T and motion at the angular
     frequency w, the estimates would be b / cos(w T) and k - b w tan(w T).
 
-    If the force channel has a lag, the estimated damping is b - k lag. If `force_lag` is given,
-    the position is filtered by the same lag, which removes this bias.
+    A lag of the force channel with the time constant T_f biases the estimated damping to about
+    b - k T_f. If `force_lag` is T_f, the same lag is applied to the position to remove this bias.
 
     Parameters
     ----------
@@ -262,14 +262,14 @@ class MatchedFilter(Conditioner):
         self._cube = LowPass(bandwidth)
 
     def reset(self) -> None:
-        """Discard all samples."""
+        """Reset the filter to its state before the first sample."""
         for part in (self._lag, self._position, self._force, self._cube_lag, self._cube):
             part.reset()
 
     def correlation(self, dt: float) -> float:
-        """Return the number of samples per independent value of the force noise.
+        """Return (number of samples) / (number of independent values of the force noise in them).
 
-        The filter makes the noise correlated. The number is computed from the noise bandwidth of
+        The filter makes the noise correlated. The ratio is computed from the noise bandwidth of
         the filter, which is pi/4 times its natural frequency. `dt` is the sample period [s].
         """
         return max(1.0, 2.0 / (math.pi * self._bandwidth * dt))

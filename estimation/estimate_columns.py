@@ -1,4 +1,8 @@
-"""Define the names, units and order of the columns of a table of estimates."""
+"""Define the names, units and order of the columns of a table of estimates.
+
+A row of the table contains the estimates of all estimators after one sample. The name of a column
+is the name of the estimator, an underscore, and the name of the quantity, for example `rls_k`.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +19,7 @@ MISFIT = "_misfit"
 
 
 class Column(NamedTuple):
-    """Description of a column of a table."""
+    """Description of a column of a table of estimates: its name, unit and meaning."""
 
     name: str
     unit: str
@@ -25,11 +29,12 @@ class Column(NamedTuple):
 
 
 def estimate_columns(bank: Mapping[str, Estimator]) -> list[Column]:
-    """Return the descriptions of the columns that contain the estimates of a bank.
+    """Return the descriptions of the columns of a table of estimates.
 
-    The columns of each estimator are, in this order: b, k, the standard deviations of b and k,
-    whether the estimate is held, the parameters besides b and k, and the standard deviations of
-    these parameters.
+    `bank` contains the estimators by name. The columns of each estimator are, in this order: b, k,
+    the standard deviations of b and k, whether the estimate is held, the parameters besides b and
+    k, and the standard deviations of these parameters. An estimate is held if the present sample
+    did not change it.
     """
     columns = []
     for name, estimator in bank.items():
@@ -45,19 +50,37 @@ def estimate_columns(bank: Mapping[str, Estimator]) -> list[Column]:
 
 
 def misfit_columns(names: Iterable[str]) -> list[Column]:
-    """Return the descriptions of the columns that contain the misfits (`estimation.misfit`)."""
+    """Return the descriptions of the columns that contain the misfits, one for each estimator.
+
+    A misfit is the systematic part of the force error, divided by the force (`estimation.misfit`).
+    `names` are the names of the estimators.
+    """
     meaning = "systematic force error divided by the force, by"
     return [Column(f"{name}{MISFIT}", "-", f"{meaning} {name}") for name in names]
 
 
 def misfit_in(columns: Mapping[str, Floats], estimator: str) -> Floats:
-    """Return the misfit of an estimator from a table, shape (n,); NaN if it is not in the table."""
+    """Return the misfit of an estimator from a table with n rows, shape (n,).
+
+    A misfit is the systematic part of the force error, divided by the force (`estimation.misfit`).
+    If the table does not contain the misfit of this estimator, all returned values are NaN.
+
+    Parameters
+    ----------
+    columns
+        Columns of the table by name, each of shape (n,).
+    estimator
+        Name of the estimator.
+    """
     missing = np.full(len(columns[f"{estimator}_b"]), np.nan)
     return columns.get(f"{estimator}{MISFIT}", missing)
 
 
 def estimate_row(estimates: Mapping[str, Estimate]) -> list[float]:
-    """Return the estimates after one sample, in the order of `estimate_columns`."""
+    """Return one row of a table of estimates, in the order of the columns of `estimate_columns`.
+
+    `estimates` contains the estimate of each estimator after one sample, by name of the estimator.
+    """
     row: list[float] = []
     for estimate in estimates.values():
         row += estimate[:5]
@@ -66,7 +89,11 @@ def estimate_row(estimates: Mapping[str, Estimate]) -> list[float]:
 
 
 def estimate_arrays(estimates: Mapping[str, Estimates]) -> Iterator[Floats]:
-    """Yield the estimates in the order of `estimate_columns`, as arrays of shape (n,)."""
+    """Yield the columns of a table of estimates, each of shape (n,), in order.
+
+    `estimates` contains the estimates of each estimator after each of n samples, by name of the
+    estimator. The order of the columns is that of `estimate_columns`.
+    """
     for e in estimates.values():
         yield from (e.b, e.k, e.b_std, e.k_std, e.held.astype(float))
         yield from (series.value for series in e.further.values())
@@ -74,14 +101,26 @@ def estimate_arrays(estimates: Mapping[str, Estimates]) -> Iterator[Floats]:
 
 
 def estimators_in(columns: Mapping[str, Floats]) -> list[str]:
-    """Return the names of the estimators that have columns in a table of estimates."""
+    """Return the names of the estimators whose estimates are in a table.
+
+    `columns` contains the columns of the table by name, for example `rls_b` for the damping by the
+    estimator `rls`.
+    """
     return [name[:-2] for name in columns if name.endswith("_b")]
 
 
 def estimates_in(columns: Mapping[str, Floats], estimator: str) -> Estimates:
-    """Return the estimates of an estimator from a table whose columns have the shape (n,).
+    """Return the estimates of one estimator from a table with n rows.
 
-    A standard deviation that is not in the table is NaN.
+    If the table does not contain a standard deviation, the returned values of this standard
+    deviation are NaN.
+
+    Parameters
+    ----------
+    columns
+        Columns of the table by name, each of shape (n,).
+    estimator
+        Name of the estimator.
     """
     b, k = columns[f"{estimator}_b"], columns[f"{estimator}_k"]
     missing = np.full(len(b), np.nan)
@@ -96,10 +135,24 @@ def estimates_in(columns: Mapping[str, Floats], estimator: str) -> Estimates:
 
 
 def further_in(columns: Mapping[str, Floats], prefix: str) -> dict[str, Series]:
-    """Return the estimates of the parameters besides b and k, by the name of the parameter.
+    """Return the estimates of the parameters besides b and k for one estimator.
 
-    `prefix` is the name of the estimator and an underscore. The name of a parameter contains no
-    underscore. So `rls_sift_k3` is a column of `rls_sift` and not of `rls`.
+    Parameters
+    ----------
+    columns
+        Columns of a table of estimates by name, each of shape (n,).
+    prefix
+        Name of the estimator and an underscore, for example `rls_`.
+
+    Returns
+    -------
+    Dictionary from the name of each parameter to its values and standard deviations.
+
+    Notes
+    -----
+    The name of a column is `prefix` and the name of the parameter, for example `rls_k3`. The name
+    of a parameter contains no underscore, but the name of an estimator may contain one. So
+    `rls_sift_k3` belongs to the estimator `rls_sift`, and not to the estimator `rls`.
     """
     names = [name.removeprefix(prefix) for name in columns if name.startswith(prefix)]
     parameters = [name.removesuffix("_std") for name in names if name.endswith("_std")]

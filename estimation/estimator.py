@@ -1,4 +1,4 @@
-"""Base class of all estimators. It applies a step to one sample or to arrays of samples."""
+"""Define the base class of all estimators. It processes one sample or arrays of samples."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from estimation.own_copies import own_copy
 from estimation.step import B, K, Regressors, State, Step
 
 UNKNOWN = 1e12
-"""A standard deviation of this size or more means that the data do not determine the parameter."""
+"""A standard deviation of this value or more means that the data do not determine the parameter."""
 LEVEL_95 = 1.959963984540054
 """Half width of the 95 % confidence interval of a normal distribution, in standard deviations."""
 
 
 class Estimate(NamedTuple):
-    """Estimate after one sample."""
+    """Estimated damping and stiffness after one sample."""
 
     b: float
     """Damping [N s/m]."""
@@ -41,7 +41,7 @@ class Estimate(NamedTuple):
 
 
 def estimate_of(state: State) -> Estimate:
-    """Return the estimate that a state contains."""
+    """Return the estimate that the state of an estimator contains."""
     theta, std = state.theta, state.std
     further = (*theta[2:], *std[2:]) if len(theta) > 2 else ()
     values = (theta[B], theta[K], std[B], std[K], state.held, further)
@@ -58,7 +58,7 @@ class Series(NamedTuple):
 
 
 class Estimates(NamedTuple):
-    """Estimates after each of n samples, as arrays of shape (n,)."""
+    """Estimated damping and stiffness after each of n samples, as arrays of shape (n,)."""
 
     b: Floats
     """Damping [N s/m]."""
@@ -74,7 +74,7 @@ class Estimates(NamedTuple):
     """Estimates of the parameters besides b and k, by name."""
 
     def part(self, samples: slice | NDArray[np.intp] | NDArray[np.bool_]) -> Estimates:
-        """Return the estimates of some of the samples, given by a slice, indices or a mask."""
+        """Return the estimates after the selected samples, given by a slice, indices or a mask."""
         further = {name: Series(*(s[samples] for s in series)) for name, series in self[5].items()}
         b, k, b_std, k_std, held = (
             self.b[samples],
@@ -91,31 +91,35 @@ class Estimator(ABC):
 
     An example is the Kelvin-Voigt model f = b v + k x, equation (1) of the paper. Its regressors
     are phi = [v, x], and its parameters are theta = [b, k]. A subclass defines the function `step`
-    that processes one sample (`estimation/step.py`), the constant settings of this function, and
-    the initial state. `update` and `run` both apply `step`, so their results are identical to the
-    bit.
+    that processes one sample (`estimation.step`), the constant settings of this function, and the
+    initial state. The method `update` processes one sample, and the method `run` processes arrays
+    of samples. Both call `step`, so their results are identical to the bit.
 
     Parameters
     ----------
     parameters
         Constant settings of `step`, a frozen dataclass.
     initial_state
-        State before the first sample.
+        State before the first sample. `step` updates a copy of this state.
     model
         Model that defines the regressors.
     names
-        Names of the estimated quantities, b and k first. Default: the model's parameters.
+        Names of the estimated quantities, b and k first. Default: names of the model's parameters.
     """
 
     gated: ClassVar[bool] = True
-    """Whether a contact gate applies. If so, theta changes only during contact and motion."""
+    """If True, the estimates do not change while a contact gate is closed (`estimation.gate`)."""
     constant: ClassVar[bool] = False
     """Whether the step needs a constant regressor 1 after the regressors of the model."""
 
     @staticmethod
     @abstractmethod
     def step(parameters: Any, state: Any, phi: Regressors, f: float, dt: float) -> None:
-        """Process one sample and update the state in place."""
+        """Process one sample: update `state` in place, including the estimate `state.theta`.
+
+        `parameters` contains the constant settings, `phi` the regressors [v, x, ...], `f` the force
+        [N], and `dt` the time since the previous sample [s].
+        """
 
     _step: ClassVar[Step]
 
@@ -148,17 +152,17 @@ class Estimator(ABC):
         return not set(POWERS_OF_X).isdisjoint(self.names)
 
     def reset(self) -> None:
-        """Discard all samples."""
+        """Set the state to the initial state, as before the first sample."""
         self.state = deepcopy(self._initial_state)
 
     @property
     def estimate(self) -> Estimate:
-        """The present estimate."""
+        """Estimate after the latest sample."""
         return estimate_of(self.state)
 
     @property
     def values(self) -> dict[str, tuple[float, float]]:
-        """Pairs (value, standard deviation) of the estimated quantities, by name."""
+        """Present value and standard deviation of each estimated quantity, by its name."""
         pairs = zip(self.state.theta, self.state.std, strict=True)
         return dict(zip(self.names, pairs, strict=True))
 
@@ -168,13 +172,13 @@ class Estimator(ABC):
         return tuple(UNITS[name] for name in self.names)
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return one line of text about the estimates, for example a warning; None for no text."""
+        """Return a remark about the estimates, for example a warning, or None if there is none."""
         return None
 
     def update(
         self, x: float, v: float, f: float, dt: float, further: Sequence[float] = ()
     ) -> Estimate:
-        """Process one sample.
+        """Process one sample, and return the new estimate.
 
         Parameters
         ----------
@@ -183,13 +187,13 @@ class Estimator(ABC):
         dt
             Time since the previous sample [s].
         further
-            The model's regressors besides v and x.
+            Values of the model's regressors besides v and x.
 
         Raises
         ------
         ValueError
-            A value is not finite or too large, `dt` is not positive, or the number of regressors
-            differs from that of the model. The state of the estimator does not change.
+            A value is not finite or too large, `dt` is not positive, or the model has a different
+            number of regressors. The state of the estimator does not change.
         """
         x, v, f, dt = float(x), float(v), float(f), float(dt)
         further = [float(value) for value in further]
@@ -199,7 +203,11 @@ class Estimator(ABC):
         return self.advance([v, x, *further], f, dt)
 
     def advance(self, phi: list[float], f: float, dt: float) -> Estimate:
-        """Process one sample phi = [v, x, ...], f [N], dt [s] that has passed `is_valid`."""
+        """Process one sample without a check of its values; return the new estimate.
+
+        `phi` contains the regressors [v, x, ...], `f` is the force [N], and `dt` is the time since
+        the previous sample [s]. The caller must check them (`estimation.checks.is_valid`).
+        """
         if self.constant:
             phi = [*phi, 1.0]
         state = self.state
@@ -208,7 +216,7 @@ class Estimator(ABC):
         return estimate_of(state)
 
     def hold(self) -> Estimate:
-        """Return the present estimate with `held` = True. The values do not change."""
+        """Return the unchanged estimate for a sample that is not used. Its field `held` is True."""
         state = self.state
         state.held = True
         return estimate_of(state)
@@ -221,29 +229,33 @@ class Estimator(ABC):
         dt: ArrayLike,
         further: ArrayLike | None = None,
     ) -> Estimates:
-        """Process n samples, with the same results as n calls of `update`.
+        """Process n samples, and return the n estimates, which are those of n calls of `update`.
 
         Parameters
         ----------
         x, v, f
             Displacement [m], velocity [m/s], force [N], each of shape (n,).
         dt
-            Time since the previous sample [s], of shape (n,), or one number for all.
+            Time since the previous sample [s], of shape (n,), or one number for all samples.
         further
-            The model's regressors besides v and x, shape (n, regressors - 2).
+            Values of the model's regressors besides v and x, shape (n, regressors - 2).
 
         Raises
         ------
         ValueError
-            The shapes differ, a value is not finite, a `dt` is not positive, or the number of
-            regressors differs from that of the model. The state does not change.
+            The shapes differ, a value is not finite or too large, a `dt` is not positive, or the
+            model has a different number of regressors. The state does not change.
         """
         samples = checked_samples(x, v, f, dt, further)
         self.check_further(samples.phi.shape[1] - 2)
         return self.advance_all(samples)
 
     def advance_all(self, samples: Samples) -> Estimates:
-        """Process samples that `checked_samples` returned."""
+        """Process n samples without a check of their values; return the n estimates.
+
+        The caller must check the samples (`estimation.checks.checked_samples`). The samples for
+        which `samples.open` is False do not change the estimates.
+        """
         table = sweep(self.law, self.state, self.step_samples(samples))
         size = len(self.names)
         columns = table.T.copy()
@@ -261,10 +273,10 @@ class Estimator(ABC):
         )
 
     def step_samples(self, samples: Samples) -> Samples:
-        """Return the samples with all regressors that `step` needs.
+        """Return the samples with all regressors that the function `step` needs.
 
-        If the class attribute `constant` is True, a regressor that is always 1 is added after the
-        regressors of the model.
+        If the class attribute `constant` is True, `step` needs a regressor that is always 1. This
+        regressor is added after the regressors of the model.
         """
         if not self.constant:
             return samples
@@ -272,11 +284,11 @@ class Estimator(ABC):
 
     @property
     def law(self) -> Law:
-        """The function `step` of the class, and the values of its constant settings."""
+        """Pair of the function `step` of this class and the constant settings of this function."""
         return Law(type(self).step, self.parameters)
 
     def check_further(self, count: int) -> None:
-        """Raise ValueError unless the model has this number of regressors besides v and x."""
+        """Raise ValueError unless the model has `count` regressors besides v and x."""
         expected = self.model.regressors - 2
         if count != expected:
             raise ValueError(

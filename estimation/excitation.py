@@ -1,4 +1,4 @@
-"""Compute the persistent excitation and the dominant frequency of a motion."""
+"""Compute a measure of the persistent excitation, and the dominant frequency of a motion."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ from estimation.compiled import Floats, looped
 class Excitation:
     """Measure of persistent excitation over a sliding window, from 0 to 1.
 
-    The regressors v / omega and x are both in metres. The measure is the ratio of the smallest to
-    the largest eigenvalue of their mean Gram matrix. The measure is 1 for a sinusoidal displacement
-    of the given frequency with mean 0. The measure is 0 in a hold, where only the stiffness can be
-    identified. The measure is also 0 if displacement and velocity are proportional throughout the
-    window.
+    Let phi = [v / omega, x], with the angular frequency omega = 2 pi `frequency`. Both elements are
+    in metres. The measure is the ratio of the smallest to the largest eigenvalue of the matrix
+    phi phi', averaged over the window. The measure is near
+
+    - 1 for a sinusoidal displacement with the mean 0 and the given frequency;
+    - 0 while the position is constant, because only the stiffness can then be identified;
+    - 0 while velocity and displacement are proportional to each other.
 
     Parameters
     ----------
     frequency
-        Frequency omega / (2 pi) [Hz]. omega scales velocity to displacement. The default is one
-        palpation per second.
+        Expected frequency of the motion [Hz]. Default: one palpation per second.
     window
         Length of the sliding window [s]. Default: one period of `frequency`.
     resolution
@@ -63,7 +64,7 @@ class Excitation:
 
         Returns
         -------
-        The measure over the latest window, from 0 to 1.
+        Measure of persistent excitation over the present window, from 0 to 1.
 
         Raises
         ------
@@ -95,11 +96,12 @@ class Excitation:
         Parameters
         ----------
         x, v, dt
-            Displacement [m], velocity [m/s] and time since the previous sample [s], shape (n,).
+            Displacement [m], velocity [m/s] and time since the previous sample [s], each of shape
+            (n,).
 
         Returns
         -------
-        The measure after each sample, shape (n,).
+        Measure of persistent excitation after each sample, from 0 to 1, shape (n,).
 
         Raises
         ------
@@ -149,21 +151,24 @@ def removals(
     removed: list[int],
     spans: list[float],
 ) -> None:
-    """Compute, at each new sample, the length of the window and how many samples have left it.
+    """Add n new samples to a sliding window, and remove old samples that are outside the window.
+
+    The results are written to `removed` and `spans`.
 
     Parameters
     ----------
     window
         Largest length of the window [s].
     span
-        Length of the window before the new samples [s].
+        Length of the window before the first new sample [s].
     stored
-        Number of samples in the window before the new samples.
+        Number of samples in the window before the first new sample.
     periods
-        Time since the previous sample [s], for the samples in the window and the new samples.
-    removed, spans
-        The results at each new sample, which are changed in place: the number of samples that have
-        left the window so far, and the length of the window [s].
+        Time since the previous sample [s], for the stored samples and then for the new samples.
+    removed
+        Result: total number of samples removed from the window, after each new sample, shape (n,).
+    spans
+        Result: length of the window after each new sample [s], shape (n,).
     """
     first = 0
     for i in range(len(removed)):
@@ -178,14 +183,14 @@ def removals(
 def dominant_frequency(x: ArrayLike, dt: ArrayLike) -> float:
     """Return the frequency [Hz] of the largest peak in the spectrum of a motion.
 
-    A linear drift is subtracted from the motion first.
+    The mean and a linear drift of the displacement are subtracted first.
 
     Parameters
     ----------
     x
         Displacement [m], shape (n,).
     dt
-        Time since the previous sample [s], shape (n,), or one number for all.
+        Time since the previous sample [s], shape (n,), or one number for all samples.
 
     Raises
     ------

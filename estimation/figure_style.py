@@ -1,4 +1,4 @@
-"""Define the style of all figures, and draw long lines with fewer samples in less time."""
+"""Define the style of all figures, and draw lines of many samples in less time."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ WIDTHS: dict[str, float] = {"screen": 8.0, "single": 3.5, "double": 7.16, "a4": 
 FONTS: dict[str, float] = {"screen": 10.0, "single": 7.0, "double": 8.0, "a4": 9.0}
 """Size of the text [pt], by the name of the width."""
 CHOSEN: ContextVar[str] = ContextVar("CHOSEN", default="screen")
-"""Name of the present width of figures, see `figure_style`."""
+"""Name of the present width of figures, a key of `WIDTHS`. `figure_style` sets it."""
 NARROW = 5.0
-"""A figure that is narrower than this width [in] has only one column of panels."""
+"""A figure that is narrower than this width [in] has thinner lines and fewer columns of panels."""
 LINES: tuple[dict[str, Any], ...] = (
     {"color": "#0072B2", "linewidth": 2.4, "alpha": 0.75},
     {"color": "#D55E00", "linewidth": 1.2, "marker": "o", "markevery": (0.02, 0.17)},
@@ -56,23 +56,23 @@ BLUE, ORANGE, GREY, PROFILE = "#0072B2", "#D55E00", "#555555", "#8C8C8C"
 NO_ESTIMATE = "no estimate: no contact or no motion"
 """Text that is shown instead of the estimates if no estimator was updated."""
 BINS = 1000
-"""Number of bins into which the samples of a line are divided, see `extremes`."""
+"""Number of bins into which the samples of a line are divided, see `extremes` and `shade`."""
 
 
 class PageFigure(Figure):
     """A figure that can be saved in less time, and that notebooks can show.
 
     When `Figure.savefig` of matplotlib saves a figure with constrained layout, it draws the figure
-    twice. It uses the first drawing only to compute the layout. This class computes the layout
-    without the first drawing. A notebook shows the figure even if matplotlib.pyplot was not
-    imported.
+    twice. The first drawing only serves to compute the layout. This class computes the layout
+    without the first drawing. In addition, a notebook shows the figure even if matplotlib.pyplot
+    was not imported.
     """
 
     def draw(self, renderer: RendererBase) -> None:
         """Draw the figure, or only compute its layout.
 
         With constrained layout, `savefig` calls this method twice. The first call only computes the
-        layout, and the second call draws the figure with this layout.
+        layout. The second call draws the figure with this layout.
         """
         layout = self.get_layout_engine()
         if isinstance(layout, ConstrainedLayoutEngine) and self.canvas.is_saving():
@@ -88,7 +88,10 @@ class PageFigure(Figure):
 
 @contextlib.contextmanager
 def figure_style(width: str = "screen") -> Iterator[None]:
-    """Context manager that sets the width of figures; `width` is a key of `WIDTHS`."""
+    """Context manager that sets the width of figures, and the size of their text.
+
+    `width` is `screen`, `single`, `double` or `a4` (`WIDTHS`).
+    """
     font = FONTS[width]
     parameters: Any = {
         "font.size": font,
@@ -105,14 +108,14 @@ def figure_style(width: str = "screen") -> Iterator[None]:
 
 
 def new_figure(ratio: float, rows: int = 1) -> Figure:
-    """Return an empty figure with the present width, see `figure_style`.
+    """Return an empty figure. Its width is that of the context manager `figure_style`.
 
     Parameters
     ----------
     ratio
-        Height divided by width.
+        Height divided by width. The figure is higher if the rows need more height.
     rows
-        Number of rows of panels. Each row is at least 1.25 inch high.
+        Number of rows of panels. Each row needs a height of at least 1.25 inch.
     """
     width = WIDTHS[CHOSEN.get()]
     height = max(ratio * width, 1.25 * rows + 1.0)
@@ -120,20 +123,24 @@ def new_figure(ratio: float, rows: int = 1) -> Figure:
 
 
 def is_narrow() -> bool:
-    """Return whether the present width of figures is smaller than `NARROW`."""
+    """Return whether the present width of figures is less than 5 inches, see `figure_style`."""
     return WIDTHS[CHOSEN.get()] < NARROW
 
 
 def line(index: int) -> dict[str, Any]:
-    """Return the style of the line with this index. The styles repeat after five lines."""
+    """Return the style of a line, as keyword arguments of `Axes.plot` of matplotlib.
+
+    `index` is the number of the line, from 0. There are five styles, which repeat.
+    """
     style, scale = LINES[index % len(LINES)], 0.65 if is_narrow() else 1.0
     return style | {"linewidth": style["linewidth"] * scale, "markersize": MARKER_SIZE * scale}
 
 
 def draw(axes: Axes, t: Floats, values: Floats, **style: Any) -> None:
-    """Draw values over time t, both of shape (n,).
+    """Draw a line of values over time t, both of shape (n,).
 
-    Only the samples that `extremes` selects are drawn.
+    If there are many samples, only the samples that `extremes` selects are drawn. `**style`
+    contains options of `Axes.plot` of matplotlib.
     """
     shown = extremes(values)
     axes.plot(t[shown], values[shown], **style)
@@ -145,11 +152,11 @@ def shade(axes: Axes, t: Floats, low: Floats, high: Floats, **style: Any) -> Non
     Parameters
     ----------
     axes
-        The axes.
+        Axes of matplotlib.
     t, low, high
         Times, values of the lower line, and values of the upper line, each of shape (n,). If n is
-        larger than `BINS`, the samples are divided into bins. In each bin, the area is drawn from
-        the smallest value of `low` to the largest value of `high`.
+        larger than 1000, successive samples are combined in bins. In each bin, the area is drawn
+        from the smallest value of `low` to the largest value of `high`.
     **style
         Options of matplotlib's `fill_between`.
     """
@@ -163,15 +170,15 @@ def shade(axes: Axes, t: Floats, low: Floats, high: Floats, **style: Any) -> Non
 
 
 def extremes(values: Floats) -> NDArray[np.int_]:
-    """Return the indices of a small number of samples that show the same line as all samples.
+    """Return the indices of a few samples whose line looks like the line of all samples.
 
-    The samples are divided into `BINS` bins. The indices are those of the first, the smallest and
-    the largest sample of each bin, and of the last sample.
+    The samples are divided into 1000 bins of successive samples. The first, the smallest and the
+    largest sample of each bin are selected, and also the last of all samples.
 
     Parameters
     ----------
     values
-        Samples, shape (n,). If n is at most three times `BINS`, all indices are returned.
+        Samples, shape (n,). If n is at most 3000, all indices are returned.
     """
     n = len(values)
     if n <= 3 * BINS:
@@ -197,16 +204,17 @@ def extremes(values: Floats) -> NDArray[np.int_]:
 def limits(axes: Axes, series: Sequence[Floats], levels: Sequence[float] = ()) -> None:
     """Set the limits of the vertical axis.
 
-    The axis shows the 2nd to the 98th percentile of each line, all given levels, and a margin.
+    The limits contain the 2nd to the 98th percentile of each line, and all given levels. A margin
+    is added above and below.
 
     Parameters
     ----------
     axes
-        The axes.
+        Axes of matplotlib.
     series
         Values of the lines, each of shape (n,). Values that are not finite are not used.
     levels
-        Values that must be within the limits.
+        Further values that must be within the limits, for example true values.
     """
     parts = [one[np.isfinite(one)] for one in series]
     ends = [np.percentile(one, (2, 98)) for one in parts if len(one)]
@@ -224,7 +232,19 @@ def legend(
     names: Sequence[str],
     place: Literal["upper", "lower"] = "upper",
 ) -> None:
-    """Draw the legend above or below the panels, with as many columns as fit (at most four)."""
+    """Draw the legend of a figure above or below all panels.
+
+    The legend has as many columns as fit into the width of the figure, at most four.
+
+    Parameters
+    ----------
+    figure
+        The figure.
+    handles, names
+        Lines or patches of matplotlib, and the text beside each of them.
+    place
+        `upper`: above the panels; `lower`: below the panels.
+    """
     font = 0.9 * FONTS[CHOSEN.get()]
     fits = [n for n in (4, 3, 2, 1) if columns_width(names, n, font) < figure.get_figwidth()]
     figure.legend(
@@ -244,14 +264,17 @@ def common_legend(figure: Figure, panels: Sequence[Axes]) -> None:
 
 
 def columns_width(names: Sequence[str], columns: int, font: float) -> float:
-    """Return the approximate width [in] of a legend. `font` is the size of its text [pt]."""
+    """Return the approximate width [in] of a legend with these names.
+
+    `columns` is the number of columns, and `font` is the size of the text [pt].
+    """
     rows = -(-len(names) // columns)
     longest = [max(map(len, names[i : i + rows])) for i in range(0, len(names), rows)]
     return sum(0.62 * length + 5.0 for length in longest) * font / 72.0
 
 
 def explain(axes: Axes, text: str) -> None:
-    """Write a text in the middle of axes. The text explains why the axes have no line."""
+    """Write a text in the middle of a panel. The text explains why the panel has no line."""
     axes.text(
         0.5,
         0.5,
@@ -266,6 +289,9 @@ def explain(axes: Axes, text: str) -> None:
 
 
 def tidy(axes: Axes, grid: Literal["both", "y"] = "both") -> None:
-    """Draw a light grid for these axes, and no border above and to the right."""
+    """Draw a light grid in a panel, and remove its upper and right border.
+
+    `grid` is `both`, or `y` for horizontal lines only.
+    """
     axes.grid(axis=grid, alpha=0.25, linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)

@@ -1,7 +1,7 @@
 """Draw the estimates of one or several estimators over time.
 
-The displacement is drawn behind the stiffness, and the velocity behind the damping. If there are
-more than `TOGETHER` estimators, displacement and velocity are not drawn.
+Displacement and velocity are drawn behind the estimates of at most five estimators. If there are
+more estimators, each estimator has its own panels, without displacement and velocity.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ from estimation.figure_style import (
 TOGETHER = len(LINES)
 """Largest number of estimators in one panel. If there are more, each has its own panels."""
 START = 0.1
-"""Fraction of the time at the start that is ignored when the limits of an axis are computed."""
+"""Fraction of the duration, at its start, that is not used to compute the limits of an axis."""
 TRUTH: dict[str, Any] = {"color": "#444444", "linewidth": 0.9, "linestyle": (0, (10, 3))}
-"""Style of the lines at the true values of the simulated rig."""
+"""Style of the lines at the true values of a simulated specimen."""
 MOTION: dict[str, Any] = {"color": PROFILE, "linewidth": 0.7, "alpha": 0.55}
 """Style of the lines of displacement and velocity."""
 
 
 class Truth(NamedTuple):
-    """True damping and true stiffness of the simulated rig."""
+    """True damping and true stiffness of a simulated specimen."""
 
     b: float
     """Damping [N s/m]."""
@@ -56,10 +56,11 @@ class Truth(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """Stiffness and damping of one estimator, and the half widths of their 95 % intervals.
+    """Estimates of one estimator, in the form in which they are drawn.
 
-    Each array has the shape (n,), and the unit of the axis on which it is drawn. The values before
-    the first estimate are NaN.
+    `k` and `b` are the estimated stiffness and damping. `k_half` and `b_half` are the half widths
+    of their 95 % confidence intervals. Each array has the shape (n,). The stiffness is in the unit
+    of its axis, for example kN/m. The values before the first estimate are NaN.
     """
 
     k: Floats
@@ -69,7 +70,7 @@ class Drawn(NamedTuple):
 
     @property
     def exists(self) -> bool:
-        """Whether there is an estimate after at least one sample."""
+        """Whether the estimator has computed an estimate at any of the samples."""
         return bool(np.isfinite(self.k).any())
 
 
@@ -90,10 +91,10 @@ def estimates_figure(
     t, x, v
         Time [s], displacement [m], velocity [m/s], each of shape (n,).
     estimates
-        Estimates by name of the estimator. If there are more than `TOGETHER` estimators, each
-        estimator has its own panels, and the motion is not drawn.
+        Estimates by name of the estimator. If there are more than five estimators, each estimator
+        has its own panels, and the motion is not drawn.
     truth
-        True values of the simulated rig; None if they are not known.
+        True damping and stiffness of a simulated specimen; None if they are not known.
     """
     scale, prefix = k_scale(estimates)
     shown = {name: drawn(series, scale) for name, series in estimates.items()}
@@ -143,7 +144,9 @@ def small_multiples(
     labels: tuple[str, str],
     truth: Truth | None,
 ) -> Figure:
-    """Return a figure with separate panels for each estimator, all with the same axis limits.
+    """Return a figure with two panels for each estimator: stiffness and damping over time.
+
+    All panels of the stiffness have the same limits, and so have all panels of the damping.
 
     Parameters
     ----------
@@ -154,9 +157,9 @@ def small_multiples(
     shown
         Stiffness and damping of each estimator, by the name of the estimator.
     labels
-        Labels of the axes of stiffness and damping.
+        Labels of the axes of stiffness and damping, with their units.
     truth
-        True values, with the stiffness in the unit of its axis; None if they are not known.
+        True damping and stiffness, in the units of `labels`; None if they are not known.
     """
     pairs = 1 if is_narrow() else 2
     rows = -(-len(shown) // pairs)
@@ -208,7 +211,7 @@ def small_multiples(
 
 
 def drawn(series: Estimates, scale: float) -> Drawn:
-    """Return the estimates of an estimator for a figure. The stiffness is multiplied by `scale`."""
+    """Return the estimates of one estimator for a figure. `scale` multiplies the stiffness."""
     unknown = np.logical_and.accumulate(series.held)
     k, b = (np.where(unknown, np.nan, values) for values in (series.k, series.b))
     k_half, b_half = (
@@ -219,7 +222,7 @@ def drawn(series: Estimates, scale: float) -> Drawn:
 
 
 def k_scale(estimates: Mapping[str, Estimates]) -> tuple[float, str]:
-    """Return the factor from N/m to the unit of the stiffness axis, and this unit."""
+    """Return the factor from N/m to the unit of the stiffness axis, and the name of this unit."""
     largest = max(float(np.median(np.abs(series.k))) for series in estimates.values())
     if largest >= 1e6:
         return 1e-6, "MN/m"
@@ -227,7 +230,7 @@ def k_scale(estimates: Mapping[str, Estimates]) -> tuple[float, str]:
 
 
 def scaled(truth: Truth | None, scale: float) -> Truth | None:
-    """Return the true values, with the stiffness multiplied by `scale`."""
+    """Return the true damping, and the true stiffness times `scale`; None if `truth` is None."""
     return truth and Truth(truth.b, truth.k_surface * scale, truth.k_deepest * scale)
 
 
@@ -237,12 +240,11 @@ def draw_truth(
     handles: list[Line2D | Patch],
     names: list[str],
 ) -> tuple[list[Line2D | Patch], list[str]]:
-    """Draw horizontal lines at the true values, and return the entries of the legend.
+    """Draw horizontal lines at the true values; return the lines and the texts of the legend.
 
-    The lines in the first panel are the stiffness at the surface and the stiffness at the greatest
-    depth. The line in the second panel is the damping. `handles` and `names` are the entries of the
-    legend so far. One entry for the true values is added to them. If `truth` is None, no line and
-    no entry is added.
+    The lines in the first panel are the stiffness at the surface and at the greatest depth. The
+    line in the second panel is the damping. One entry for the true values is added to `handles` and
+    `names`, the lines and texts of the legend so far. If `truth` is None, nothing is added.
     """
     if truth is None:
         return handles, names
@@ -258,10 +260,10 @@ def frame(
     shown: Mapping[str, Drawn],
     truth: Truth | None,
 ) -> None:
-    """Set the limits and the style of the axes of stiffness and damping.
+    """Set the vertical limits and the style of the panels of stiffness and damping.
 
-    The first part of the record is not used for the limits. `START` is the length of this part,
-    divided by the length of the record.
+    The limits are computed from the estimates and the true values. The estimates in the first 10 %
+    of the time are ignored, because an estimator may not have converged yet.
     """
     later = t >= t[0] + START * (t[-1] - t[0])
     k_levels = (0.0, truth.k_surface, truth.k_deepest) if truth else (0.0,)
@@ -272,7 +274,7 @@ def frame(
 
 
 def interval(axes: Axes, t: Floats, values: Floats, half: Floats) -> None:
-    """Shade the 95 % interval of an estimate with the half width `half`."""
+    """Shade the 95 % confidence interval of an estimate, from values - half to values + half."""
     shade(axes, t, values - half, values + half, color=BLUE, alpha=0.12)
 
 
@@ -288,10 +290,10 @@ def profile(axes: Axes, t: Floats, values: Floats, label: str) -> None:
 
 
 def known_truth(values: Mapping[str, float] | None) -> Truth | None:
-    """Return a `Truth` with the true values of a trial; None if one of the values is not known.
+    """Return the true damping and stiffness of a trial; None if one of them is not known.
 
-    `values` contains the true values by the names of the fields of `Truth`; None if no value is
-    known.
+    `values` contains the true values by name. The names are those of the fields of `Truth`, and a
+    value that is not known is NaN. If no value is known, `values` may be None or empty.
     """
     if not values or not all(math.isfinite(values[name]) for name in Truth._fields):
         return None

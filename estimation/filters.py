@@ -1,4 +1,7 @@
-"""Discrete-time filters. They are exact if the input changes linearly between the samples."""
+"""Define linear filters in discrete time.
+
+The filters are exact if the input changes linearly between the samples.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ def low_pass(
     """Return the output of a `LowPass` and the derivative of the output, after one sample.
 
     During the time `dt` [s], the input changes linearly from `u_before` to `u`. `y` and `rate` are
-    the output and its derivative before this time.
+    the output and its derivative before this time. `omega` is the natural frequency [rad/s].
     """
     ramp = (u - u_before) / dt
     lag = 2.0 * ramp / omega
@@ -40,7 +43,11 @@ def low_pass_series(
     ys: Any,
     rates: Any,
 ) -> None:
-    """Apply `low_pass` to n inputs, and write the n outputs and derivatives to `ys` and `rates`."""
+    """Apply `low_pass` to n inputs `u`, and write the results to `ys` and `rates`.
+
+    `ys` receives the n outputs, and `rates` receives their derivatives. `dt` contains the n times
+    since the previous input [s].
+    """
     for i in range(len(u)):
         y, rate = low_pass(omega, u_before, y, rate, u[i], dt[i])
         u_before = u[i]
@@ -52,7 +59,7 @@ def first_order_lag(lag: float, u_before: float, y: float, u: float, dt: float) 
     """Return the output of a `Lag` after one sample.
 
     During the time `dt` [s], the input changes linearly from `u_before` to `u`. `y` is the output
-    before this time.
+    before this time. `lag` is the time constant [s].
     """
     behind = (u - u_before) / dt * lag
     return u - behind + (y - u_before + behind) * math.exp(-dt / lag)
@@ -61,7 +68,7 @@ def first_order_lag(lag: float, u_before: float, y: float, u: float, dt: float) 
 def lag_series(
     lag: float, u_before: float, y: float, u: Sequence[float], dt: Sequence[float], ys: Any
 ) -> None:
-    """Apply `first_order_lag` to n inputs, and write the n outputs to `ys`."""
+    """Apply `first_order_lag` to n inputs `u`, and write the n outputs to `ys`."""
     for i in range(len(u)):
         y = first_order_lag(lag, u_before, y, u[i], dt[i])
         u_before = u[i]
@@ -69,10 +76,11 @@ def lag_series(
 
 
 def difference(omega: float, u_before: float, y: float, u: float, dt: float) -> float:
-    """Return the difference quotient of the input u, filtered by a first-order low-pass filter.
+    """Return the difference quotient of an input, filtered by a first-order low-pass filter.
 
-    `omega` is the corner frequency of the filter [rad/s]. `u_before` and `u` are the inputs before
-    and after the time `dt` [s]. `y` is the output of the filter before this time.
+    `u_before` and `u` are the inputs before and after the time `dt` [s]. The difference quotient is
+    (u - u_before) / dt. `y` is the output of the filter before this time, and `omega` is the corner
+    frequency of the filter [rad/s].
     """
     return y - math.expm1(-omega * dt) * ((u - u_before) / dt - y)
 
@@ -80,7 +88,7 @@ def difference(omega: float, u_before: float, y: float, u: float, dt: float) -> 
 def difference_series(
     omega: float, u_before: float, y: float, u: Sequence[float], dt: Sequence[float], ys: Any
 ) -> None:
-    """Apply `difference` to n inputs, and write the n outputs into `ys`."""
+    """Apply `difference` to n inputs `u`, and write the n outputs to `ys`."""
     for i in range(len(u)):
         y = difference(omega, u_before, y, u[i], dt[i])
         u_before = u[i]
@@ -98,7 +106,7 @@ class LowPass:
     Parameters
     ----------
     bandwidth
-        Natural frequency [Hz].
+        Natural frequency w / (2 pi) [Hz], from 1e-6 to 1e6 Hz.
 
     Attributes
     ----------
@@ -113,12 +121,15 @@ class LowPass:
         self.reset()
 
     def reset(self) -> None:
-        """Discard all samples."""
+        """Discard all inputs. The next input is processed as the first input."""
         self._u = math.nan
         self.y = self.rate = 0.0
 
     def update(self, u: float, dt: float) -> None:
-        """Advance the filter by `dt` [s]. During this time the input changes linearly to u."""
+        """Process one input, and update the outputs `y` and `rate`.
+
+        During the time `dt` [s], the input changes linearly from the previous input to `u`.
+        """
         omega = self._omega
         if math.isnan(self._u):
             self._u = self.y = u
@@ -148,7 +159,7 @@ class LowPass:
 
     @property
     def acceleration(self) -> float:
-        """Second derivative y'' of the output."""
+        """Second time derivative y'' of the output, in the unit of y per second squared."""
         return self._omega * (self._omega * (self._u - self.y) - 2.0 * self.rate)
 
 
@@ -176,11 +187,14 @@ class Lag:
         self.reset()
 
     def reset(self) -> None:
-        """Discard all samples."""
+        """Discard all inputs. The next input is processed as the first input."""
         self._u = self.y = math.nan
 
     def update(self, u: float, dt: float) -> float:
-        """Advance the lag by `dt` [s], while the input changes linearly to u; return the output."""
+        """Process one input, and return the output.
+
+        During the time `dt` [s], the input changes linearly from the previous input to `u`.
+        """
         if self._lag == 0.0 or math.isnan(self._u):
             self.y = u
         else:
@@ -189,7 +203,10 @@ class Lag:
         return self.y
 
     def run(self, u: Floats, dt: Floats) -> Floats:
-        """Process n inputs; return the outputs of n calls of `update`, shape (n,)."""
+        """Process n inputs; return n outputs, which are those of n calls of `update`.
+
+        `u` contains the inputs, and `dt` the times since the previous input [s].
+        """
         if self._lag == 0.0 or not len(u):
             self._u = float(u[-1]) if len(u) else self._u
             self.y = self._u
@@ -203,12 +220,12 @@ class Lag:
 
 
 def angular(bandwidth: float) -> float:
-    """Return the angular frequency [rad/s] of a frequency [Hz].
+    """Return the angular frequency [rad/s] of a bandwidth [Hz].
 
     Raises
     ------
     ValueError
-        The frequency is not between 1e-6 and 1e6 Hz.
+        The bandwidth is not between 1e-6 and 1e6 Hz.
     """
     if not 1e-6 <= bandwidth <= 1e6:
         raise ValueError(f"bandwidth must be positive, 1e-6 to 1e6 Hz, got {bandwidth} Hz")

@@ -1,4 +1,4 @@
-"""Draw the measured and the predicted force over time and over displacement."""
+"""Draw the measured force and the predicted force, over time and over displacement."""
 
 from __future__ import annotations
 
@@ -34,10 +34,11 @@ LEAST_SQUARES = "least squares of the model"
 def force_figure(
     title: str, t: Floats, regression: Regression, name: str, estimates: Estimates, fit: Fit
 ) -> Figure:
-    """Return a figure of the measured and the predicted force.
+    """Return a figure of the measured force and the predicted force, with three panels.
 
-    In the panel over time, the force is predicted by an online estimator. In the panel over
-    displacement, the force is predicted by a least-squares fit to all samples.
+    The first panel shows the force over time, measured and predicted by an online estimator. The
+    second panel shows the error of this prediction. The third panel shows the force over
+    displacement, measured and computed by a least-squares fit to all samples.
 
     Parameters
     ----------

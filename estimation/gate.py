@@ -1,4 +1,7 @@
-"""Contact gate. The estimates change only while there is contact and motion."""
+"""Define the contact gate.
+
+The contact gate stops the update of the estimators while there is no contact or no motion.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from estimation.step import Regressors, State
 
 
 class GateSettings(NamedTuple):
-    """Settings of a contact gate. The gate is open above the thresholds of force and speed."""
+    """Settings of a contact gate: the thresholds above which there is contact and motion."""
 
     force: float
     """There is contact while the root mean square of the force is above this value [N]."""
@@ -26,7 +29,7 @@ class GateSettings(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class GateParameters:
-    """Constant settings of the function `step`."""
+    """Constant settings of `step`, the function with which the contact gate processes a sample."""
 
     window: float
     """Time constant of the mean squares [s]."""
@@ -38,10 +41,10 @@ class GateParameters:
 
 @dataclass(slots=True)
 class GateState(State):
-    """Variables that `step` updates.
+    """Variables that `step` updates, the function with which the contact gate processes a sample.
 
-    The vector `theta` has only one element here, the mean square of the force [N^2]. `held` is True
-    while the gate is closed.
+    The fields of the base class have another meaning here. `theta` contains one number, the mean
+    square of the force [N^2]. `std` is not used. `held` is True while the gate is closed.
     """
 
     v_square: float
@@ -51,10 +54,12 @@ class GateState(State):
 def step(
     parameters: GateParameters, state: GateState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Update the mean squares of velocity and force, and set `held` if one of them is too small.
+    """Update the mean squares of velocity and force, and open or close the gate.
 
-    `held` is also set if the force of the present sample is below the threshold. So the gate closes
-    at the first sample out of contact, before the mean square has decayed.
+    The gate is open (`state.held` = False) while three values are above their thresholds: the mean
+    square of the velocity, the mean square of the force, and the square of the present force. The
+    third value closes the gate at the first sample without contact, when the mean square of the
+    force has not decayed yet.
     """
     v, theta = phi[0], state.theta
     share = dt / (parameters.window + dt)
@@ -66,10 +71,11 @@ def step(
 
 
 class Gate:
-    """Gate that is open only during contact and motion; estimates do not change while it is closed.
+    """Contact gate, which is open only during contact and motion.
 
-    Out of contact the force is zero for every motion, and an estimator would converge to zero
-    stiffness. At rest the velocity is encoder noise, and an estimator would fit damping to it.
+    While the gate is closed, the estimates do not change. Without contact the force is zero, so
+    that an estimator would converge to zero stiffness. Without motion the measured velocity is
+    only encoder noise, so that an estimator would compute a wrong damping from this noise.
 
     Parameters
     ----------
@@ -84,7 +90,8 @@ class Gate:
     Attributes
     ----------
     contacts
-        Whether there was contact at each sample of the last `run`, shape (n,).
+        Whether the root mean square of the force was above its threshold, for each of the n
+        samples of the last call of `run`, shape (n,).
     """
 
     def __init__(self, settings: GateSettings) -> None:
@@ -100,26 +107,30 @@ class Gate:
         self.reset()
 
     def reset(self) -> None:
-        """Discard all samples."""
+        """Discard all samples, and close the gate."""
         self._state = GateState([0.0], [math.nan], True, 0.0)
 
     def update(self, phi: Regressors, f: float, dt: float) -> bool:
-        """Process a sample phi = [v, x, ...], f [N], dt [s]; return whether the gate is open."""
+        """Process one sample, and return whether the gate is open.
+
+        `phi` contains the regressors [v, x, ...], `f` is the force [N], and `dt` is the time since
+        the previous sample [s].
+        """
         step(self._law.parameters, self._state, phi, f, dt)
         return not self._state.held
 
     @property
     def is_open(self) -> bool:
-        """Whether the gate is open."""
+        """Whether the gate is open after the latest sample."""
         return not self._state.held
 
     @property
     def contact(self) -> bool:
-        """Whether the root mean square of the force is above its threshold."""
+        """Whether the root mean square of the force is above the threshold `settings.force`."""
         return bool(self._state.theta[0] > self._law.parameters.f_square)
 
     def run(self, samples: Samples) -> NDArray[np.bool_]:
-        """Process n samples; return whether the gate is open at each sample, shape (n,)."""
+        """Process n samples; return whether the gate is open after each sample, shape (n,)."""
         table = sweep(self._law, self._state, samples)
         self.contacts = np.asarray(table[:, 0] > self._law.parameters.f_square)
         return np.asarray(table[:, 2] == 0.0)

@@ -1,11 +1,12 @@
 """Compute the autocovariance of the force errors of a Hunt-Crossley model.
 
-The samples are divided into blocks of successive samples (`estimation.misfit`). The autocovariance
-is computed from the mean force error in each of the recent blocks. The force K x^n + B x^n v is not
-linear in n. When the estimate of n changes, the force errors of past blocks can therefore not be
-computed from sums of products. Instead, the means of force, velocity and displacement over the
-recent blocks are stored. The force errors of all these blocks are computed with the present
-estimate.
+The samples are divided into blocks of successive samples. For each block, the means of force,
+velocity and displacement are stored. The force error of a block is the mean force minus the force
+of the model, K x^n + B x^n v, which is computed from the mean displacement and the mean velocity.
+The autocovariance is the weighted mean of the products of the force errors of successive blocks.
+
+When the estimate of K, B and n changes, the force errors of all stored blocks are computed again.
+For a model that is linear in its parameters, `estimation.misfit` uses a faster method.
 """
 
 from __future__ import annotations
@@ -20,61 +21,68 @@ from estimation.compiled import Floats, looped
 
 
 class RecentBlocks:
-    """Stores the means of force, velocity and displacement over each of the recent blocks.
+    """Store the means of force, velocity and displacement for each recent block of samples.
+
+    A block consists of successive samples.
 
     Parameters
     ----------
     count
-        Largest number of stored blocks.
+        Largest number of stored blocks. When it is exceeded, the oldest block is discarded.
     """
 
     def __init__(self, count: int) -> None:
         self._blocks: deque[tuple[float, float, float, float]] = deque(maxlen=count)
 
     def clear(self) -> None:
-        """Discard all blocks."""
+        """Discard all stored blocks of samples."""
         self._blocks.clear()
 
     def add(self, means: Iterable[float], share: float) -> None:
-        """Store the means over a new block.
+        """Store the means of the signals over a new block of samples.
 
         Parameters
         ----------
         means
             Means of force [N], velocity [m/s] and displacement [m]. Further values are ignored.
         share
-            Weight of this block in the autocovariance. The autocovariance is a weighted mean.
-            The new block adds the product of its force error and the force error of the previous
-            block. The weight is 0 if there is no previous block.
+            Weight of the new block in the autocovariance c, from 0 to 1. c changes to
+            (1 - share) c + share e e_before. e and e_before are the force errors of the new block
+            and of the previous block. Use 0 if no block directly precedes the new block.
         """
         f, v, x, *_ = means
         self._blocks.append((f, v, x, share))
 
     @property
     def blocks(self) -> list[tuple[float, float, float, float]]:
-        """Means of force, velocity and displacement, and `share` (see `add`), for each block."""
+        """All stored blocks of samples, oldest first.
+
+        Each block is a tuple: mean force [N], mean velocity [m/s], mean displacement [m], and its
+        weight in the autocovariance (`share` in `add`).
+        """
         return list(self._blocks)
 
     @property
     def last(self) -> tuple[float, float, float, float]:
-        """Means of force, velocity and displacement, and `share`, for the last block."""
+        """Newest block of samples, a tuple as in `blocks`."""
         return self._blocks[-1]
 
     def autocovariances(
         self, history: Floats, positions: NDArray[np.intp], parameters: Sequence[Floats]
     ) -> Floats:
-        """Return the autocovariance [N^2] at several times, shape (times,).
+        """Return the autocovariance of the force error [N^2] at m times, shape (m,).
 
-        Each time is the end of a block. The autocovariance is that of the method `autocovariance`.
+        Each time is the end of a block. The result for a time is the value that the method
+        `autocovariance` returns at that time.
 
         Parameters
         ----------
         history
-            All blocks, shape (blocks, 4). The columns are those of `blocks`.
+            All blocks, oldest first, shape (blocks, 4). A row has the four values of `blocks`.
         positions
-            Number of blocks in `history` until each of the times, shape (times,).
+            For each time, the number of blocks in `history` that ended at or before it, shape (m,).
         parameters
-            Estimates of K, B and n at these times, each of shape (times,).
+            Estimates of K, B and n at the m times, each of shape (m,).
         """
         first = np.maximum(positions - (self._blocks.maxlen or 0), 0)
         found = np.empty(len(positions))
@@ -84,7 +92,10 @@ class RecentBlocks:
         return found
 
     def autocovariance(self, parameters: Sequence[float]) -> float:
-        """Return the weighted mean of the products of successive force errors [N^2].
+        """Return the autocovariance of the force error [N^2].
+
+        The force errors of all stored blocks are computed with the given parameters. The result is
+        the weighted mean of the products of the force errors of successive blocks.
 
         Parameters
         ----------
@@ -109,18 +120,24 @@ def include(
     damping: float,
     n: float,
 ) -> tuple[float, float]:
-    """Add a block to the autocovariance of the force error from one block to the next.
-
-    Returns the new autocovariance [N^2], and the force error of this block [N].
+    """Update the autocovariance of the force error with a new block of samples.
 
     Parameters
     ----------
-    covariance, last
-        Autocovariance without this block [N^2], and force error of the previous block [N].
-    f, v, x, share
-        The block, as in `RecentBlocks.blocks`.
+    covariance
+        Autocovariance without the new block [N^2].
+    last
+        Force error of the previous block [N].
+    f, v, x
+        Means of force [N], velocity [m/s] and displacement [m] over the new block.
+    share
+        Weight of the new block, see `RecentBlocks.add`.
     stiffness, damping, n
-        K, B and n of the model. The force of the model is 0 for x <= 0.
+        Parameters K, B and n of the model. The force of the model is 0 for x <= 0.
+
+    Returns
+    -------
+    Autocovariance with the new block [N^2], and force error of the new block [N].
     """
     error = f
     if x > 0.0:
@@ -142,10 +159,11 @@ def window_autocovariances(
     end: Sequence[int],
     found: list[float],
 ) -> None:
-    """Compute the results of `RecentBlocks.autocovariances`, and write them to `found`.
+    """Compute the autocovariance of the force error [N^2] at m times, and write it to `found`.
 
-    `found[j]` is computed from the blocks first[j] to end[j] - 1, with the parameters K, B and n in
-    `stiffness[j]`, `damping[j]` and `n[j]`.
+    `f`, `v`, `x` and `share` have one element per block of samples. The other arguments have one
+    element per time. At time j, the autocovariance is computed from the blocks first[j] to
+    end[j] - 1, with K = stiffness[j], B = damping[j] and n = n[j].
     """
     for j in range(len(found)):
         covariance = 0.0

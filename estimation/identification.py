@@ -22,7 +22,7 @@ from estimation.registry import PAPER, named_estimators
 
 @dataclass(frozen=True, repr=False)
 class Identification(Presented):
-    """Result of `identify`: the filtered signals of a recording, and the estimates."""
+    """Result of `identify`: the filtered signals and the estimates of damping and stiffness."""
 
     t: Floats
     """Time [s], shape (n,)."""
@@ -46,33 +46,35 @@ def identify(
     force_lag: float = 0.0,
     preset: Preset | None = None,
 ) -> Identification:
-    """Filter a recording of position and force, and estimate damping and stiffness.
+    """Filter recorded position and force, and estimate damping and stiffness.
 
     Parameters
     ----------
     position
-        Displacement from the contact datum [m], shape (n,).
+        Displacement from the contact point, positive in compression [m], shape (n,).
     force
         Interaction force, positive in compression [N], shape (n,).
     dt
-        Time since the previous sample [s], shape (n,), or one number for all.
+        Time since the previous sample [s], shape (n,), or one number for all samples.
     estimators
-        Names of estimators in `METHODS`, as a sequence or as one text separated by commas. `all`
-        selects all estimators.
+        Names of estimators (`METHODS`), as a sequence or as one string with commas between the
+        names. `all` selects all estimators.
     model
-        Name of a model in `MODELS`. Estimators that support only one model ignore this name.
+        Name of a model (`MODELS`). Estimators that support only one model ignore this name.
     bandwidth
-        Bandwidth of the matched filter [Hz]. Default: ten times the dominant frequency of the
-        motion.
+        Natural frequency [Hz] of the low-pass filter of position and force (`MatchedFilter`).
+        Default: ten times the dominant frequency of the motion.
     force_lag
-        Time constant of the lag of the force channel [s]. The filter compensates this lag.
+        Time constant [s] of the first-order lag with which the force was measured; 0 for no lag.
+        The filter compensates this lag.
     preset
         Settings of the estimators. Default: the result of `scaled_preset` for the filtered signals.
 
     Raises
     ------
     ValueError
-        The shapes differ, a value is not finite, a name is unknown, or there is no motion.
+        The shapes differ, a value is not finite or too large, a `dt` is not positive, a name is
+        unknown, or there is no motion.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Fit a model to all samples by least squares, as a reference for the online estimators."""
+"""Fit a model to all samples at once by least squares, to compare with the online estimators."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from estimation.compiled import Floats
 
 
 class Fit(NamedTuple):
-    """Parameters and residual of a least-squares fit to all samples."""
+    """Parameters and residual of a least-squares fit of a model to n samples."""
 
     b: float
     """Damping [N s/m]."""
@@ -31,11 +31,14 @@ class Fit(NamedTuple):
 
     @property
     def e_f(self) -> float:
-        """Mean of the absolute residual [N]."""
+        """Mean of the absolute values of the residual [N]."""
         return float(np.mean(np.abs(self.residual)))
 
     def summary(self, names: Iterable[str]) -> dict[str, Any]:
-        """Return the fit as a dictionary for JSON. `names` contains the names of `further`."""
+        """Return the parameters and the residuals `rms` and `e_f` as a dictionary for JSON.
+
+        `names` contains the names of the parameters besides b and k.
+        """
         return {
             "b": self.b,
             "k": self.k,
@@ -46,7 +49,7 @@ class Fit(NamedTuple):
 
 
 def no_fit(samples: int, further: int) -> Fit:
-    """Return a fit whose values are all NaN.
+    """Return a `Fit` whose values are all NaN, for samples to which no model is fitted.
 
     `samples` is the number of samples, and `further` is the number of parameters besides b and k.
     """
@@ -56,17 +59,18 @@ def no_fit(samples: int, further: int) -> Fit:
 def least_squares(
     x: ArrayLike, v: ArrayLike, f: ArrayLike, further: ArrayLike | None = None
 ) -> Fit:
-    """Return the fit whose parameters minimise the sum of (f - phi' theta)^2.
+    """Fit a model f = phi' theta to samples: minimise the sum of (f - phi' theta)^2.
 
-    The regressors are scaled to equal size first. If the minimum is not unique, the solution with
-    the smallest norm of the scaled parameters is returned.
+    The regressors are phi = [v, x, ...], and the parameters are theta = [b, k, ...]. Each regressor
+    is first scaled to a root mean square of 1. If the minimum is not unique, the solution with the
+    smallest norm of the scaled parameters is returned.
 
     Parameters
     ----------
     x, v, f
         Displacement [m], velocity [m/s], force [N], each of shape (n,).
     further
-        The model's regressors besides v and x, shape (n, regressors - 2).
+        Values of the model's regressors besides v and x, shape (n, regressors - 2). Default: none.
     """
     columns = [v, x] if further is None else [v, x, *np.asarray(further).T]
     regressors = np.column_stack(columns)

@@ -1,19 +1,21 @@
 """Compute confidence intervals for estimators of the form theta <- theta + L (f - phi' theta).
 
-The gain L of such an estimator depends on the regressors, not on the noise. Let theta_0 be the
-true parameters, and let the force have white noise with the variance s. Then the error
-e = theta - theta_0 follows e <- (I - L phi') e + L noise. The covariance of e is
+theta is the estimate, phi are the regressors, f is the force, and L is the gain. The gain depends
+on the regressors, not on the noise. Let theta_0 be the true parameters, and let the force have
+white noise with the variance s. Then the error e = theta - theta_0 changes at each sample by
+e <- (I - L phi') e + L noise. The covariance of e is
 
     s C,    C <- (I - L phi') C (I - L phi')' + L L'.                                   (C)
 
-Equation (C) is valid for every gain: for methods with forgetting, for methods with a bounded trace,
-and for gradient methods. The matrix P of a method is the covariance of e only if the assumptions of
-the method are valid. s C is the covariance of e for all methods (P. S. Maybeck, "Stochastic Models,
-Estimation, and Control", vol. 1, 1979, section 6.8, performance of a filter with any gain).
+Equation (C) is valid for every gain, for example in methods with forgetting and in gradient
+methods. A method such as recursive least squares also has its own covariance matrix P. But P is the
+covariance of e only if the assumptions of the method are valid. s C is the covariance of e for all
+methods (P. S. Maybeck, "Stochastic Models, Estimation, and Control", vol. 1, 1979, section 6.8,
+performance of a filter with any gain).
 
-The force error f - phi' theta has the variance s (1 + phi' C phi). So s is estimated from the force
-errors. In this estimate of s, a force error has less weight while the error of the initial guess is
-large, or if the gain is near zero. If the noise is correlated, n samples contain only
+The variance s is estimated from the force errors f - phi' theta, because their variance is
+s (1 + phi' C phi). In this estimate, a force error has little weight while the error of the initial
+guess is large, or if the gain is near zero. If the noise is correlated, n samples contain only
 n / `correlation` independent values of the noise. The covariance is then multiplied by
 `correlation`.
 """
@@ -35,7 +37,7 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, zeros
 
 DIFFUSE = 1e4
-"""Initial variance of a parameter in C, divided by the initial variance that the method uses.
+"""Initial variance of a parameter in C, divided by its `guess_variance` (`linear_gain_state`).
 
 Before the first sample the noise variance s is unknown. The standard deviations are then computed
 with s = 1 N^2.
@@ -53,7 +55,10 @@ LEAST = 1e-100
 
 @dataclass(frozen=True, slots=True)
 class LinearGainParameters:
-    """Constant settings of the function `correct`."""
+    """Constant settings of an estimator of the form theta <- theta + L (f - phi' theta).
+
+    The function `correct` reads these settings.
+    """
 
     correlation: float
     """Number of samples per independent value of the force noise, >= 1; 1 for white noise."""
@@ -61,7 +66,10 @@ class LinearGainParameters:
 
 @dataclass(slots=True)
 class LinearGainState(State):
-    """Variables that the function `correct` updates."""
+    """State of an estimator of the form theta <- theta + L (f - phi' theta).
+
+    The function `correct` updates this state at each sample. m is the number of parameters.
+    """
 
     L: Vector
     """Gain, (m,). The step of a method computes this gain before it calls `correct`."""
@@ -82,11 +90,12 @@ def correct(
     f: float,
     dt: float,
 ) -> None:
-    """Update theta, C, the noise variance s and `std` with a sample. L is the gain in the state.
+    """Update the estimate theta and its standard deviations with one sample.
 
-    theta changes by L (f - phi' theta), and C changes by equation (C) of this module. The standard
-    deviation of parameter i is sqrt(n s C_ii). n is the parameter `correlation`, the number of
-    samples per independent value of the force noise.
+    theta changes by L (f - phi' theta). The gain L is in the state and must be computed before. The
+    matrix C changes by equation (C) of this module, and the noise variance s by `update_noise`. The
+    standard deviation of parameter i is sqrt(c s C_ii). c is the setting `correlation`, the number
+    of samples per independent value of the force noise.
     """
     theta, std, L, C, C_phi = state.theta, state.std, state.L, state.C, state.C_phi
     indices = below[len(phi)]
@@ -128,12 +137,23 @@ def correct(
 def update_noise(
     state: LinearGainState, error: float, spread: float, gain: float, dt: float
 ) -> None:
-    """Update the noise variance s with a new sample.
+    """Update the estimated variance s of the force noise with a new sample.
 
-    s is a weighted mean of error^2 / spread. The weight of the new sample is gain / spread. The
-    weights of the earlier samples decay with the time constant `NOISE_MEMORY`. `error` is the force
-    error f - phi' theta [N], `gain` is phi' L, `spread` is 1 + phi' C phi, and `dt` is the time
-    since the previous sample [s].
+    s is a weighted mean of error^2 / spread over the past samples. The weight of the new sample is
+    gain / spread. The weights of the earlier samples decay with a time constant of 1 s.
+
+    Parameters
+    ----------
+    state
+        State of the estimator. Its fields `noise` (the variance s) and `evidence` are updated.
+    error
+        Force error f - phi' theta of the new sample [N].
+    spread
+        Variance of the force error divided by s: 1 + phi' C phi.
+    gain
+        Product phi' L of the regressors and the gain.
+    dt
+        Time since the previous sample [s].
     """
     certainty = 1.0 / spread
     weight = gain * certainty
@@ -144,9 +164,11 @@ def update_noise(
 
 
 def linear_gain_state(guess_variance: Sequence[float]) -> dict[str, Any]:
-    """Return the fields of a `LinearGainState` before the first sample, by name.
+    """Return the initial values of the fields of `LinearGainState`, by the name of the field.
 
-    `guess_variance` contains the variance of the initial guess of each parameter.
+    The initial guess of all parameters is 0. `guess_variance` contains, for each parameter, the
+    variance of the error of this guess, for force noise with a variance of 1 N^2. The initial C is
+    a diagonal matrix of `DIFFUSE` times these variances.
     """
     m = len(guess_variance)
     variances = [DIFFUSE * variance for variance in guess_variance]
@@ -165,17 +187,21 @@ def linear_gain_state(guess_variance: Sequence[float]) -> dict[str, Any]:
 class LinearGainEstimator(Estimator):
     """Base class of estimators of the form theta <- theta + L (f - phi' theta).
 
-    The step of such an estimator computes the gain L and then calls `correct`. The class of
-    `parameters` is `LinearGainParameters` or is derived from it. The class of `state` is
-    `LinearGainState` or is derived from it.
+    theta is the estimate, phi are the regressors, f is the force, and L is the gain. The function
+    `step` of such an estimator computes L and then calls `correct`.
 
     Parameters
     ----------
-    parameters, initial_state, model
-        As in `Estimator`. The field `correlation` of the parameters is the number of samples per
-        independent value of the force noise: n samples contain n / correlation independent values.
-        White noise has the correlation 1. Noise that was filtered by a low-pass with the noise
-        bandwidth B [Hz], and then sampled at the rate r [Hz], has the correlation r / (2 B).
+    parameters
+        Constant settings, a `LinearGainParameters` or a subclass. The field `correlation` is the
+        number of samples per independent value of the force noise: n samples contain
+        n / correlation independent values. For white noise, `correlation` is 1. For noise that
+        passed a low-pass filter with the noise bandwidth B [Hz] and was then sampled at the rate r
+        [Hz], `correlation` is r / (2 B).
+    initial_state
+        State before the first sample, a `LinearGainState` or a subclass.
+    model
+        Model that defines the regressors.
 
     Raises
     ------
@@ -198,11 +224,14 @@ class LinearGainEstimator(Estimator):
     @staticmethod
     @abstractmethod
     def step(parameters: Any, state: Any, phi: Regressors, f: float, dt: float) -> None:
-        """Compute the gain L, store it in the state, and call `correct`."""
+        """Process one sample: compute the gain L, store it in `state.L`, and call `correct`."""
 
     @property
     def covariance(self) -> Floats:
-        """Covariance of the estimate if the true parameters are constant, shape (m, m)."""
+        """Covariance matrix of the m estimated parameters, shape (m, m).
+
+        It is valid if the true parameters are constant.
+        """
         C = np.array(self.state.C)
         deviations = np.sqrt(np.diag(C))
         most = CORRELATED * np.outer(deviations, deviations)

@@ -1,8 +1,8 @@
 """Compile functions with numba, and store the compiled code on disk for later processes.
 
-If the environment variable `NUMBA_CACHE_DIR` is set, it is the folder of the compiled code.
-Otherwise numba stores the compiled code beside the source. If that folder is read-only, numba uses
-the user's cache folder.
+The environment variable `NUMBA_CACHE_DIR` sets the folder of the compiled code. If it is not set,
+numba stores the compiled code in the folder of the source code. If the folder of the source code is
+read-only, numba uses the user's cache folder.
 """
 
 from __future__ import annotations
@@ -16,13 +16,17 @@ from typing import Any
 
 
 def machine_code(function: FunctionType) -> Callable[..., Any]:
-    """Return a compiled function. If the cache cannot be written, each process compiles it again.
+    """Compile a function with numba, or load its compiled code from disk; return it.
+
+    If numba finds no folder in which it can store the compiled code, each process compiles the
+    function again.
 
     Parameters
     ----------
     function
-        The function. Its qualified name identifies it in the cache. The name must therefore change
-        when the source of the function, or of a function that it calls, changes.
+        The function. On disk, numba finds the compiled code by the qualified name of the function.
+        If the source of the function changes, or of a function that it calls, the caller must
+        therefore give the function a new name. Otherwise numba may load the old code.
     """
     import numba
 
@@ -38,9 +42,10 @@ def machine_code(function: FunctionType) -> Callable[..., Any]:
 
 
 def called_by_machine_code(function: FunctionType) -> Any:
-    """Return a compiled function that can be called only by other compiled functions.
+    """Compile a function that only other compiled functions call; return it.
 
-    It has no wrappers for other callers. Wrappers would need a quarter of the compilation time.
+    Usually numba also compiles wrappers, which are needed for calls from Python or C. They would
+    need a quarter of the compilation time, so they are left out.
     """
     import numba
 
@@ -49,13 +54,16 @@ def called_by_machine_code(function: FunctionType) -> Any:
 
 
 def is_stored(compiled: Any) -> bool:
-    """Return whether the machine code of a compiled function is in the cache."""
+    """Return whether an earlier process has stored the machine code of this function on disk."""
     folder = compiled.stats.cache_path
     return bool(folder) and any(Path(folder).glob(f"*{compiled.__qualname__}*.nbi"))
 
 
 @cache
 def announce() -> None:
-    """Print a message about the compilation, once per process and only to a terminal."""
+    """Print a message that functions are being compiled, at most once per process.
+
+    The message is printed to standard error, and only if this is a terminal.
+    """
     if sys.stderr and sys.stderr.isatty():
         print("compiling estimators; later runs use the compiled code", file=sys.stderr)

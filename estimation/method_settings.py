@@ -1,4 +1,4 @@
-"""Define the settings from which the estimators of a bank are constructed."""
+"""Define the settings that are shared by several estimators."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ LONGEST = 1e3
 
 @dataclass(frozen=True)
 class MethodSettings:
-    """Settings from which the arguments of each estimator are computed.
+    """Settings of all estimators. The arguments of each estimator are computed from them.
 
-    `forgetting`, `sample_period` and `initial_covariance` are arguments of `RecursiveLeastSquares`.
+    `forgetting`, `sample_period` and `initial_covariance` are explained in `RecursiveLeastSquares`.
     `adaptation_gain` and `ai_method` are the arguments `gain` and `method` of
-    `AdaptiveIdentification`. `grid` and `forgetting_rate` are arguments of `MultiEstimator`.
+    `AdaptiveIdentification`. `grid` and `forgetting_rate` are explained in `MultiEstimator`.
     """
 
     forgetting: float
@@ -44,7 +44,10 @@ class MethodSettings:
 
     @property
     def memory(self) -> float:
-        """Time [s] in which the weight of a sample decreases to 1/e, at most `LONGEST`."""
+        """Time constant of forgetting [s]: the weight of a sample decreases to 1/e in this time.
+
+        The value is limited to 1000 s. This limit is returned if there is no forgetting.
+        """
         if self.forgetting == 1.0:
             return LONGEST
         return min(-self.sample_period / math.log(self.forgetting), LONGEST)
@@ -56,8 +59,9 @@ class MethodSettings:
 
     @property
     def covariance(self) -> tuple[float, ...]:
-        """Initial variance of each parameter, for methods that are not in the paper.
+        """Initial variance of each parameter, for force noise with a variance of 1 N^2.
 
-        The values are valid for force noise with a variance of 1 N^2.
+        The values are computed from `sizes`. Recursive least squares does not use the values of b
+        and k as its initial variances. It uses `initial_covariance`, as in the paper.
         """
         return tuple(1e4 / size**2 for size in self.sizes)

@@ -14,18 +14,18 @@ from estimation.estimator import LEVEL_95, UNKNOWN, Estimates
 from estimation.model import SIZES
 
 MOST_EXTREMES = 1 << 15
-"""Largest number of samples that `RisingValue` stores.
+"""Largest number of samples that `RisingValue` stores in each of its two arrays.
 
-If there are more, every second sample is discarded.
+If there are more, every second stored sample is discarded.
 """
 ACTIVE_STATE = "p"
-"""Name of the disturbance force [N] that the active observer estimates besides the model."""
+"""Name of the disturbance force [N] that the active observer estimates besides the parameters."""
 
 
 def estimated_force(regression: Regression, estimates: Estimates) -> Floats:
     """Return the estimated force f_hat = phi' theta_hat [N], equation (5) of the paper, shape (n,).
 
-    theta_hat is the estimate after the same sample.
+    phi contains the regressors of a sample, and theta_hat is the estimate after the same sample.
     """
     return _force(regression, estimates, lambda of: of(estimates))
 
@@ -33,11 +33,11 @@ def estimated_force(regression: Regression, estimates: Estimates) -> Floats:
 def predicted_force(
     regression: Regression, estimates: Estimates, before: Estimates | None = None
 ) -> Floats:
-    """Return the one-step prediction of the force [N], shape (n,).
+    """Predict the force of each sample with the estimate after the previous sample [N], shape (n,).
 
-    The force of each sample is predicted with the estimate after the previous sample. An estimator
-    that follows the noise has a small error of `estimated_force`, but a large error of this
-    prediction. The value for the first sample of a record is zero.
+    If an estimator follows the noise, the error of this prediction is large. The error of the
+    function `estimated_force` is then small, because its estimate already includes the same sample.
+    So the prediction is the better test of an estimator.
 
     Parameters
     ----------
@@ -46,8 +46,8 @@ def predicted_force(
     estimates
         The estimates after each sample.
     before
-        The estimate that belongs to the last sample before `regression`; None at the start of a
-        record.
+        Estimates after earlier samples. The last of them predicts the force of the first sample.
+        None: there are no earlier samples, and the predicted force of the first sample is zero.
     """
 
     def delayed(of: Callable[[Estimates], Floats]) -> Floats:
@@ -71,9 +71,10 @@ def _force(
     estimates
         The estimates after each sample.
     at_samples
-        Function that selects the estimate with which the force of each sample is computed. It
-        returns n values of one parameter. Its argument determines the parameter: it is a function
-        that returns the values of the parameter from an object of the class `Estimates`.
+        Function that selects the estimate for each sample, for example the estimate after the
+        previous sample. It is called once per parameter and returns the n selected values of this
+        parameter. Its argument is a function that reads all values of this parameter, for example
+        `lambda estimates: estimates.b`.
     """
     force: Floats = at_samples(lambda e: e.b) * regression.v
     force = force + at_samples(lambda e: e.k) * regression.x
@@ -88,10 +89,15 @@ def _force(
 def force_error(f: ArrayLike, f_hat: ArrayLike) -> float:
     """Return the average force error e_f [N], the mean of |f - f_hat| over the trial.
 
-    The paper defines e_f = sum |f_k - f_hat_k| / nT and gives values in newtons. Here nT is the
-    number of samples. So e_f is a mean in newtons. It is about as large as the force noise, as in
-    Table I of the paper. If T were the sample period of 1 ms, e_f would be in N/s, and 1000 times
-    the mean.
+    The paper defines e_f = sum |f_k - f_hat_k| / nT, and its values of e_f are in newtons. So this
+    function uses the number of samples as nT. The result is about as large as the force noise, as
+    in Table I of the paper. If nT were the duration of the trial (n samples, with the sample period
+    T = 1 ms), the result would be 1000 times larger, in N/s.
+
+    Parameters
+    ----------
+    f, f_hat
+        Measured force and estimated force [N], each of shape (n,).
     """
     return float(np.mean(np.abs(np.asarray(f) - np.asarray(f_hat))))
 
@@ -99,8 +105,9 @@ def force_error(f: ArrayLike, f_hat: ArrayLike) -> float:
 def coverage(values: ArrayLike, std: ArrayLike, truth: ArrayLike) -> float:
     """Return the fraction of samples whose 95 % confidence interval contains the true value.
 
-    A sample is not counted if its standard deviation is NaN, or is `UNKNOWN` or more. The result
-    is NaN if no sample is counted.
+    A sample is not counted if its standard deviation is NaN (the estimator does not compute it), or
+    is `UNKNOWN` or more (the data do not determine the parameter). The result is NaN if no sample
+    is counted.
 
     Parameters
     ----------
@@ -114,9 +121,21 @@ def coverage(values: ArrayLike, std: ArrayLike, truth: ArrayLike) -> float:
 
 
 def count_intervals(values: ArrayLike, std: ArrayLike, truth: ArrayLike) -> tuple[int, int]:
-    """Return how many 95 % intervals contain the true value, and the number of intervals.
+    """Count the 95 % confidence intervals that contain the true value, and all intervals.
 
-    The arguments are those of `coverage`.
+    There is one interval for each sample whose standard deviation is less than `UNKNOWN`. In other
+    samples the data do not determine the parameter, or the standard deviation is not computed.
+
+    Parameters
+    ----------
+    values, std
+        Estimates of a parameter, and standard deviations of the estimates, each of shape (n,).
+    truth
+        True value of the parameter, of shape (n,), or one number for all.
+
+    Returns
+    -------
+    Number of intervals that contain the true value, and number of all intervals.
     """
     values, std = np.asarray(values), np.asarray(std)
     determined = std < UNKNOWN
@@ -130,8 +149,8 @@ def rise_time(t: ArrayLike, estimate: ArrayLike) -> float:
 
     t_10 is the first time at which the estimate reaches 10 % of its average over the trial. t_90 is
     the first time after t_10 at which the estimate reaches 90 % of this average. The result is NaN
-    if the estimate does not reach 90 %, or if the average is zero. A rest before the motion does
-    not change the rise time, because the estimate is zero during this rest.
+    if the estimate does not reach 90 %, or if the average is zero. A rest before the motion is
+    not part of the rise time, because the estimate is zero during this rest.
 
     Parameters
     ----------
@@ -144,12 +163,13 @@ def rise_time(t: ArrayLike, estimate: ArrayLike) -> float:
 
 
 class RisingValue:
-    """Computes the rise time (`rise_time`) of an estimate that is processed in blocks.
+    """Computes the rise time of an estimate whose samples are processed in several parts.
 
-    The levels of the rise time depend on the average, which is known only at the end. A rising
-    estimate can reach a level for the first time only at a sample where it is larger than at all
-    earlier samples. A falling estimate can do so only at a sample where it is smaller than at all
-    earlier samples. Only samples of these two kinds are stored.
+    The rise time is t_90 - t_10, the time from 10 % to 90 % of the average (`rise_time`). The
+    average is known only after the last sample, so samples must be stored. A positive level is
+    reached for the first time at a sample that is larger than all earlier samples. A negative level
+    is reached for the first time at a sample that is smaller than all earlier samples. Only samples
+    of these two kinds are stored.
     """
 
     def __init__(self) -> None:
@@ -157,7 +177,7 @@ class RisingValue:
         self._extremes = [np.empty((2, 0)), np.empty((2, 0))]
 
     def add(self, t: Floats, estimate: Floats) -> None:
-        """Process the next samples: time [s] and estimate, each of shape (n,)."""
+        """Process the next n samples: their times [s] and the estimates, each of shape (n,)."""
         self._count += len(t)
         self._sum += float(np.sum(estimate))
         for i, sign in enumerate((1.0, -1.0)):
@@ -172,7 +192,10 @@ class RisingValue:
 
     @property
     def time(self) -> float:
-        """The rise time of the estimate so far [s]; NaN if it is not defined."""
+        """Rise time [s] for all samples so far; NaN if the estimate does not reach 90 %.
+
+        The rise time is also NaN if the average is zero or if there are no samples.
+        """
         average = self._sum / self._count if self._count else 0.0
         if average == 0.0:
             return math.nan

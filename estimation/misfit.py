@@ -1,23 +1,21 @@
 """Compute the misfit of the present estimates: the systematic part of the force error.
 
-If the model and the estimate are correct, the force error e = f - phi' theta is noise, and
-successive values of e are uncorrelated. If the model or the estimate is wrong, e depends on the
-motion, so that successive values of e are similar. Residual analysis therefore tests the
-autocovariance of e at lags other than zero. Here the autocovariance is computed at one lag, from
-the present estimate and the recent samples:
+The force error is e = f - phi' theta, with the estimate theta. If the model and the estimate are
+correct, e is noise, and successive values of e are uncorrelated. If the model or the estimate is
+wrong, e depends on the motion, and successive values of e are similar. The misfit measures this
+similarity. For this purpose, the samples are divided into short blocks of successive samples:
 
     misfit = sqrt(max(0, <e_i e_(i-1)>) / <f_i^2>)
 
-e_i and f_i are the means of e and f over block i. The blocks are longer than the correlation time
-of the filtered noise. <> is a mean over the blocks with exponentially decaying weights. The misfit
-is near 0 if the present b and k are those of the body, even with much noise. The misfit is 1 if the
-estimate does not explain the force at all.
+e_i and f_i are the means of e and f over block i, for the present estimate. A block is longer than
+the correlation time of the filtered noise. <> is a mean over the blocks, with weights that decay
+exponentially with the age of a block. The misfit is near 0 if the present b and k are those of the
+specimen, even with much noise. The misfit is about 1 for the estimate b = k = 0.
 
-If the force is linear in theta, the error is also linear in theta. Then <e_i e_(i-1)> can be
-computed from the products of successive block means. These products are stored once for all
-estimators. The force of the Hunt-Crossley model is not linear in its exponent. For this model the
-block means themselves are stored (`estimation.hunt_crossley_misfit`). Blocks older than `MEMORY`
-windows are discarded. They have less than 5 % of the weight.
+If the force is linear in theta, <e_i e_(i-1)> can be computed from products such as <f_i x_(i-1)>.
+These products are the same for all estimators, and are stored once. The force of the Hunt-Crossley
+model is not linear in its exponent. For this model the means over the recent blocks are stored
+instead (`estimation.hunt_crossley_misfit`).
 
 References
 ----------
@@ -42,10 +40,11 @@ from estimation.hunt_crossley_misfit import RecentBlocks
 from estimation.misfit_blocks import BlockEnds, block_sums
 
 BLOCKS = 50
-"""Number of blocks per window. For a window of 1 s a block has 20 ms, which is longer than the
-correlation time of the noise."""
+"""Number of blocks per window, which is the time constant of the weights. For a window of 1 s, a
+block has 20 ms, which is longer than the correlation time of the noise."""
 MEMORY = 3
-"""Number of windows for which block means are stored for the Hunt-Crossley model."""
+"""For the Hunt-Crossley model, the blocks of this number of windows are stored. The weights of all
+older blocks are together about 5 % of all weights."""
 LARGEST_MISFIT = 0.05
 """If the misfit is larger than this limit, the program reports that the model does not explain the
 force.
@@ -57,14 +56,15 @@ force.
 
 
 class Misfit:
-    """Misfit of each estimator of a bank over a sliding window.
+    """Computes the misfit (the systematic part of the force error) of each estimator of a bank.
 
     Parameters
     ----------
     bank
         The estimators by name.
     window
-        Time constant of the weights [s]. One period of the palpation is a good choice.
+        Time constant [s] with which past samples lose weight. A good value is one period of the
+        palpation.
 
     Raises
     ------
@@ -83,7 +83,7 @@ class Misfit:
         self.reset()
 
     def reset(self) -> None:
-        """Discard all samples."""
+        """Discard all processed samples."""
         size = self._size
         self._sums, self._span = [0.0] * size, 0.0
         self._before: list[float] | None = None
@@ -92,7 +92,7 @@ class Misfit:
         self._products = [[0.0] * size for _ in range(size)]
         self._square = 0.0
         self.values = (math.nan,) * len(self._further)
-        """Misfit of each estimator at the end of the last block; NaN before it can be computed."""
+        """Present misfit of each estimator, in the order of the bank; NaN if not yet computed."""
 
     def update(
         self,
@@ -104,13 +104,13 @@ class Misfit:
         estimates: Mapping[str, Estimate],
         is_open: bool = True,
     ) -> tuple[float, ...]:
-        """Process one sample. Its values must be floats that the estimators have accepted.
+        """Process one sample, and return the misfit of each estimator.
 
         Parameters
         ----------
         x, v, f, dt, further
-            Displacement [m], velocity [m/s], force [N], time since the previous sample [s], and
-            the regressors besides v and x.
+            Displacement [m], velocity [m/s], force [N], time since the previous sample [s], and the
+            regressors besides v and x. All values must be finite floats. They are not checked.
         estimates
             The estimates after this sample, in the order of the bank.
         is_open
@@ -118,7 +118,7 @@ class Misfit:
 
         Returns
         -------
-        The misfit of each estimator. The values change only at the end of a block.
+        The misfit of each estimator. It changes about every `window` / `BLOCKS` seconds.
         """
         if self._add(x, v, f, dt, further, is_open):
             self.values = tuple(
@@ -138,15 +138,15 @@ class Misfit:
         Parameters
         ----------
         regression
-            The samples.
+            The n samples.
         estimates
             The estimates after each sample, in the order of the bank.
         is_open
-            Whether there is contact and motion, shape (n,).
+            Whether there is contact and motion, shape (n,). Other samples are not used.
 
         Returns
         -------
-        The misfit of each estimator, arrays of shape (n,).
+        The misfit after each sample, shape (n,), by the name of the estimator.
         """
         ends = self.ends(regression, is_open)
         return {name: self.series(i, ends, e) for i, (name, e) in enumerate(estimates.items())}
@@ -154,7 +154,7 @@ class Misfit:
     def ends(self, regression: Regression, is_open: NDArray[np.bool_]) -> BlockEnds:
         """Process n samples; return the data from which `series` computes the misfits.
 
-        The arguments are those of `run`.
+        `regression` contains the samples. `is_open`, shape (n,), is True during contact and motion.
         """
         sums = list(self._sums)
         channels = (regression.f, regression.v, regression.x, *regression.further.T)
@@ -201,9 +201,9 @@ class Misfit:
         i
             Index of the estimator in the bank.
         ends
-            Result of `ends` for the samples.
+            Result of the method `ends` for the same samples.
         estimates
-            The estimates after each sample.
+            Estimates of this estimator after each sample.
         """
         at, samples, products, square, history, positions = ends
         count = self._further[i]
@@ -223,7 +223,7 @@ class Misfit:
     def _add(
         self, x: float, v: float, f: float, dt: float, further: Sequence[float], is_open: bool
     ) -> bool:
-        """Add a sample. Return True if it ends a block that directly follows another block."""
+        """Add a sample to the present block of samples. Return True if the misfits can change."""
         if not is_open:
             self._begin_block()
             self._before = None
@@ -245,9 +245,9 @@ class Misfit:
         self._span = 0.0
 
     def _end_block(self) -> bool:
-        """Update the products with the means of the ended block.
+        """End the present block. Store the products of its means and those of the previous block.
 
-        Return whether there is a block directly before the ended block.
+        Return False if there is no block directly before the present block, and so no product.
         """
         span, before = self._span, self._before
         present = self._before = [total / span for total in self._sums]
@@ -264,10 +264,10 @@ class Misfit:
         return True
 
     def _misfit(self, b: float, k: float, further: Sequence[float], count: int) -> float:
-        """Return the misfit of an estimate.
+        """Return the misfit of the estimate b, k and `further`; NaN if not yet computable.
 
-        `count` is the number of the model's regressors besides v and x; -1 for the Hunt-Crossley
-        model.
+        `further` begins with the parameters besides b and k. `count` is the number of these
+        parameters, or -1 for the Hunt-Crossley model.
         """
         if self._square <= 0.0:
             return math.nan
@@ -280,16 +280,16 @@ class Misfit:
 
 
 def autocovariance(products: Iterable[Iterable[Any]], weights: Sequence[Any]) -> Any:
-    """Return the autocovariance w' P w of the force error [N^2], with products P and weights w.
+    """Return the mean product w' P w of the force errors of successive blocks [N^2].
 
     Parameters
     ----------
     products
-        Mean products of successive block means of force, velocity, displacement and further
-        regressors. Each product is a number, or an array of shape (n,).
+        Matrix P. Let u be the mean of (f, v, x, further regressors) over a block. P_ij is the mean
+        of u_i of a block times u_j of the previous block. P_ij is a number or has the shape (n,).
     weights
-        1, -b, -k, and then the model's other parameters, each with a negative sign; numbers, or
-        arrays of shape (n,). If P is larger than w, its last rows and columns are not used.
+        Vector w = (1, -b, -k, -further parameters). w_i is a number or has the shape (n,). If P is
+        larger than w, the last rows and columns of P are not used.
     """
     covariance = 0.0
     for row, weight in zip(products, weights, strict=False):

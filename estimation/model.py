@@ -11,7 +11,7 @@ SIZES: dict[str, Callable[[float, float, float], float]] = {
     "k3": lambda x, v, f: x**3,
     "tau": lambda x, v, f: f * v / x,
 }
-"""For each regressor besides v and x, a function that returns the typical size of the regressor.
+"""Functions that return a typical magnitude of a regressor, for each regressor besides v and x.
 
 The arguments are a typical displacement x [m], velocity v [m/s] and force f [N], in this order. The
 key is the name of the parameter that is multiplied by the regressor.
@@ -39,9 +39,10 @@ REGRESSOR_UNITS = {"f0": "-", "m": "m/s^2", "k3": "m^3", "tau": "N/s"}
 class Model:
     """A model f = phi' theta, with the regressors phi = [v, x, ...] and theta = [b, k, ...].
 
-    Regressors besides v and x, such as x^3, are called further regressors. A further regressor
-    must be computed from the measured signals and then filtered. The order is important, because
-    a filter H gives H[x^3], which is not (H x)^3. `MatchedFilter` uses the correct order.
+    The regressors besides v and x, such as x^3, are called further regressors. The force and all
+    regressors must pass through the same low-pass filter, as in `MatchedFilter`. For example, x^3
+    is computed from the measured x and is then filtered. The third power of the filtered x would
+    not be the same signal.
 
     Parameters
     ----------
@@ -52,7 +53,7 @@ class Model:
 
         - `f0` [N], the force at x = 0. The regressor is 1;
         - `m` [kg], the mass that moves with the surface. The regressor is the acceleration;
-        - `k3` [N/m^3], the coefficient of stiffening. The regressor is x^3;
+        - `k3` [N/m^3], the coefficient of the cubic term of the force. The regressor is x^3;
         - `tau` [s], the relaxation time. The regressor is minus the time derivative of f.
 
     Raises
@@ -71,21 +72,27 @@ class Model:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the parameters, b and k first."""
+        """Names of the parameters of the model. The first two names are b and k."""
         return ("b", "k", *self.further)
 
     @property
     def regressors(self) -> int:
-        """Number of regressors."""
+        """Number of regressors, including v and x."""
         return 2 + len(self.further)
 
     @property
     def further_regressors(self) -> tuple[tuple[str, str], ...]:
-        """Pairs (parameter name, unit of the regressor), for the regressors besides v and x."""
+        """Name of the parameter and unit of the regressor, for each regressor besides v and x."""
         return tuple((parameter, REGRESSOR_UNITS[parameter]) for parameter in self.further)
 
     def sizes(self, x: float, v: float, f: float) -> tuple[float, ...]:
-        """Return a typical size of each regressor, for a typical x [m], v [m/s] and f [N]."""
+        """Return a typical magnitude of each regressor, in its SI unit.
+
+        Parameters
+        ----------
+        x, v, f
+            Typical magnitudes of displacement [m], velocity [m/s] and force [N].
+        """
         return (v, x, *(SIZES[parameter](x, v, f) for parameter in self.further))
 
 
@@ -98,7 +105,7 @@ WITH_INERTIA = Model("inertia", ("m",))
 STIFFENING = Model("stiffening", ("k3",))
 """f = b v + k x + k3 x^3, where k is the stiffness at zero displacement."""
 STANDARD_LINEAR_SOLID = Model("sls", ("tau",))
-"""f + tau f' = b v + k x, with b = k tau + b1.
+"""f + tau df/dt = b v + k x, with b = k tau + b1.
 
 The body is a spring k in parallel with a second branch. The second branch is a spring k1 in series
 with a damper b1 = k1 tau. In slow motion the body has the damping b1 = b - k tau. In fast motion it
@@ -109,16 +116,16 @@ MODELS = {
     model.name: model
     for model in (KELVIN_VOIGT, WITH_DATUM, WITH_INERTIA, STIFFENING, STANDARD_LINEAR_SOLID)
 }
-"""The models by name."""
+"""All models, by name."""
 
 
 def model_named(name: str) -> Model:
-    """Return the model with this name.
+    """Return the model of the environment with this name.
 
     Raises
     ------
     ValueError
-        `MODELS` does not contain the name.
+        The name is not in `MODELS`.
     """
     if name not in MODELS:
         raise ValueError(f"model {name!r}: expected one of {', '.join(MODELS)}")

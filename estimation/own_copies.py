@@ -1,10 +1,15 @@
-"""Copy a step and all functions that the step calls.
+"""Copy a function, and all functions that it calls, so that the copies run faster.
 
-Several methods call the same functions, for example `correct`, with states of different classes.
-The interpreter and numba both specialise a function to the classes of its arguments in previous
-calls. If the class changes, the interpreter must look up each field again, which is slow. numba
-treats two record types as the same type if one starts with the fields of the other. So each step
-has its own copies of the functions that it calls.
+A step is the function with which an estimation method processes one sample. The steps of several
+methods call the same functions, for example `correct`, but with objects of different classes. Two
+problems would occur if all steps shared these functions:
+
+- Python optimises a function for the classes of the arguments in previous calls. If the class
+  changes from call to call, the function becomes slower.
+- numba compiles a function for the types of its arguments. It confuses two record types if one
+  record starts with the same fields as the other.
+
+So each step has its own copies of the functions that it calls.
 """
 
 from __future__ import annotations
@@ -26,11 +31,12 @@ def own_copy(
     Parameters
     ----------
     function
-        The function. It must call other functions by global names of its module.
+        The function to copy. It must call other functions by global names of its module.
     finish
-        Function that is applied to each copy, for example a compiler. Its result replaces the copy.
+        Function that is applied to each copy, for example a compiler. The result of `finish` is
+        used instead of the copy.
     replaced
-        Pairs of a global constant and the object that replaces this constant in the copies.
+        Pairs (old, new). If the function uses the global object `old`, its copy uses `new` instead.
     """
     done: dict[Callable[..., Any], Any] = {}
 
@@ -54,23 +60,26 @@ def own_copy(
 
 
 def used_globals(function: Callable[..., Any]) -> dict[str, Any]:
-    """Return the global objects that a function uses, by name."""
+    """Return the objects that a function uses as globals of its module, by their global names."""
     known = function.__globals__
     return {name: known[name] for name in names_in(function.__code__) if name in known}
 
 
 def names_in(code: CodeType) -> set[str]:
-    """Return the names of globals and attributes that the code and its inner functions use."""
+    """Return the names of all globals and attributes in a code object.
+
+    The result includes the names in functions that are defined inside this code.
+    """
     inner = (value for value in code.co_consts if isinstance(value, CodeType))
     return set(code.co_names).union(*map(names_in, inner))
 
 
 def calls(function: Callable[..., Any]) -> dict[str, FunctionType]:
-    """Return the global functions that a function uses, by their global names."""
+    """Return the functions that a function uses as globals of its module, by their global names."""
     used = used_globals(function)
     return {name: value for name, value in used.items() if isinstance(value, FunctionType)}
 
 
 def called_functions(function: Callable[..., Any]) -> set[Callable[..., Any]]:
-    """Return a set of this function and of all functions that it calls, directly or indirectly."""
+    """Return a set: the function itself, and all functions that it calls directly or indirectly."""
     return {function}.union(*(called_functions(value) for value in calls(function).values()))

@@ -1,4 +1,4 @@
-"""Define settings that replace the shared settings of a preset for one estimator."""
+"""Define settings of one estimator. They replace the settings that all estimators share."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from estimation.methods.grid import Grid
 
 @dataclass(frozen=True)
 class OwnSettings:
-    """Settings that replace the shared settings of a preset for one estimator.
+    """Settings of one estimator. They replace the settings that all estimators share.
 
-    A setting that is None has the value of the preset. Units and ranges are those of
-    `MethodSettings`.
+    `MethodSettings` contains the shared settings, with the same names, units and ranges. If a field
+    here is None, the estimator uses the shared setting.
     """
 
     forgetting: float | None = None
     """Forgetting factor per sample."""
     initial_covariance: tuple[float, float] | None = None
-    """Diagonal of the initial covariance of RLS."""
+    """Initial variances of b and k in recursive least squares."""
     adaptation_gain: tuple[float, float] | None = None
-    """Adaptation gain for b and k."""
+    """Gains of b and k in adaptive identification."""
     ai_method: Literal["rk4", "exact"] | None = None
-    """Integration of adaptive identification."""
+    """Method of numerical integration in adaptive identification."""
     grid: Grid | None = None
     """Candidates of the multi-estimator."""
     forgetting_rate: float | None = None
@@ -42,7 +42,7 @@ class OwnSettings:
 
     @property
     def stated(self) -> dict[str, Any]:
-        """The settings that are not None, by name."""
+        """The fields that are not None, as a dictionary from field name to value."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in values.items() if value is not None}
 
@@ -53,24 +53,24 @@ def with_own_settings(
     shared: MethodSettings,
     own: Mapping[str, OwnSettings],
 ) -> Estimator:
-    """Return a new estimator. The settings for this estimator replace the shared settings.
+    """Return a new estimator. Its own settings replace the settings that all estimators share.
 
     Parameters
     ----------
     name
         Name of the estimator.
     make
-        Factory of the estimator.
+        Function that constructs the estimator from the settings.
     shared
-        Settings of all estimators.
+        Settings that all estimators share.
     own
-        Settings of single estimators, which replace shared settings of the same name. The keys are
-        the names of the estimators.
+        Own settings of each estimator, by the name of the estimator. An estimator that has no own
+        settings may be missing.
 
     Raises
     ------
     ValueError
-        A setting is out of its range, or the estimator does not use it.
+        A setting is out of its range, or the estimator does not use one of its own settings.
     """
     if name not in own:
         return make(shared)

@@ -1,4 +1,4 @@
-"""Show results with estimates as figures, tables and short texts, in Python and in notebooks."""
+"""Show estimates of stiffness and damping as figures, tables and short texts."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from estimation.figures import Truth
 
 LISTED = 3
-"""Largest number of estimators that a text of one line names."""
+"""Largest number of estimators in the text of one line that `short_text` returns."""
 
 
 class HasEstimates(Protocol):
-    """Attributes that the methods of `Presented` use."""
+    """Attributes that a class must have so that it can use the methods of `Presented`."""
 
     @property
     def t(self) -> Floats:
@@ -35,47 +35,51 @@ class HasEstimates(Protocol):
 
     @property
     def regression(self) -> Regression:
-        """The n samples that the estimators processed."""
+        """The n samples that the estimators processed: x, v, f, dt and further regressors."""
 
     @property
     def estimates(self) -> Mapping[str, Estimates]:
-        """Estimates after each sample, by the name of the estimator."""
+        """Estimates of stiffness and damping after each sample, by the name of the estimator."""
 
     @property
     def bank(self) -> Bank:
-        """The estimators."""
+        """The estimators, by name."""
 
     @property
     def about(self) -> str:
-        """Short description of the object."""
+        """Short description of the data, for example the number of samples and the duration."""
 
 
 class Presented:
-    """Base class of results with estimates. It provides figures, a table and short texts.
+    """Base class of results that contain estimates. Its methods return figures, tables and texts.
 
-    A derived class must have the attributes of `HasEstimates`.
+    A derived class must have the attributes that are listed in `HasEstimates`.
     """
 
     @property
     def about(self: HasEstimates) -> str:
-        """Short description: number of samples and duration."""
+        """Short description of the data: number of samples and duration."""
         return f"{len(self.t)} samples, {self.t[-1] - self.t[0]:.3g} s"
 
     def plot(
         self: HasEstimates, width: str = "screen", title: str = "", truth: Truth | None = None
     ) -> Figure:
-        """Return a figure of stiffness, damping and motion over time, with 95 % intervals.
+        """Return a figure of the estimated stiffness and damping, and of the motion, over time.
 
-        The motion is not drawn if there are too many estimators for one panel.
+        The 95 % confidence interval of the first estimator is also drawn. If there are more than
+        five estimators, each estimator has its own panels with its interval. In this case the
+        motion (displacement and velocity) is not drawn.
 
         Parameters
         ----------
         width
-            `screen`, `a4`, or `single` or `double` for one or two columns of an IEEE paper.
+            Name of the width of the figure: `screen`, `a4`, `single` (one column of an IEEE paper)
+            or `double` (two columns).
         title
             Title of the figure.
         truth
-            True values of the simulated rig; None if they are not known.
+            True stiffness and damping of a simulated specimen, which are also drawn; None if they
+            are not known.
         """
         from estimation.figure_style import figure_style
         from estimation.figures import estimates_figure
@@ -85,14 +89,18 @@ class Presented:
             return estimates_figure(title, self.t, x, v, self.estimates, truth)
 
     def plot_force(self: HasEstimates, width: str = "screen", title: str = "") -> Figure:
-        """Return a figure of the measured force, and of its prediction by the first estimator.
+        """Return a figure of the measured force and the force that the first estimator predicts.
 
-        In the panel over displacement, the force is compared with a batch least-squares fit.
+        Both forces are drawn over time. A further panel shows the measured force over displacement,
+        and a least-squares fit of the model to all samples.
 
         Parameters
         ----------
-        width, title
-            As in `plot`.
+        width
+            Name of the width of the figure: `screen`, `a4`, `single` (one column of an IEEE paper)
+            or `double` (two columns).
+        title
+            Title of the figure.
         """
         from estimation.figure_style import figure_style
         from estimation.force_figure import force_figure
@@ -104,7 +112,9 @@ class Presented:
             return force_figure(title, self.t, self.regression, name, first, fit)
 
     def to_dataframe(self: HasEstimates) -> pandas.DataFrame:
-        """Return a table of signals and estimates with one row per sample. The index is time [s].
+        """Return a table of signals and estimates with one row per sample.
+
+        The signals are `x` [m], `v` [m/s] and `f` [N]. The index of the table is the time [s].
 
         Raises
         ------
@@ -121,7 +131,7 @@ class Presented:
         return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
 
     def __repr__(self: HasEstimates) -> str:
-        """Return one line of text with the estimates after the last sample."""
+        """Return one line of text with the class name and the estimates after the last sample."""
         return short_text(type(self).__name__, self.about, self.estimates)
 
     def _repr_html_(self: HasEstimates) -> str:
@@ -129,18 +139,18 @@ class Presented:
 
 
 def value_text(value: float, std: float) -> str:
-    """Return the text of a value and the half width of its 95 % interval.
+    """Return a value and the half width of its 95 % confidence interval as text.
 
-    Both have the same number of decimals, from 0 to 6. Within this range, the half width has two
-    significant digits.
+    Both numbers have the same number of decimals. It is chosen such that the half width has two
+    significant digits, but is limited to the range from 0 to 6.
 
     Parameters
     ----------
     value
         The value.
     std
-        Standard deviation of the value. If it is not a positive number, the text has no half
-        width.
+        Standard deviation of the value. If it is not a positive finite number, the text contains
+        only the value.
     """
     half = LEVEL_95 * std
     if not math.isfinite(half) or half <= 0.0:
@@ -150,10 +160,10 @@ def value_text(value: float, std: float) -> str:
 
 
 def last_values(estimates: Mapping[str, Estimates]) -> list[tuple[str, str, str]]:
-    """Return name, stiffness [N/m] and damping [N s/m] of each estimator, as texts.
+    """Return the name and the last estimates of stiffness [N/m] and damping [N s/m] as texts.
 
-    The values are the estimates after the last sample, or the text `no estimate` if no sample
-    changed the estimate.
+    There is one tuple (name, stiffness, damping) for each estimator. If no sample changed the
+    estimate, the text `no estimate` replaces stiffness and damping.
     """
     found = []
     for name, e in estimates.items():
@@ -170,11 +180,12 @@ def short_text(kind: str, about: str, estimates: Mapping[str, Estimates]) -> str
     Parameters
     ----------
     kind
-        Name of the class of the object.
+        Name of the class of the object that contains the estimates.
     about
-        Short description of the object.
+        Short description of this object.
     estimates
-        Estimates by name of the estimator. Only the first `LISTED` estimators are in the text.
+        Estimates after each sample, by the name of the estimator. Only the first `LISTED`
+        estimators are in the text.
     """
     rows = last_values(estimates)
     texts = [
@@ -194,7 +205,7 @@ def html_table(about: str, estimates: Mapping[str, Estimates]) -> str:
     about
         Caption of the table.
     estimates
-        Estimates by name of the estimator.
+        Estimates after each sample, by the name of the estimator.
     """
     rows = "".join(
         f"<tr><th>{escape(name)}</th><td>{k}</td><td>{b}</td></tr>"

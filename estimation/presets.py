@@ -1,4 +1,4 @@
-"""Define the settings of a bank of estimators: those of the paper, or computed from the data."""
+"""Define the settings of the estimators: those of the paper, or settings computed from data."""
 
 from __future__ import annotations
 
@@ -18,31 +18,38 @@ from estimation.own_settings import OwnSettings, with_own_settings
 from estimation.registry import METHODS, PAPER, named_estimators
 
 GATE = GateSettings(force=0.1, speed=2e-3, window=0.02)
-"""Settings of the default contact gate. They are chosen for palpation by hand."""
+"""Settings of the default contact gate, chosen for palpation by hand.
+
+The estimates change only while the gate is open, which means during contact and motion.
+"""
 
 
 @dataclass(frozen=True)
 class Preset(MethodSettings):
-    """Settings that all estimators of a bank share.
+    """Settings of a bank (a group of estimators that process the same samples).
 
     Use `dataclasses.replace(preset, forgetting=0.95)` to change a setting.
     """
 
     gate: GateSettings | None = GATE
-    """Settings of the contact gate; None for no gate. The paper's estimators have no gate."""
+    """Settings of the contact gate; None for no gate. The paper's estimators do not use the gate.
+
+    The estimates change only while the gate is open, which means during contact and motion.
+    """
     estimators: tuple[str, ...] = PAPER
-    """Names of the estimators, keys of `METHODS`."""
+    """Names of the estimators. `METHODS` contains all names."""
     own: Mapping[str, OwnSettings] = field(default_factory=dict)
-    """Settings that replace the shared settings for one estimator, by the name of the estimator."""
+    """Own settings of an estimator, which replace the shared settings; by name of the estimator."""
 
     def bank(self) -> Bank:
-        """Return a new bank with these settings.
+        """Construct the estimators with these settings, and return them as a new `Bank`.
 
         Raises
         ------
         ValueError
-            A setting is out of its range, a name is not in `METHODS`, or no estimator supports the
-            model. The message has one line for each estimator that cannot be constructed.
+            A setting is out of its range, a name of an estimator is not in `METHODS`, or no
+            estimator supports the model. If several estimators cannot be constructed, the message
+            has one line for each of them.
         """
         for name in self.own:
             named_estimators([name])
@@ -62,17 +69,18 @@ class Preset(MethodSettings):
         return Bank(estimators, Gate(self.gate) if self.gate else None)
 
     def for_depth(self, depth: float, usual: float) -> Preset:
-        """Return the settings, with the adaptation gain changed for another depth of palpation.
+        """Return the same settings with an adaptation gain for another depth of palpation.
 
-        The rate of convergence remains the same. This rate is proportional to the gain and to the
-        square of the depth.
+        The gain is multiplied by (usual / depth)^2. The estimates of adaptive identification then
+        converge as fast as before, because the rate of convergence is proportional to the gain and
+        to the square of the depth.
 
         Parameters
         ----------
         depth
-            Depth of the palpation [m].
+            New depth of the palpation [m].
         usual
-            Depth for which the present gain was chosen [m].
+            Depth [m] for which the gain in these settings was chosen.
         """
         scale = (usual / depth) ** 2
         gain_b, gain_k = self.adaptation_gain
@@ -82,14 +90,14 @@ class Preset(MethodSettings):
 def paper_preset(cube: str = "soft") -> Preset:
     """Return the settings of the paper.
 
-    The settings are those of equations (17) to (19). The forgetting factor is 0.98 per sample at
-    1 kHz. The forgetting rate of the multi-estimator is 10 1/s. The adaptation gain of equation
-    (18) depends on the cube. All other settings are the same for all cubes.
+    The values are those of equations (17) to (19) of the paper. The forgetting factor is 0.98 per
+    sample at 1 kHz. The forgetting rate of the multi-estimator is 10 1/s. The adaptation gain of
+    equation (18) depends on the specimen. All other settings are the same for all specimens.
 
     Parameters
     ----------
     cube
-        `soft`, `medium` or `hard`.
+        Specimen of the paper: the `soft`, `medium` or `hard` cube.
 
     Raises
     ------
@@ -111,14 +119,16 @@ def paper_preset(cube: str = "soft") -> Preset:
 
 
 def scaled_preset(x: ArrayLike, v: ArrayLike, f: ArrayLike, dt: ArrayLike) -> Preset:
-    """Return settings that are computed from the data. The data may have any amplitude and speed.
+    """Compute the settings of the estimators from a recording of any amplitude and speed.
 
-    The time constant of forgetting is half a period of the dominant oscillation. This is the
-    shortest time in which damping and stiffness can be distinguished. The grid of the
-    multi-estimator has 10^8 candidates. b is between -3 f_rms / v_rms and 3 f_rms / v_rms, and k is
-    between 0 and 3 f_rms / x_rms. x_rms, v_rms and f_rms are the root mean squares of displacement,
-    velocity and force in the data. The gate is open while the force exceeds 2 % of f_rms and the
-    speed exceeds 2 % of v_rms.
+    Let x_rms, v_rms and f_rms be the root mean squares of displacement, velocity and force.
+
+    - The time constant of forgetting is half a period of the dominant oscillation. This is the
+      shortest time in which damping and stiffness can be distinguished.
+    - The multi-estimator has a grid of 10^8 candidates (b, k). b is between -3 f_rms / v_rms and
+      3 f_rms / v_rms, and k is between 0 and 3 f_rms / x_rms.
+    - The contact gate is open while the force exceeds 2 % of f_rms and the speed exceeds 2 % of
+      v_rms. The estimates change only while the gate is open.
 
     Parameters
     ----------
@@ -130,7 +140,8 @@ def scaled_preset(x: ArrayLike, v: ArrayLike, f: ArrayLike, dt: ArrayLike) -> Pr
     Raises
     ------
     ValueError
-        As in `Estimator.run`; or there is no motion or no force.
+        The shapes differ, a value is not finite or too large, a `dt` is not positive, or there is
+        no motion or no force.
     """
     phi, force, periods, _ = checked_samples(x, v, f, dt)
     signals = (phi[:, 1], phi[:, 0], force)

@@ -1,4 +1,8 @@
-"""Convert dataclasses of numbers to numpy records, and numpy records to dataclasses."""
+"""Convert dataclasses of numbers to numpy records, and copy records back into dataclasses.
+
+A numpy record is an element of a structured array: its fields have names and types. Code compiled
+by numba uses records, because it cannot use dataclasses.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +14,9 @@ from numpy.typing import NDArray
 
 
 def to_record(values: Any) -> NDArray[np.void]:
-    """Return an array with one record, shape (1,), that has the field values of a dataclass.
+    """Convert a dataclass to a numpy record; return an array of shape (1,) with this record.
 
-    Each field is a number, a vector, a matrix, or another such dataclass.
+    Each field of the dataclass is a number, a vector, a matrix, or another such dataclass.
     """
     record = np.zeros(1, record_type(values))
     _fill(record[0], values)
@@ -20,7 +24,7 @@ def to_record(values: Any) -> NDArray[np.void]:
 
 
 def update_from(record: np.void, values: Any) -> None:
-    """Copy the values of a record into the fields of the dataclass `values`."""
+    """Copy the values of a numpy record into the fields of the dataclass `values`."""
     for field in fields(values):
         value = getattr(values, field.name)
         if is_dataclass(value):
@@ -30,7 +34,7 @@ def update_from(record: np.void, values: Any) -> None:
 
 
 def numbers(values: Any) -> NDArray[np.float64]:
-    """Return one array, shape (n,), that contains all numbers of a dataclass."""
+    """Return all n numbers in the fields of a dataclass as one array, shape (n,)."""
     parts = []
     for field in fields(values):
         value = getattr(values, field.name)
@@ -39,7 +43,7 @@ def numbers(values: Any) -> NDArray[np.float64]:
 
 
 def record_type(values: Any) -> np.dtype[np.void]:
-    """Return the numpy type of a record with the field names, types and shapes of a dataclass."""
+    """Return a structured numpy type with the field names, types and shapes of a dataclass."""
     return np.dtype(
         [(field.name, *_type_of(getattr(values, field.name))) for field in fields(values)],
         align=True,

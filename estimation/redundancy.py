@@ -1,23 +1,29 @@
 """Find candidates (b, k) that a motion does not distinguish (parameterisation redundancy).
 
-Lemmas 1 and 2 of the paper describe these candidates. The equation numbers are those of the paper.
+The candidates are those of the multi-estimator. It selects the candidate with the smallest
+monitoring signal, which is a weighted integral of the squared force error. A motion does not
+distinguish two candidates if their monitoring signals are equal at all times. Lemmas 1 and 2 of the
+paper describe these motions. The numbers in brackets below are equation numbers of the paper.
 
-Let theta = (b, k), let phi = [v, x], and let theta_0 be the plant, the true (b, k). The force error
-of a candidate theta is (theta - theta_0)' phi. Its monitoring signal (11) is the quadratic form
+Let phi = [v, x], let theta = (b, k) be a candidate, and let theta_0 be the plant: the true (b, k).
+Without noise, the force error of the candidate is (theta - theta_0)' phi. With the forgetting rate
+lambda, its monitoring signal (11) is
 
     mu(theta) = (theta - theta_0)' S (theta - theta_0)
     S = int e^(-2 lambda (t - tau)) phi phi' dtau.
 
-Let d = gamma - epsilon be the difference of two candidates gamma and epsilon, and let
+Let gamma and epsilon be two candidates. Let d = gamma - epsilon be their difference, and let
 s = (gamma - theta_0) + (epsilon - theta_0) be the sum of their errors. Then
 
-    mu_gamma - mu_epsilon = d' S s = int e^(-2 lambda (t - tau)) (d' phi)(s' phi) dtau,
+    mu(gamma) - mu(epsilon) = d' S s = int e^(-2 lambda (t - tau)) (d' phi)(s' phi) dtau.
 
-which is zero at all times if and only if (d' phi)(s' phi) is zero at all times. There are three
-cases: s = 0, the mirrored pair (15); d' phi = 0, the exponential motion (14); and s' phi = 0, the
-exponential motion (16). In Lemma 1 epsilon is the plant, so d = s, and (14) becomes (12). For (16)
-the paper has the additional condition that the two errors are parallel. This condition is not
-needed.
+This difference is zero at all times if and only if (d' phi)(s' phi) is zero at all times. There are
+three cases:
+
+- s = 0: the plant is the midpoint between the candidates (15). The motion can be any motion;
+- d' phi = 0: x is an exponential function of time (14). If epsilon is the plant, this is (12);
+- s' phi = 0: x is an exponential function of time with another rate (16). In the paper, (16) has
+  the condition that gamma - theta_0 and epsilon - theta_0 are parallel, which is not necessary.
 """
 
 from __future__ import annotations
@@ -31,7 +37,11 @@ from estimation.methods.multi_estimator import MultiEstimator
 
 
 class Candidate(NamedTuple):
-    """Damping `b` [N s/m] and stiffness `k` [N/m] of a candidate, or of the true environment."""
+    """A pair of damping `b` [N s/m] and stiffness `k` [N/m].
+
+    It is one of the pairs from which the multi-estimator selects its estimate, or the true pair of
+    the environment.
+    """
 
     b: float
     k: float
@@ -40,28 +50,30 @@ class Candidate(NamedTuple):
 class Redundancy(NamedTuple):
     """Motions that do not distinguish two candidates (b, k) of the multi-estimator.
 
-    For such a motion, both candidates have the same monitoring signal (11) at all times.
+    In such a motion, the monitoring signals of both candidates are equal at all times. The
+    multi-estimator selects the candidate with the smallest monitoring signal (a weighted integral
+    of the squared force error). So it cannot select between the two candidates.
     """
 
     mirrored: bool
-    """True if the two signals are the same for every motion, (15). In this case the plant is the
-    midpoint between the candidates."""
+    """True if the two signals are equal in every motion, equation (15) of the paper. The true
+    (b, k) is then the midpoint between the candidates."""
     rates: tuple[float, ...]
-    """The two signals are the same in a motion x(t) = x_0 exp(-rate t) with one of these rates
-    [1/s], (12), (14), (16)."""
+    """The two signals are equal in a motion x(t) = x_0 exp(-rate t) with one of these rates [1/s],
+    equations (12), (14) and (16) of the paper."""
 
 
 def redundancy(gamma: Candidate, epsilon: Candidate, plant: Candidate) -> Redundancy:
-    """Return the motions for which two candidates cannot be distinguished, Lemmas 1 and 2.
+    """Return the motions that do not distinguish two candidates of the multi-estimator.
 
-    The measurements are assumed to have no noise.
+    The result is that of Lemmas 1 and 2 of the paper, for measurements without noise.
 
     Parameters
     ----------
     gamma, epsilon
-        Two different candidates (b, k) [N s/m], [N/m]. One candidate may be equal to the plant.
+        Two different candidates (b, k), in N s/m and N/m. One of them may be equal to `plant`.
     plant
-        The true (b, k) of the environment.
+        The true (b, k) of the environment, in N s/m and N/m.
 
     Raises
     ------
@@ -77,10 +89,12 @@ def redundancy(gamma: Candidate, epsilon: Candidate, plant: Candidate) -> Redund
 
 
 class Ambiguity(NamedTuple):
-    """Best candidate, and range of the candidates that the data do not distinguish from it.
+    """Estimate of the multi-estimator, and range of the candidates that fit almost as well.
 
-    The best candidate is the candidate with the smallest monitoring signal. It is the estimate of
-    the multi-estimator. Each field is an array over time, of shape (n,).
+    The estimate is the best candidate: the candidate (b, k) with the smallest monitoring signal (a
+    weighted integral of the squared force error). A candidate fits almost as well if its signal
+    is larger by at most a given relative margin. Each field has the shape (n,), with one value for
+    each of n times.
     """
 
     b: Floats
@@ -88,7 +102,7 @@ class Ambiguity(NamedTuple):
     k: Floats
     """Stiffness of the best candidate [N/m]."""
     candidates: Floats
-    """Number of candidates within the margin of the best candidate, which is also counted."""
+    """Number of candidates within the margin, including the best candidate."""
     b_low: Floats
     """Smallest damping of the candidates within the margin [N s/m]."""
     b_high: Floats
@@ -108,11 +122,12 @@ def ambiguity(
     margin: float,
     every: int = 1,
 ) -> Ambiguity:
-    """Process a recording; return the range of the candidates that the data do not distinguish.
+    """Process a recording; return the candidates that fit almost as well as the best candidate.
 
-    The best candidate is the candidate with the smallest monitoring signal. The result describes
-    the candidates that the data do not distinguish from the best candidate. It contains their
-    number, the range of their b and the range of their k, over time.
+    The best candidate is the candidate (b, k) with the smallest monitoring signal (a weighted
+    integral of the squared force error). The result contains the best candidate. It also contains
+    the number of candidates that fit almost as well, the range of their b, and the range of their
+    k. All these values are returned as arrays over time.
 
     Parameters
     ----------
@@ -122,11 +137,11 @@ def ambiguity(
         Displacement [m], velocity [m/s], force [N] and time since the previous sample [s], each
         of shape (n,).
     margin
-        A candidate is not distinguished from the best candidate if its monitoring signal is at most
-        (1 + margin) times the signal of the best candidate, margin >= 0.
+        A candidate fits almost as well if its monitoring signal is at most (1 + margin) times the
+        signal of the best candidate, margin >= 0.
     every
-        The candidates are determined once after every `every` samples. The returned arrays have the
-        shape (n // every,).
+        Number of samples between two times in the result. The returned arrays have the shape
+        (n // every,).
     """
     b, k = estimator.grid.b.values, estimator.grid.k.values
     rows = []

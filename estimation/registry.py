@@ -1,4 +1,8 @@
-"""Find an estimator by its name, among those of this package and of other installed packages."""
+"""Find an estimator by its name.
+
+The estimators are those of this package, and those that other installed packages register with
+entry points (lines in the metadata of a package that name one of its functions).
+"""
 
 from __future__ import annotations
 
@@ -32,18 +36,19 @@ from estimation.methods.subspace_forgetting import SubspaceForgetting
 from estimation.methods.switching import SwitchingMultiEstimator
 
 GROUP = "teleop.estimators"
-"""Group of the entry points with which other packages register estimators."""
+"""Name of the group of entry points with which other packages register estimators."""
 PAPER = ("rls", "ai", "me")
-"""Names of the paper's estimators."""
+"""Names of the paper's estimators: recursive least squares, adaptive identification and
+multi-estimator."""
 Factory = Callable[[MethodSettings], Estimator]
-"""Function that constructs an estimator from the settings of a preset."""
+"""Function that constructs an estimator from settings."""
 
 
 def rls(preset: MethodSettings) -> Estimator:
-    """Return the recursive least squares estimator (RLS) of the paper.
+    """Construct the recursive least squares estimator (RLS) of the paper.
 
-    The initial variances of b and k are those of the paper. `preset.covariance` has the initial
-    variances of the other parameters.
+    The initial variances of b and k are `preset.initial_covariance`. If the model has other
+    parameters, their initial variances are the elements of `preset.covariance` after the first two.
     """
     return RecursiveLeastSquares(
         preset.forgetting,
@@ -56,10 +61,10 @@ def rls(preset: MethodSettings) -> Estimator:
 
 
 def ai(preset: MethodSettings) -> Estimator:
-    """Return the adaptive identification estimator (AI) of the paper.
+    """Construct the adaptive identification estimator (AI) of the paper.
 
-    The gains of b and k are those of the paper. The gains of other parameters are computed from
-    `preset.memory`.
+    The gains of b and k are `preset.adaptation_gain`. If the model has other parameters, their
+    gains are computed from `preset.memory` and from the typical magnitudes of their regressors.
     """
     further = (4.0 / (preset.memory * size**2) for size in preset.sizes[2:])
     return AdaptiveIdentification(
@@ -70,7 +75,8 @@ def ai(preset: MethodSettings) -> Estimator:
 def ceiling(preset: MethodSettings) -> tuple[float, ...]:
     """Return the upper limit of the variance of each parameter in a Kalman filter.
 
-    The values are valid for force noise with a variance of 1 N^2.
+    The filter computes its variances for force noise with a variance of 1 N^2. The limits are for
+    the same noise.
     """
     return tuple(1.0 / size**2 for size in preset.sizes)
 
@@ -173,34 +179,36 @@ BUILT_IN: dict[str, Factory] = {
     ),
     "segments": lambda p: PooledSegments(p.segment, p.correlation),
 }
-"""Factories of the estimators of this package, by name."""
+"""Functions that construct the estimators of this package, by the name of the estimator."""
 
 
 @cache
 def offered() -> dict[str, EntryPoint]:
-    """Return the entry points with which other packages register estimators, by name.
+    """Return the entry points of the estimators of other installed packages, by name.
 
-    Entry points with a name in `BUILT_IN` are left out.
+    An entry point is a line in the metadata of a package that names one of its functions. If an
+    estimator has the same name as an estimator of this package (`BUILT_IN`), it is left out.
     """
     points = entry_points(group=GROUP)
     return {point.name: point for point in points if point.name not in BUILT_IN}
 
 
 class Methods(Mapping[str, Factory]):
-    """Mapping from the names of estimators to their factories.
+    """Mapping from the name of an estimator to its factory: the function that constructs it.
 
-    Another package is imported when one of its factories is requested for the first time.
+    The mapping also contains the estimators of other installed packages. Such a package is imported
+    when one of its factories is requested for the first time.
     """
 
     def __getitem__(self, name: str) -> Factory:
-        """Return the factory with this name.
+        """Return the function that constructs the estimator with this name.
 
         Raises
         ------
         KeyError
-            The name is unknown.
+            There is no estimator with this name.
         ValueError
-            The package that registers the estimator cannot be imported, or has no such factory.
+            The package of the estimator cannot be imported, or does not contain the function.
         """
         if name in BUILT_IN:
             return BUILT_IN[name]
@@ -224,17 +232,17 @@ class Methods(Mapping[str, Factory]):
 
 
 METHODS = Methods()
-"""Factories of all estimators by name. `METHODS[name](preset)` returns a new estimator."""
+"""All estimators by name. `METHODS[name](preset)` constructs an estimator from settings."""
 
 
 def named_estimators(names: str | Sequence[str]) -> tuple[str, ...]:
-    """Check names of estimators, and return them as a tuple.
+    """Check a selection of estimators, and return their names as a tuple.
 
     Parameters
     ----------
     names
-        Names in `METHODS`, as a sequence or as one text separated by commas. `all` selects all
-        names.
+        Names of estimators in `METHODS`, as a sequence or as one text with commas between the
+        names. The single name `all` selects all estimators.
 
     Raises
     ------

@@ -1,26 +1,26 @@
-"""Fit by least squares, with variances that are valid for residuals of unknown autocorrelation.
+"""Fit by least squares, with confidence intervals that are valid for autocorrelated residuals.
 
-Let X be the regressors, theta the parameters, e the residuals, and g' theta a linear combination of
-the parameters. The error of g' theta is the sum of u_t = w_t e_t over all samples, with
-w = X (X' X)^-1 g. The variance of this sum is n times the spectral density of u at frequency zero,
-for n samples. The equal-weighted cosine (EWC) estimator computes this variance as the mean square
-of the first B cosine coefficients of u. The estimate has B degrees of freedom, so the confidence
-interval uses Student's t distribution with B degrees of freedom. The coverage of this interval is
-close to 95 %. The coverage of a Newey-West interval with normal quantiles often is not close to
-95 %.
+Let X be the regressors of n samples, theta the parameters, e the residuals, and g' theta a linear
+combination of the parameters. The error of g' theta is the sum of u_t = w_t e_t over all samples t,
+with the weights w = X (X' X)^-1 g. The variance of this sum is n times the spectral density of u at
+frequency zero. The equal-weighted cosine (EWC) estimator computes this variance as the mean square
+of the first B coefficients of the cosine transform of u. This mean square has B degrees of freedom.
+So the confidence interval is computed with Student's t distribution for B degrees of freedom. This
+interval contains the true value in close to 95 % of all cases. A Newey-West interval with normal
+quantiles often contains it in fewer cases.
 
-The estimator assumes that the spectral density of u is the same at the first B cosines as at zero.
-For a periodic motion, w oscillates with the frequency f0 of the motion. So the spectrum of u at
-frequency zero is that of the residual at f0. The spectrum of u at the frequency d is that of the
-residual at f0 - d and f0 + d. If B is the number of cycles, the highest frequency of the B cosines
-is half of f0. More cosines would contain the residual near frequency zero. There, the residual due
-to a baseline or friction is large. So B is at most the number of cycles. There is one exception: if
-the number of cycles is below `FEWEST_COSINES`, B is `FEWEST_COSINES`.
+The EWC estimator assumes that the spectral density of u is constant from zero to the frequency of
+the last cosine. For a periodic motion with the frequency f0, the weights w also oscillate with f0.
+The spectrum of u = w e at the frequency d is then the spectrum of the residual e at f0 - d and
+f0 + d. If d is near f0, this includes the residual near frequency zero. There, the residual is
+large due to friction and slow drift of the force. Therefore B is at most the number of cycles of
+the motion. The frequency of the last cosine is then at most f0 / 2. If the motion has fewer cycles
+than `FEWEST_COSINES`, B is `FEWEST_COSINES`.
 
-The residuals of samples with a high leverage h are too small, because the fit follows these
-samples. An example is the few samples at the beginning of a ramp, which determine the damping. As
-in the HC2 estimator, the residual e is replaced by e / sqrt(1 - h). If the noise is white,
-e / sqrt(1 - h) has the variance of the noise.
+The fit follows some samples closely, for example the few samples at the beginning of a ramp, which
+determine the damping. The residuals of such samples are too small. Their leverage h (the diagonal
+of X (X' X)^-1 X') is near 1. As in the HC2 estimator, each residual e is replaced by
+e / sqrt(1 - h). If the noise is white, e / sqrt(1 - h) has the variance of the noise.
 
 References
 ----------
@@ -43,17 +43,21 @@ from estimation.compiled import Floats
 from estimation.estimator import LEVEL_95
 
 FEWEST_COSINES = 4
+"""Smallest number of cosines in the equal-weighted cosine estimator."""
 SMALLEST = 0.05
-"""Lower limit of 1 - leverage. A sample with a smaller value determines a parameter alone."""
+"""Lower limit of 1 - leverage in the division by sqrt(1 - leverage).
+
+If 1 - leverage of a sample is near zero, this sample determines a parameter almost alone.
+"""
 
 
 class RobustFit(NamedTuple):
-    """A least-squares fit of n samples to m regressors."""
+    """Result of a least-squares fit f = X theta, for n samples and m regressors."""
 
     theta: Floats
-    """Parameters, shape (m,)."""
+    """Fitted parameters, shape (m,)."""
     residual: Floats
-    """Residuals, shape (n,)."""
+    """Residuals f - X theta, shape (n,)."""
     inverse: Floats
     """The matrix (X' X)^-1 X' of the regressors X, shape (m, n)."""
     regressors: Floats
@@ -61,19 +65,24 @@ class RobustFit(NamedTuple):
 
     @property
     def leverage(self) -> Floats:
-        """Leverage of each sample: the diagonal of X (X' X)^-1 X', shape (n,)."""
+        """Leverage of each sample, from 0 to 1: the diagonal of X (X' X)^-1 X', shape (n,).
+
+        The leverage is near 1 if the fit is forced to follow the sample.
+        """
         return np.asarray(np.einsum("ij,ji->i", self.regressors, self.inverse))
 
     def deviation(self, gradient: Floats, cycles: float = math.inf) -> float:
-        """Return the standard deviation of the linear combination gradient' theta.
+        """Return the standard deviation of gradient' theta, valid for autocorrelated residuals.
 
         The value is scaled such that 1.96 times the value is the half width of the 95 % confidence
-        interval. The variance is at least a quarter of the variance for uncorrelated residuals.
+        interval, which is computed with Student's t distribution. The standard deviation before
+        this scaling is at least half of the value for uncorrelated residuals.
 
         Parameters
         ----------
         gradient
-            Coefficients of the linear combination, shape (m,).
+            Coefficients of a linear combination of the parameters, shape (m,). For example, (0, 1)
+            selects the second of two parameters.
         cycles
             Number of cycles of a periodic motion in the n samples; infinite for other motions.
         """
@@ -90,22 +99,27 @@ class RobustFit(NamedTuple):
 
 
 def cosine_count(freedom: int, cycles: float = math.inf) -> int:
-    """Return the number B of cosines in the equal-weighted cosine (EWC) estimator.
+    """Return the number B of cosines from which the variance of a least-squares fit is estimated.
+
+    The equal-weighted cosine (EWC) estimator uses the first B coefficients of a cosine transform.
+    B is the smaller of 0.41 freedom^(2/3) and `cycles`, rounded down, but at least
+    `FEWEST_COSINES`.
 
     Parameters
     ----------
     freedom
         Number of samples minus number of parameters.
     cycles
-        Number of cycles of a periodic motion in the samples.
+        Number of cycles of a periodic motion in the samples; infinite for other motions.
     """
     return max(FEWEST_COSINES, int(min(0.41 * max(freedom, 1) ** (2.0 / 3.0), cycles)))
 
 
 def robust_fit(regressors: Floats, f: Floats) -> RobustFit:
-    """Return the least-squares fit of f = X theta.
+    """Fit the parameters theta of f = X theta by least squares.
 
-    The columns of X are first scaled to equal size, which makes the result more accurate.
+    Before the fit, each column of X is divided by its root mean square. This reduces rounding
+    errors.
 
     Parameters
     ----------

@@ -1,9 +1,10 @@
 """Smooth position, velocity and force with the same Gaussian kernel, without phase shift.
 
 If f = b v + k x, then H f = b H v + k H x for every linear filter H. Here H is the convolution with
-a Gaussian kernel. The kernel causes no delay, and no bias in b or k. The smoothed velocity H v is
-the convolution of the measured position with the derivative of the kernel. This velocity has less
-noise than a difference quotient.
+a Gaussian kernel. The kernel is symmetric, so that H causes no delay. All signals are filtered by
+the same H, so that H causes no bias in b or k. The smoothed velocity H v is the convolution of the
+measured position with the derivative of the kernel. Its noise is smaller than that of a difference
+quotient of the position.
 """
 
 from __future__ import annotations
@@ -15,13 +16,16 @@ import numpy as np
 from estimation.compiled import Floats
 
 REACH = 5.0
-"""Half length of the kernel, in standard deviations."""
+"""Half length of the Gaussian kernel, in standard deviations of the kernel."""
 CORNER = 0.13252
-"""Half-power frequency [Hz] of a kernel whose standard deviation is 1 s."""
+"""Half-power frequency [Hz] of a Gaussian kernel whose standard deviation is 1 s."""
 
 
 def kernel_width(bandwidth: float) -> float:
-    """Return the standard deviation [s] of a kernel, given its half-power frequency [Hz]."""
+    """Return the standard deviation [s] of a Gaussian kernel.
+
+    `bandwidth` is the half-power frequency of the kernel [Hz].
+    """
     return CORNER / bandwidth
 
 
@@ -41,18 +45,24 @@ def smooth(values: Floats, width: float) -> Floats:
 
 
 def smooth_pieces(values: Floats, starts: Sequence[int], width: float) -> Floats:
-    """Smooth each piece of a signal between gaps, and return the whole signal, shape (n,).
+    """Smooth the pieces of a signal separately, and return the whole smoothed signal, shape (n,).
 
-    `starts` are the indices of the first samples of the pieces; see `smooth` for the other
-    parameters.
+    A piece is the part of the signal between two gaps, where samples are missing.
+
+    Parameters
+    ----------
+    values, width
+        As in `smooth`.
+    starts
+        Index of the first sample of each piece.
     """
     return np.concatenate([smooth(piece, width) for piece in np.split(values, starts[1:])])
 
 
 def slope(values: Floats, width: float, period: float) -> Floats:
-    """Return the time derivative of the smoothed values, shape (n,).
+    """Smooth a signal with a Gaussian kernel, and return its time derivative, shape (n,).
 
-    The unit is the unit of the values per second.
+    The unit of the derivative is the unit of the signal per second.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ the previous sample [s]. The step reads `parameters` and updates `state` in plac
         beta: float             # forgetting factor
 
     @dataclass(slots=True)
-    class RlsState(State):      # State has theta, std and held
+    class RlsState(State):      # `State` has the fields theta, std and held
         P: Matrix               # covariance, (m, m)
         noise: float            # variance of the noise [N^2]
 
@@ -23,8 +23,9 @@ the previous sample [s]. The step reads `parameters` and updates `state` in plac
             ... P[i][j] ...
         state.noise += ...
 
-A field is a float, an int, a bool, a `Vector`, a `Matrix`, or another such dataclass. The size of a
-vector or a matrix is that of its initial value and does not change.
+Here `below[n]` is the tuple (0, 1, ..., n - 1). A field is a float, an int, a bool, a `Vector`, a
+`Matrix`, or another such dataclass. The shape of a vector or a matrix is that of its initial value
+and does not change.
 
 The same source code is run in two ways. The results are identical to the bit:
 
@@ -36,17 +37,19 @@ So a step may use only what both Python and numba support: arithmetic, compariso
 and calls of functions that follow the same rules. There are three rules:
 
 - change vectors and matrices element by element, `P[i][j] = ...`, and never replace them;
-- never divide by zero, and never take a root or logarithm where it is undefined, whatever the
-  sample is. Python then raises an error, but compiled code continues with inf or nan;
-- write loops over regressors as `for i in below[m]`. This takes half the time of
-  `for i in range(m)`, which is also correct.
+- for every possible sample, never divide by zero, and never take the root or the logarithm of a
+  number for which it is undefined. In these cases Python raises an error, but compiled code
+  continues with inf or nan;
+- write loops over regressors as `for i in below[m]`. `for i in range(m)` is also correct, but takes
+  twice the time in interpreted code.
 
-The state is a record with named fields, because this form was the fastest in a measurement. The
-measured time is that of one sample in recursive least squares with its confidence interval. In
-compiled code, the time is 30 ns with records, 350 ns with a NamedTuple of separate arrays, and
-125 ns with a flat list of numbers. In interpreted code, the time is 2.6 us with records and 2.8 us
-with the flat list. A further reason: a step can assign to a scalar field of a record, but not to a
-field of a NamedTuple.
+The state is a record with named fields for two reasons. The first reason is that a step can assign
+to a scalar field of a record, but not to a field of a NamedTuple. The second reason is speed. The
+time of one sample in recursive least squares, including the confidence interval, was measured:
+
+- compiled: 30 ns with a record, 125 ns with a flat list of numbers, and 350 ns with a NamedTuple of
+  separate arrays;
+- interpreted: 2.6 us with a record, and 2.8 us with a flat list of numbers.
 """
 
 from __future__ import annotations
@@ -70,15 +73,19 @@ B, K = 0, 1
 
 @dataclass(slots=True)
 class State:
-    """Base class of the states of all methods. It contains the estimate."""
+    """Variables that the step of a method updates at each sample.
+
+    This class is the base class for all methods. It contains only the estimate. A method adds its
+    further variables in a subclass.
+    """
 
     theta: Vector
-    """Estimated values, in the order of the estimator's `names`, b and k first; (m,)."""
+    """Estimated values, in the order of the estimator's `names`, b and k first, shape (m,)."""
     std: Vector
-    """Standard deviations of `theta`, (m,); NaN if the method does not compute it."""
+    """Standard deviations of `theta`, shape (m,); NaN if the method does not compute them."""
     held: bool
-    """True if the latest sample did not change `theta`. The value is set to False before each step.
-    The step may set it to True."""
+    """True if the latest sample did not change `theta`. The caller of a step first sets `held` to
+    False. The step may set it to True."""
 
 
 below = tuple(tuple(range(n)) for n in range(65))
@@ -91,7 +98,7 @@ def zeros(m: int) -> Vector:
 
 
 def diagonal(values: Sequence[float]) -> Matrix:
-    """Return a square matrix with these values on its diagonal."""
+    """Return a square matrix with these values on its diagonal, and zeros elsewhere."""
     return [
         [value if i == j else 0.0 for j in range(len(values))] for i, value in enumerate(values)
     ]

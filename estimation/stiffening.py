@@ -2,10 +2,10 @@
 
     f = L(b v + k x + k3 x^3),    where L is the first-order lag of the force channel
 
-All signals are filtered by a `MatchedFilter`. The position, the velocity and the cube of the
-position are also filtered by L, so that the equation is exact except for noise. Both filters are
-linear, so L can be applied after the matched filter. For fits with several values of the lag, the
-matched filter is therefore applied only once.
+All signals are filtered by the same filter, a `MatchedFilter`. The position x, the velocity v and
+x^3 are also filtered by L, so that the equation is exact except for noise. Both filters are linear,
+so L can be applied after the matched filter. If the model is fitted for several time constants of
+L, the matched filter is therefore applied only once.
 """
 
 from __future__ import annotations
@@ -26,7 +26,10 @@ CHI2_95 = 3.841458820694124
 
 
 class StiffeningFit(NamedTuple):
-    """Result of a least-squares fit of f = L(b v + k x + k3 x^3), with a given lag L."""
+    """Result of a least-squares fit of the model f = L(b v + k x + k3 x^3).
+
+    L is the first-order lag of the force channel. Its time constant is given, and is not fitted.
+    """
 
     b: float
     """Damping [N s/m]; 0 if the damping was not fitted."""
@@ -35,11 +38,11 @@ class StiffeningFit(NamedTuple):
     k3: float
     """Coefficient of stiffening [N/m^3]; 0 if this coefficient was not fitted."""
     rms: float
-    """Root mean square of the residual, which is filtered [N]."""
+    """Root mean square of the residual of the filtered signals [N]."""
 
 
 class Interval(NamedTuple):
-    """A value, and the lower and upper end of its interval, all in the unit of the value."""
+    """An estimated value with the lower and the upper end of its interval, all in the same unit."""
 
     value: float
     low: float
@@ -47,27 +50,35 @@ class Interval(NamedTuple):
 
 
 class LagProfile(NamedTuple):
-    """Least-squares fits for several lags of the force channel, as arrays of shape (lags,)."""
+    """Results of least-squares fits, one for each of several assumed lags of the force channel.
+
+    The results are arrays of shape (lags,).
+    """
 
     lag: Floats
-    """Lag of the force channel [s]."""
+    """Time constant of the lag of the force channel [s]."""
     b: Floats
     """Damping [N s/m]."""
     k: Floats
     """Stiffness at zero displacement [N/m]."""
     rms: Floats
-    """Root mean square of the filtered residual [N]."""
+    """Root mean square of the residual of the filtered signals [N]."""
     independent: float
-    """Number of independent samples that have the same information as the filtered samples."""
+    """Number of independent samples that would contain the same information as the filtered
+    samples, whose noise is correlated."""
 
     def lag_interval(self) -> Interval:
-        """Return the lag [s] of the best fit, with a 95 % likelihood-ratio interval."""
+        """Return the lag [s] of the fit with the smallest residual, and its 95 % interval.
+
+        The interval is that of a likelihood-ratio test. It contains all lags with which the
+        residual is not significantly larger than the smallest residual.
+        """
         return self._interval(self.lag)
 
     def b_interval(self) -> Interval:
-        """Return the damping [N s/m] of the best fit.
+        """Return the damping b [N s/m] of the fit with the smallest residual, and an interval.
 
-        The interval contains the damping values of all fits whose lag is in `lag_interval`.
+        The interval contains the b of every fit whose lag is in the interval of `lag_interval`.
         """
         return self._interval(self.b)
 
@@ -79,7 +90,9 @@ class LagProfile(NamedTuple):
 
 
 class MatchedSignals:
-    """Filtered signals, to which the model can be fitted for any lag of the force channel.
+    """Filtered position and force, to which the model can be fitted for any lag of the force.
+
+    The model is f = L(b v + k x + k3 x^3), where L is the first-order lag of the force channel.
 
     Parameters
     ----------
@@ -88,14 +101,15 @@ class MatchedSignals:
     dt
         Time since the previous sample [s], of shape (n,), or one number for all.
     bandwidth
-        Natural frequency of the state-variable filter [Hz].
+        Natural frequency of the matched filter of position and force [Hz].
     part
-        Samples to which the model is fitted. The filters process all samples.
+        Slice of the samples to which the model is fitted. The filters process all samples.
 
     Raises
     ------
     ValueError
-        As in `Estimator.run`; or the bandwidth is not positive.
+        The shapes differ, a value is not finite, a `dt` is not positive, or the bandwidth is not
+        positive.
     """
 
     def __init__(
@@ -114,12 +128,12 @@ class MatchedSignals:
         self.independent = len(self.f) / matched.correlation(float(np.mean(self.dt[part])))
 
     def fit(self, lag: float, damping: bool = True, stiffening: bool = True) -> StiffeningFit:
-        """Return the least-squares fit for a given lag of the force channel.
+        """Return the least-squares fit of the model for a given lag of the force channel.
 
         Parameters
         ----------
         lag
-            Time constant of the force channel [s], >= 0.
+            Time constant of the lag of the force channel [s], >= 0.
         damping, stiffening
             Whether b is fitted, and whether k3 is fitted. A parameter that is not fitted is 0.
         """
@@ -137,9 +151,14 @@ class MatchedSignals:
         return StiffeningFit(b, k, k3, float(np.sqrt(np.mean(residual**2))))
 
     def profile(self, lags: ArrayLike, damping: bool = True, stiffening: bool = True) -> LagProfile:
-        """Return the results of `fit` for several lags of the force channel [s].
+        """Call `fit` for each of several lags of the force channel, and return all results.
 
-        The arguments `damping` and `stiffening` are those of `fit`.
+        Parameters
+        ----------
+        lags
+            Time constants of the lag of the force channel [s], each >= 0.
+        damping, stiffening
+            As in `fit`.
         """
         lag = np.asarray(lags, dtype=np.float64)
         fits = [self.fit(float(value), damping, stiffening) for value in lag]
@@ -148,7 +167,10 @@ class MatchedSignals:
 
 
 def lagged(signal: Floats, dt: Floats, lag: float) -> Floats:
-    """Return a signal after a first-order lag with the time constant `lag` [s], shape (n,)."""
+    """Return the output of a first-order lag whose input is `signal`, shape (n,).
+
+    `dt` is the time since the previous sample [s], shape (n,). `lag` is the time constant [s].
+    """
     period = float(dt[0]) if len(dt) else 0.0
     if lag > 0.0 and len(dt) > 1 and np.ptp(dt[1:]) < 1e-9 * period:
         return evenly_lagged(signal, float(dt[1]), lag)
@@ -158,9 +180,10 @@ def lagged(signal: Floats, dt: Floats, lag: float) -> Floats:
 
 
 def evenly_lagged(signal: Floats, period: float, lag: float) -> Floats:
-    """Do the same as `lagged`, but faster, for a constant sample period [s].
+    """Return the output of a first-order lag whose input is `signal`, shape (n,).
 
-    The lag is computed by convolution.
+    This function is faster than `lagged`, because it computes the output by convolution. It needs a
+    constant sample period `period` [s], and a time constant `lag` [s] that is positive.
     """
     decay = math.exp(-period / lag)
     ratio = lag / period

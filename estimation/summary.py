@@ -14,10 +14,11 @@ from estimation.metrics import RisingValue, estimated_force, predicted_force
 
 
 class EstimatorSummary(NamedTuple):
-    """Summary of one estimator over a record.
+    """Summary of the estimates of one estimator over a record.
 
-    `b`, `k`, `e_f` and `one_step_rms` do not include the samples before the first estimate. If no
-    sample changed the estimate, all estimates and errors are NaN, and `note` is None.
+    `b`, `k`, `e_f` (average force error) and `one_step_rms` (error of the one-step prediction) do
+    not include the samples before the first change of the estimate. If no sample changed the
+    estimate, all estimates and errors are NaN, and `note` is None.
     """
 
     b: float
@@ -25,15 +26,15 @@ class EstimatorSummary(NamedTuple):
     k: float
     """Average stiffness [N/m]."""
     e_f: float
-    """Average force error [N]."""
+    """Average force error [N]: the mean of |f - f_hat|, where f_hat is the estimated force."""
     one_step_rms: float
-    """Root mean square of the force error of the one-step prediction [N]."""
+    """Root mean square of the error of the one-step prediction of the force [N]."""
     rise_time_s: float
-    """Rise time of the estimated stiffness [s], see `rise_time`; NaN if it is not defined."""
+    """Rise time of the estimated stiffness [s], see `metrics.rise_time`; NaN if not defined."""
     b_end: float
-    """Damping at the end [N s/m]."""
+    """Damping after the last sample [N s/m]."""
     k_end: float
-    """Stiffness at the end [N/m]."""
+    """Stiffness after the last sample [N/m]."""
     b_interval: float
     """Half width of the 95 % confidence interval of `b_end` [N s/m]; NaN if there is no
     interval."""
@@ -42,16 +43,17 @@ class EstimatorSummary(NamedTuple):
     held: float
     """Fraction of the samples that did not change the estimate."""
     further: dict[str, float]
-    """Values of the model's parameters besides b and k at the end, by name."""
+    """Values of the parameters besides b and k after the last sample, by name."""
     further_interval: dict[str, float]
     """Half widths of the 95 % confidence intervals of `further`, by name; NaN if there is no
     interval."""
     further_unit: dict[str, str]
     """Units of the values in `further`, by name."""
     misfit: float
-    """Misfit at the end (`estimation.misfit`); NaN if it is not known."""
+    """Misfit after the last sample; NaN if it is not known. The misfit is the systematic part of
+    the force error, relative to the force (`estimation.misfit`)."""
     note: str | None
-    """Warning about the estimates, see `Estimator.note`; None if there is no warning."""
+    """Text about the estimates, for example a warning, see `Estimator.note`; None for no text."""
 
 
 def summarise(
@@ -61,23 +63,22 @@ def summarise(
     estimator: Estimator,
     misfit: Floats,
 ) -> EstimatorSummary:
-    """Return the summary of one estimator.
+    """Return the summary of the estimates of one estimator.
 
-    The averages do not include the samples at the start that did not change the initial value of
-    the estimate.
+    The averages do not include the samples before the first change of the estimate.
 
     Parameters
     ----------
     t
         Time of each sample [s], shape (n,); n may be 0.
     regression
-        The n samples that the estimator processed.
+        Force and regressors of the n samples that the estimator processed.
     estimates
         The estimates after each sample.
     estimator
         The estimator, in its state after the last sample.
     misfit
-        Its misfit after each sample, shape (n,).
+        Misfit of the estimator after each sample (`estimation.misfit`), shape (n,).
     """
     running = RunningSummary(estimator)
     running.add(t, regression, estimates, misfit)
@@ -85,12 +86,12 @@ def summarise(
 
 
 class RunningSummary:
-    """Summary of one estimator over a record that is processed in blocks of samples.
+    """Computes the summary of one estimator over a record that is processed in blocks of samples.
 
     Parameters
     ----------
     estimator
-        The estimator.
+        The estimator that processes the record.
     """
 
     def __init__(self, estimator: Estimator) -> None:
@@ -102,7 +103,10 @@ class RunningSummary:
         self._sums = np.zeros(4)
 
     def add(self, t: Floats, regression: Regression, estimates: Estimates, misfit: Floats) -> None:
-        """Process the next samples. The arguments are those of `summarise`."""
+        """Process the next block of samples.
+
+        The arguments are those of `summarise`, but contain only the samples of this block.
+        """
         if not len(t):
             return
         f = regression.f
@@ -120,13 +124,14 @@ class RunningSummary:
         self._misfit = float(misfit[-1])
 
     def summary(self, estimates: Estimates) -> EstimatorSummary:
-        """Return the summary of all samples so far.
+        """Return the summary of all blocks that were processed so far.
 
         Parameters
         ----------
         estimates
-            The estimates after each sample, or after evenly spaced samples. Only `Estimator.note`
-            uses them. If the arrays are empty, `Estimator.note` gets the last estimate instead.
+            The estimates after each sample, or after evenly spaced samples. They are used only as
+            the argument of `Estimator.note`, which returns a text about them. If the arrays are
+            empty, the argument is the estimate after the last sample.
         """
         estimator, some = self._estimator, self._known > 0
         end = self._before or estimates
@@ -156,10 +161,11 @@ class RunningSummary:
         )
 
     def _interval(self, std: Floats) -> float:
-        """Return the half width of the 95 % confidence interval after the last sample.
+        """Return half the width of a parameter's 95 % confidence interval after the last sample.
 
-        `std` contains standard deviations of one parameter. The result is NaN if no sample changed
-        the estimate, or if the last standard deviation is NaN or at least `UNKNOWN`.
+        `std` contains the standard deviations of the parameter. Only the last one is used. The
+        result is NaN if this standard deviation is NaN, or so large (at least `UNKNOWN`) that the
+        data do not determine the parameter. It is also NaN if no sample changed the estimate.
         """
         is_known = self._held < self._samples and std[-1] < UNKNOWN
         return LEVEL_95 * float(std[-1]) if is_known else math.nan

@@ -5,9 +5,9 @@
     def test_it_is_an_estimator():
         check_estimator(MyEstimator())
 
-Each function in `CHECKS` is called with a new estimator. The name and the docstring of the function
-describe a property that every estimator must have. If the estimator does not have this property,
-the function raises AssertionError or an exception of the estimator.
+`check_estimator` calls each function in `CHECKS` with a copy of the estimator. The name and the
+docstring of the function describe a property that every estimator must have. If the estimator does
+not have this property, the function raises AssertionError, or an error that the estimator raised.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Check = Callable[[Estimator], None]
 
 
 def columns(estimates: Estimates) -> list[Floats]:
-    """Return all estimates as a list of columns, each of shape (n,)."""
+    """Return all fields of the estimates of n samples as a list of arrays of shape (n,)."""
     further = estimates.further.values()
     b, k, b_std, k_std, held, _ = estimates
     return [b, k, b_std, k_std, held.astype(np.float64)] + [
@@ -43,22 +43,25 @@ def columns(estimates: Estimates) -> list[Floats]:
 
 
 def assert_equal(first: list[Floats], second: list[Floats], message: str) -> None:
-    """Raise AssertionError(message) unless the columns have equal values. NaN is equal to NaN."""
+    """Raise AssertionError(message) unless both lists contain equal arrays. NaN equals NaN."""
     for a, b in zip(first, second, strict=True):
         assert np.array_equal(a, b, equal_nan=True), message
 
 
 def assert_finite(estimator: Estimator, estimates: Estimates) -> None:
-    """Raise AssertionError if an estimate is not finite, or a value in the state is infinite."""
+    """Raise AssertionError if an estimate is not finite, or a number in the state is infinite.
+
+    The state may contain NaN, because a standard deviation that is not computed is NaN.
+    """
     values = [estimates.b, estimates.k, *(s.value for s in estimates.further.values())]
     assert all(np.isfinite(value).all() for value in values), "an estimate is not finite"
     assert not np.isinf(numbers(estimator.state)).any(), "a number of the state is infinite"
 
 
 def check_names_and_units(estimator: Estimator) -> None:
-    """The first two names in `names` are b and k.
+    """The names of the first two estimated parameters are b and k.
 
-    For each name there is one value, one standard deviation and one unit.
+    For each parameter there is one name, one value, one standard deviation and one unit.
     """
     assert estimator.names[:2] == ("b", "k"), f"names are {estimator.names}, expected b, k, ..."
     sizes = {len(part) for part in (estimator.names, estimator.units)}
@@ -67,7 +70,7 @@ def check_names_and_units(estimator: Estimator) -> None:
 
 
 def check_online_equals_batch(estimator: Estimator) -> None:
-    """`run` gives the same results as `update` called for each sample, identical to the bit."""
+    """One call of `run` for n samples gives exactly the same results as n calls of `update`."""
     s = palpation(estimator)
     batch = deepcopy(estimator)
     samples = zip(s.x.tolist(), s.v.tolist(), s.f.tolist(), s.dt.tolist(), strict=True)
@@ -84,9 +87,11 @@ def check_online_equals_batch(estimator: Estimator) -> None:
 
 
 def check_compiled_equals_interpreted(estimator: Estimator) -> None:
-    """Check that compiled and interpreted code give the same results, bit for bit.
+    """Compiled and interpreted code give results that are identical to the bit.
 
-    Degenerate signals are also used. The check is skipped if numba is not installed.
+    This is checked for a palpation, also with gaps and with samples that are not processed, and for
+    extreme signals (for example, all values are zero). If numba is not installed, nothing is
+    checked.
     """
     if not find_spec("numba"):
         return
@@ -100,10 +105,7 @@ def check_compiled_equals_interpreted(estimator: Estimator) -> None:
 
 
 def check_sweeps(estimator: Estimator, samples: Samples) -> None:
-    """Raise AssertionError unless `compiled_sweep` and `interpreted_sweep` have the same results.
-
-    The states after the last sample must also be the same.
-    """
+    """Raise AssertionError unless compiled and interpreted code give equal estimates and states."""
     fast, slow = deepcopy(estimator), deepcopy(estimator)
     got = compiled_sweep(fast.law, fast.state, samples)
     expected = interpreted_sweep(slow.law, slow.state, samples)
@@ -112,7 +114,7 @@ def check_sweeps(estimator: Estimator, samples: Samples) -> None:
 
 
 def check_pieces_equal_the_whole(estimator: Estimator) -> None:
-    """One `run` for each part of a recording gives the same estimates as one `run` for all."""
+    """`run` called for each part of a recording gives the same estimates as one call for all."""
     s = palpation(estimator)
     pieces = deepcopy(estimator)
     parts = []
@@ -125,7 +127,7 @@ def check_pieces_equal_the_whole(estimator: Estimator) -> None:
 
 
 def check_finite_for_all_signals(estimator: Estimator) -> None:
-    """Estimates are finite for signals of any size, including zero, and for any sample period."""
+    """Estimates are finite for random signals of any magnitude and with any sample period."""
     for seed in range(20):
         rng = np.random.default_rng(seed)
         x, v, f = rng.normal(size=(3, 300)) * 10.0 ** rng.uniform(-6.0, 3.0, (3, 1))
@@ -137,7 +139,10 @@ def check_finite_for_all_signals(estimator: Estimator) -> None:
 
 
 def check_degenerate_signals(estimator: Estimator) -> None:
-    """Degenerate signals cause no division by zero and no domain error. Estimates remain finite."""
+    """Extreme signals, such as zero or very small forces, cause no error. Estimates are finite.
+
+    Such an error is, for example, a division by zero or the logarithm of zero.
+    """
     moved = deepcopy(estimator)
     moved.run(*palpation(estimator, n=50))
     for signals in degenerate(estimator):
@@ -147,7 +152,7 @@ def check_degenerate_signals(estimator: Estimator) -> None:
 
 
 def check_a_gap_in_the_data(estimator: Estimator) -> None:
-    """Estimates remain finite after a gap in the data."""
+    """Estimates remain finite after a gap between two samples, here 0.1 s to 10^5 s."""
     for seed in range(10):
         s = palpation(estimator, n=1000, seed=seed)
         s.dt[500] = 10.0 ** np.random.default_rng(seed).uniform(-1.0, 5.0)
@@ -168,7 +173,11 @@ def check_numbers_of_any_kind(estimator: Estimator) -> None:
 
 
 def check_bad_samples_are_rejected(estimator: Estimator) -> None:
-    """A sample that is not finite or too large raises ValueError and does not change the state."""
+    """An invalid sample raises ValueError and does not change the state of the estimator.
+
+    A sample is invalid if a value is not finite or too large, if the time since the previous sample
+    is not positive, or if the number of regressors is wrong.
+    """
     further = [1.0] * (estimator.model.regressors - 2)
     good = (1e-3, 0.01, 2.0, 1e-3, further)
     estimator.update(*good)
@@ -187,7 +196,10 @@ def check_bad_samples_are_rejected(estimator: Estimator) -> None:
 def assert_rejected(
     estimator: Estimator, x: float, v: float, f: float, dt: float, further: list[float]
 ) -> None:
-    """Raise AssertionError unless `update` and `run` both raise ValueError."""
+    """Raise AssertionError unless `update` and `run` both raise ValueError for this sample.
+
+    The sample consists of the arguments of `Estimator.update`.
+    """
     row = np.array([further]) if further else None
     rejected = 0
     for call in (
@@ -210,7 +222,7 @@ def check_no_samples(estimator: Estimator) -> None:
 
 
 def check_inputs_are_not_changed_or_shared(estimator: Estimator) -> None:
-    """Input arrays are not changed, and no result shares memory with an input array."""
+    """`run` does not change its input arrays, and its results share no memory with them."""
     s = [channel for channel in palpation(estimator, n=100) if channel is not None]
     copies = [channel.copy() for channel in s]
     results = columns(estimator.run(*s))
@@ -219,7 +231,7 @@ def check_inputs_are_not_changed_or_shared(estimator: Estimator) -> None:
 
 
 def check_pickle(estimator: Estimator) -> None:
-    """An estimator and its copy made by pickle give identical results for further samples."""
+    """A copy made by pickle gives the same results for the next samples as the estimator itself."""
     s = palpation(estimator, n=200)
     estimator.run(*s)
     twin = pickle.loads(pickle.dumps(estimator))
@@ -227,7 +239,7 @@ def check_pickle(estimator: Estimator) -> None:
 
 
 def check_reset(estimator: Estimator) -> None:
-    """`reset` restores the state before the first sample."""
+    """`reset` restores the state that the estimator had before the first sample."""
     before = repr(estimator.state)
     estimator.run(*palpation(estimator, n=200))
     estimator.reset()
@@ -235,7 +247,10 @@ def check_reset(estimator: Estimator) -> None:
 
 
 def check_hold(estimator: Estimator) -> None:
-    """The method `hold` changes only the field `held` of the estimate."""
+    """`hold` sets the field `held` of the estimate to True, and changes no other field.
+
+    `held` means that the latest sample did not change the estimate.
+    """
     estimator.run(*palpation(estimator))
     before = estimator.estimate
     held = estimator.hold()
@@ -263,7 +278,9 @@ CHECKS: tuple[Check, ...] = (
 
 
 def check_estimator(estimator: Estimator) -> None:
-    """Run all `CHECKS` on an estimator.
+    """Check that an estimator has all properties that every estimator must have.
+
+    All functions in `CHECKS` are called.
 
     Parameters
     ----------

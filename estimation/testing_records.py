@@ -1,9 +1,9 @@
-"""Simulate palpation records with a known true stiffness, for tests and benchmarks of a method.
+"""Simulate records of palpation, for tests and benchmarks of estimation methods.
 
-Each function in `COVERAGE_KINDS` and `WITHOUT_STIFFNESS` returns a random record of one kind of
-palpation. The parameters of the body, the motion, the duration, the sampling rate and the noise are
-random. The true stiffness is the tangent stiffness where the elastic force is at half of its range.
-For a linear body the true stiffness is k.
+Each function in `COVERAGE_KINDS` and `WITHOUT_STIFFNESS` returns a record of one kind of palpation.
+The body, the motion, the duration, the sampling rate and the noise are random. For the records of
+`COVERAGE_KINDS`, the true stiffness is known. It is the slope df/dx of the elastic force at the
+middle of the range of this force (k for a linear body), except in `relaxing_body`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from estimation.compiled import Floats
 
 
 class TrueRecord(NamedTuple):
-    """A record of position and force, with the true parameters of the body."""
+    """A simulated record of position and force, with the true parameters of the body."""
 
     t: Floats
     """Time [s], shape (n,)."""
@@ -30,7 +30,8 @@ class TrueRecord(NamedTuple):
     f: Floats
     """Force [N], shape (n,)."""
     k: float
-    """True tangent stiffness at half of the force range [N/m]; NaN if it is not defined."""
+    """True stiffness [N/m], in most records df/dx at the middle of the force range; NaN if it is
+    not defined."""
     b: float
     """True damping [N s/m]; NaN if it is not defined."""
     contact: float = math.nan
@@ -46,7 +47,7 @@ def one_over_f(rng: Generator, n: int, rate: float, size: float, lowest: float =
     """Return noise whose power spectrum is proportional to 1/frequency, shape (n,).
 
     n is the number of samples, `rate` is the sampling rate [Hz], and `size` is the standard
-    deviation of the noise. The spectrum is zero up to the frequency `lowest` [Hz].
+    deviation of the noise. The noise has no components at or below the frequency `lowest` [Hz].
     """
     frequency = np.fft.rfftfreq(n, 1.0 / rate)
     amplitude = np.zeros(len(frequency))
@@ -60,8 +61,8 @@ def one_over_f(rng: Generator, n: int, rate: float, size: float, lowest: float =
 def derivative(x: Floats, rate: float) -> Floats:
     """Return the time derivative [m/s] of a motion x [m] without noise, sampled at `rate` [Hz].
 
-    Central differences are not accurate enough. For a sine of 3 Hz, sampled at 100 Hz, they are
-    0.6 % too small. This error is more than the half width of the confidence interval of b.
+    A cubic spline is used. For a sine of 3 Hz, sampled at 100 Hz, central differences are 0.6 % too
+    small. The resulting error of b would be larger than half the width of its confidence interval.
     """
     t = steps_of_time(rate, len(x) / rate)
     return np.asarray(CubicSpline(t, x)(t, 1))
@@ -100,9 +101,9 @@ def specimen(rng: Generator) -> tuple[float, float]:
 
 
 def sinusoid_with_drift(rng: Generator) -> TrueRecord:
-    """Return a record of sinusoidal palpation around a preload, with a slow drift of the position.
+    """Return a record of sinusoidal palpation around a mean force, with a drift of the position.
 
-    Such a drift occurs in a raster scan.
+    The drift is slow. It changes the force by at most 10 % of k times the drift.
     """
     rate, seconds = rng.choice([100.0, 200.0, 1000.0]), rng.uniform(8.0, 40.0)
     frequency = rng.uniform(0.5, 3.0)
@@ -127,10 +128,10 @@ def stiffening_force(x: Floats, k: float, k3: float) -> Floats:
 
 
 def mid_tangent(k: float, k3: float, lowest: float, highest: float) -> float:
-    """Return the tangent stiffness [N/m] of a stiffening body at the middle of a force range.
+    """Return the slope df/dx [N/m] of `stiffening_force` at the middle of a range of forces.
 
     The range is from the force at the position `lowest` [m] to the force at the position `highest`
-    [m]. The force is that of `stiffening_force`.
+    [m].
     """
     grid = np.linspace(lowest, highest, 20001)
     f = stiffening_force(grid, k, k3)
@@ -139,7 +140,7 @@ def mid_tangent(k: float, k3: float, lowest: float, highest: float) -> float:
 
 
 def ramp_hold_release(rng: Generator) -> TrueRecord:
-    """Return a ramp-hold-release record of a stiffening body. It starts and ends out of contact."""
+    """Return a record of a ramp into a stiffening body, a hold, and a ramp out of the body."""
     rate = rng.choice([100.0, 500.0, 1000.0])
     depth = 10.0 ** rng.uniform(-3.0, -2.0)
     k, loss = specimen(rng)
@@ -179,7 +180,10 @@ def intermittent_contact(rng: Generator) -> TrueRecord:
 
 
 def sliding_palpation(rng: Generator) -> TrueRecord:
-    """Return a record of palpation while sliding: friction adds 1/frequency noise to the force."""
+    """Return a record of palpation while the probe slides over the body.
+
+    Friction adds noise to the force. Its power spectrum is proportional to 1/frequency.
+    """
     rate, seconds = rng.choice([100.0, 200.0, 500.0]), rng.uniform(10.0, 40.0)
     frequency = rng.uniform(0.5, 3.0)
     k, loss = specimen(rng)
@@ -198,11 +202,11 @@ def sliding_palpation(rng: Generator) -> TrueRecord:
 
 
 def relaxed(x: Floats, rate: float, time: float) -> Floats:
-    """Return the solution z [m] of z' = x' - z / time with z = 0 at the start, shape (n,).
+    """Return the solution z [m] of dz/dt = dx/dt - z / time with z = 0 at the start, shape (n,).
 
-    z is the stretch of the spring in a Maxwell element whose displacement is x. The solution is
-    exact if x changes linearly between the samples. `rate` is the sampling rate [Hz], and `time` is
-    the time constant of the relaxation [s].
+    z is the elongation of the spring in a Maxwell element (spring and damper in series) with the
+    displacement x. The solution is exact if x changes linearly between the samples. `rate` is the
+    sampling rate [Hz], and `time` is the time constant of the relaxation [s].
     """
     decay = math.exp(-1.0 / (rate * time))
     gain = time * rate * (1.0 - decay)
@@ -210,11 +214,11 @@ def relaxed(x: Floats, rate: float, time: float) -> Floats:
 
 
 def relaxing_body(rng: Generator) -> TrueRecord:
-    """Return a record of palpation of a standard linear solid, whose force relaxes.
+    """Return a record of palpation of a standard linear solid, whose force relaxes in a hold.
 
     The motion is one ramp and hold, three ramps with holds, or a sine. For ramps, the true
-    stiffness is the slope of force over displacement at the time when the force first reaches half
-    of its maximum during a ramp. For a sine, the true stiffness is the storage stiffness.
+    stiffness is df/dx at the time when the force first reaches half of its maximum during a ramp.
+    For a sine, the true stiffness is the storage stiffness (real part of the complex stiffness).
     """
     rate = rng.choice([100.0, 500.0])
     depth = 10.0 ** rng.uniform(-3.3, -2.3)
@@ -262,7 +266,7 @@ def free_motion(rng: Generator) -> TrueRecord:
 
 
 def rigid_stop(rng: Generator) -> TrueRecord:
-    """Return a record of motion against a rigid stop. In contact, only the force changes."""
+    """Return a record of motion against a rigid wall. In contact, the true position is constant."""
     rate, seconds = rng.choice([500.0, 2000.0]), rng.uniform(5.0, 15.0)
     t = steps_of_time(rate, seconds)
     frequency = rng.uniform(0.5, 2.0)
@@ -287,10 +291,10 @@ COVERAGE_KINDS: dict[str, Callable[[Generator], TrueRecord]] = {
     "sliding palpation": sliding_palpation,
     "relaxing body": relaxing_body,
 }
-"""Functions that return a record with a known true stiffness, by the kind of record."""
+"""Functions that return a record with a known true stiffness, by the kind of palpation."""
 WITHOUT_STIFFNESS: dict[str, Callable[[Generator], TrueRecord]] = {
     "free motion": free_motion,
     "rigid stop": rigid_stop,
     "clipped sensor": clipped_sensor,
 }
-"""Functions that return a record whose stiffness cannot be estimated, by the kind of record."""
+"""Functions that return a record whose stiffness cannot be estimated, by the kind of palpation."""

@@ -1,4 +1,4 @@
-"""Make test signals for the checks in `estimation.testing`."""
+"""Make test signals for the checks of estimators in `estimation.testing`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from estimation.estimator import Estimator
 
 
 class Signals(NamedTuple):
-    """Arguments of `Estimator.run` for n samples."""
+    """Signals of n samples. They are the arguments of `Estimator.run`."""
 
     x: Floats
     """Displacement [m], shape (n,)."""
@@ -52,9 +52,9 @@ def palpation(estimator: Estimator, n: int = 2000, noise: float = 0.1, seed: int
 
 
 def further_regressors(estimator: Estimator, x: Floats, v: Floats, f: Floats) -> Floats | None:
-    """Return test values of the model's regressors besides v and x, shape (n, regressors - 2).
+    """Return test values of the regressors that the estimator's model has besides v and x.
 
-    The result is None for a model without such regressors.
+    The result has the shape (n, regressors - 2). It is None if the model has only v and x.
     """
     known = {"f0": np.ones_like(x), "m": 10.0 * v, "k3": x**3, "tau": -10.0 * f}
     columns = [known[parameter] for parameter in estimator.model.further]
@@ -62,7 +62,11 @@ def further_regressors(estimator: Estimator, x: Floats, v: Floats, f: Floats) ->
 
 
 def degenerate(estimator: Estimator) -> Iterator[Signals]:
-    """Yield signals whose sums, products or differences are zero, very small or very large."""
+    """Yield signals that can cause a division by zero, an overflow or an underflow.
+
+    Displacement, velocity and force are zero, constant, sinusoidal or random. Their magnitudes are
+    between 1e-300 and 1e9, and the sample periods are between 1e-9 s and 1e6 s.
+    """
     rng = np.random.default_rng(0)
     n = 40
     zero, one, wave = np.zeros(n), np.ones(n), np.sin(np.arange(n))
@@ -89,9 +93,10 @@ def degenerate(estimator: Estimator) -> Iterator[Signals]:
 
 
 def held_and_gaps(s: Signals) -> Iterator[Signals]:
-    """Yield two variants of the signals. In the first, x, v and f are zero for 200 samples.
+    """Yield two variants of the signals `s`.
 
-    In the second, there are gaps between some samples.
+    In the first variant, x, v and f are zero for 200 samples. In the second variant, the time
+    between two samples is 0.5 s at one sample, 100 s at another, and 1 us at a third.
     """
     moving = np.ones_like(s.x)
     moving[200:400] = 0.0

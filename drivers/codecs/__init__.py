@@ -1,1 +1,4 @@
-"""Convert the frames of devices to values, and values to frames. Each file is for one protocol."""
+"""Convert the frames (messages) of devices to values, and values to frames.
+
+Each file contains the conversion for one communication protocol.
+"""

@@ -1,7 +1,9 @@
 """Encode and decode messages of the serial protocol for boards (docs/serial-protocol.md).
 
-A board is a microcontroller board. Values in the messages are counts of the board's converters and
-encoders. For each signal, the rig file contains the scale, which is the value of one count.
+A board is a microcontroller board to which sensors and drives are connected. Forces, positions,
+velocities and analogue values are sent as integers, called counts. For each signal, the
+configuration file of the rig contains the scale: the force, displacement, velocity or voltage of
+one count.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ VERSION = 1
 FORCES = 2
 """Number of force inputs in the messages."""
 AXES = 2
-"""Number of velocity axes in the messages. The number of encoders is the same."""
+"""Number of axes with velocity control in the messages. The number of encoders is the same."""
 ANALOGUES = 4
 """Number of analogue inputs in the messages."""
 
@@ -29,7 +31,7 @@ IDENTITY, CONFIGURED, SAMPLE = range(0x81, 0x84)
 """Types of the messages from the board."""
 
 LONGEST = 64
-"""Largest length of an encoded frame [bytes]."""
+"""Largest length of an encoded frame without its delimiter [bytes]."""
 GREATEST = (1 << 31) - 1
 """Largest magnitude of a value [counts]."""
 HEAD = struct.Struct("<BH")
@@ -45,7 +47,7 @@ SAMPLE_FRAME = struct.Struct(f"<BHIBBBHH{FORCES + 2 * AXES + ANALOGUES}i")
 
 
 class State(IntEnum):
-    """State of the board.
+    """State of the board, which is part of each sample.
 
     The board leaves the states WATCHDOG, EMERGENCY_STOP and DRIVE_FAULT only when it receives the
     message DISABLE, HELLO or CONFIGURE.
@@ -60,17 +62,19 @@ class State(IntEnum):
 
 
 class Input(IntEnum):
-    """Bits that represent the digital inputs in a sample."""
+    """Digital inputs of the board. Each value is the bit of one input in `Sample.inputs`."""
 
     EMERGENCY_STOP = 1
+    """This bit is set if the emergency-stop circuit is open."""
     DRIVE_FAULT = 2
+    """This bit is set if a drive reports a fault."""
 
 
 class Identity(NamedTuple):
-    """Answer of the board to a HELLO message.
+    """Message with the properties of the board. It is the answer to a HELLO message.
 
     If the board uses another version of the protocol, only the fields `sequence`, `time` and
-    `version` are known.
+    `version` are read from the message. The other fields then have their default values.
     """
 
     sequence: int
@@ -123,12 +127,14 @@ Message = Identity | Configured | Sample
 
 
 def frame(kind: int, sequence: int, payload: bytes = b"") -> bytes:
-    """Return the bytes of a message as sent on the serial line, including the delimiter.
+    """Return the bytes of a message as sent on the serial line.
+
+    The message and its checksum are encoded by COBS. The last byte is the delimiter, a zero byte.
 
     Parameters
     ----------
     kind
-        Type of the message.
+        Type of the message, for example `HELLO`.
     sequence
         Sequence number of the message.
     payload
@@ -139,22 +145,27 @@ def frame(kind: int, sequence: int, payload: bytes = b"") -> bytes:
 
 
 def configure(watchdog: int, sample_rate: int) -> bytes:
-    """Return the payload of CONFIGURE: watchdog time [ms] and sample rate [Hz]."""
+    """Return the payload of a CONFIGURE message: watchdog time [ms] and sample rate [Hz]."""
     return SETTINGS.pack(watchdog, sample_rate)
 
 
 def enable(axis: int) -> bytes:
-    """Return the payload of ENABLE for the axis with this index."""
+    """Return the payload of an ENABLE message, which enables the axis with the index `axis`."""
     return AXIS_MASK.pack(1 << axis)
 
 
 def command(*velocities: int) -> bytes:
-    """Return the payload of COMMAND. Each argument is the velocity of one axis [counts]."""
+    """Return the payload of a COMMAND message, which sets the velocities of the axes.
+
+    Each argument is the target velocity of one axis, in counts of this axis (`to_counts`).
+    """
     return VELOCITIES.pack(*velocities)
 
 
 def to_counts(value: float, scale: float) -> int:
-    """Return a value in counts, rounded and limited to the range of the protocol.
+    """Return a value in counts, which are the integers in the messages of the board.
+
+    The result is `value / scale`, rounded and limited to +-`GREATEST`.
 
     Parameters
     ----------
@@ -167,7 +178,9 @@ def to_counts(value: float, scale: float) -> int:
 
 
 def decode(body: bytes) -> Message | None:
-    """Return the message that a decoded frame contains; None for an unknown message.
+    """Return the message that a frame contains.
+
+    The result is None if the type of the message is unknown, or if its length is wrong.
 
     Parameters
     ----------
@@ -203,8 +216,9 @@ class MessageReader:
     Parameters
     ----------
     rejected
-        Counter of rejected frames, by the reason: `length` (too long or too short), `framing`
-        (invalid COBS code), `checksum` (wrong checksum) or `message` (unknown message).
+        Counter of rejected frames. Its keys are the reasons: `length` (too long or too short),
+        `framing` (invalid COBS code), `checksum` (wrong checksum) and `message` (unknown type, or
+        wrong length for this type). The reader increases the counts.
     """
 
     def __init__(self, rejected: Counter[str] | None = None) -> None:
@@ -212,7 +226,7 @@ class MessageReader:
         self._frames = cobs.CobsReader(LONGEST, self.rejected)
 
     def feed(self, data: bytes) -> list[Message]:
-        """Process the next bytes of the stream; return the messages that end in these bytes."""
+        """Process the next bytes of the stream, and return the messages that they complete."""
         messages: list[Message] = []
         for body in self._frames.feed(data):
             if len(body) < HEAD.size + CHECKSUM.size:

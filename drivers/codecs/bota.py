@@ -1,8 +1,8 @@
 """Decode the serial frames of force-torque sensors of Bota Systems (Rokubi, SensONE, MegaONE).
 
 A frame consists of a header byte, 34 bytes of data, and the CRC-16/X.25 of the data. All values are
-little-endian. The source is `RxFrame` and `DataStatus` in RokubiminiSerialImpl.hpp, a file of the
-driver `rokubimini_serial` of Bota Systems.
+little-endian. The format is that of `RxFrame` and `DataStatus` in RokubiminiSerialImpl.hpp, a file
+of the driver `rokubimini_serial` of Bota Systems.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ CHECKED = FRAME.size - 2
 """Length of a frame without its checksum [bytes]."""
 
 THROTTLED = 1 << 0
-"""Status bit. It is set if the sensor skipped a measurement because its line rate is too low."""
+"""Status bit. It is set if the sensor skipped a measurement because its serial line is too slow."""
 FAULTS = {
     1 << 1: "overrange",
     1 << 2: "invalid measurements: saturation, or a short or open circuit",
@@ -28,11 +28,11 @@ FAULTS = {
 """Status bits that mark the measurements of a frame as invalid, with the reason."""
 
 RUN = b"R"
-"""Command that ends the configuration mode. In this mode the sensor sends no frames."""
+"""Command that ends the configuration mode of the sensor. The sensor then starts to send frames."""
 
 
 class BotaFrame(NamedTuple):
-    """Content of a frame of the sensor."""
+    """Measurements and status in one frame of a force-torque sensor of Bota Systems."""
 
     status: int
     """Status bits: `THROTTLED` and the keys of `FAULTS`."""
@@ -51,7 +51,9 @@ class BotaFrame(NamedTuple):
 
 
 def fault(status: int) -> str:
-    """Return the reason why the measurements of a frame are invalid; empty if they are valid.
+    """Return the reason why the measurements of a frame are invalid.
+
+    The text is empty if the measurements are valid.
 
     Parameters
     ----------
@@ -62,12 +64,12 @@ def fault(status: int) -> str:
 
 
 class BotaParser(FixedFrameParser[BotaFrame]):
-    """Finds and decodes the frames of the sensor in a stream of bytes."""
+    """Finds and decodes the frames of a Bota Systems sensor in a stream of bytes."""
 
     header = HEADER
     size = FRAME.size
 
     def decode(self, frame: bytes) -> BotaFrame | None:
-        """Return the content of a frame; None if its checksum is wrong."""
+        """Return the measurements and the status in a frame; None if its checksum is wrong."""
         status, *values, crc = FRAME.unpack(frame)
         return BotaFrame(status, *values) if crc == crc16_x25(frame[1:CHECKED]) else None

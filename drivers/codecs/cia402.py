@@ -36,7 +36,7 @@ INT32 = (1 << 31) - 1
 
 
 class NmtCommand(IntEnum):
-    """Commands of network management (NMT) from the controller to a node, CiA 301 7.2.8.2."""
+    """Network management (NMT) commands from the controller to a device, CiA 301 7.2.8.2."""
 
     START = 0x01
     STOP = 0x02
@@ -46,7 +46,7 @@ class NmtCommand(IntEnum):
 
 
 class NmtState(IntEnum):
-    """States of network management (NMT), sent in the heartbeat of a node, CiA 301 7.2.8.3.2."""
+    """Network management (NMT) states, which a device sends in its heartbeat, CiA 301 7.2.8.3.2."""
 
     BOOT_UP = 0x00
     STOPPED = 0x04
@@ -55,12 +55,12 @@ class NmtState(IntEnum):
 
     @property
     def words(self) -> str:
-        """Name of the state as in the standard, for example `pre-operational`."""
+        """Name of the state as in the standard CiA 301, for example `pre-operational`."""
         return self.name.lower().replace("_", "-")
 
 
 class State(Enum):
-    """States of the power drive system, CiA 402-2 table 30.
+    """States of a drive, CiA 402-2 table 30.
 
     Each member is a pair of numbers: a mask and a pattern. The drive is in this state if
     `statusword & mask` is equal to the pattern.
@@ -77,12 +77,12 @@ class State(Enum):
 
     @property
     def words(self) -> str:
-        """Name of the state as in the profile, for example `operation enabled`."""
+        """Name of the state as in the standard CiA 402-2, for example `operation enabled`."""
         return self.name.lower().replace("_", " ")
 
 
 class Control(IntEnum):
-    """Values of the controlword, CiA 402-2 table 26."""
+    """Values of the controlword, which requests a state of the drive, CiA 402-2 table 26."""
 
     DISABLE_VOLTAGE = 0x00
     QUICK_STOP = 0x02
@@ -99,34 +99,36 @@ TOWARDS_OPERATION: dict[State | None, Control] = {
     State.OPERATION_ENABLED: Control.ENABLE_OPERATION,
     State.FAULT: Control.FAULT_RESET,
 }
-"""Controlword that a drive needs in each state, so that it goes into operation and remains there.
+"""Controlword to send in each state of a drive, so that the drive starts and remains in operation.
 
-In all other states, the drive changes to a next state without a command.
+The drive leaves all other states without a command. For QUICK_STOP_ACTIVE this is true if object
+605Ah (quick stop option code) is 2.
 """
 
 
 def nmt(command: NmtCommand, node: int) -> bytes:
-    """Return the data bytes of the NMT message that sends a command to a node."""
+    """Return the data of a network management (NMT) message to the device with the id `node`."""
     return bytes((command, node))
 
 
 def state_of(statusword: int) -> State | None:
-    """Return the state that a statusword contains; None if the profile defines no such state."""
+    """Return the state of a drive from its statusword; None if CiA 402-2 has no such state."""
     return next((s for s in State if statusword & s.value[0] == s.value[1]), None)
 
 
 @dataclass(frozen=True)
 class Units:
-    """Conversion between the units of a drive and SI units along the axis of motion.
+    """Conversion between the units of a CiA 402 drive and SI units along the axis of motion.
 
     Parameters
     ----------
     counts_per_turn
-        Position increments per turn of the motor.
+        Position increments per turn of the motor. The increment is the drive's unit of position.
     travel_per_turn
         Displacement of the axis per turn of the motor [m].
     velocity
-        Unit of the objects 60FFh (target velocity) and 606Ch (velocity actual value).
+        Unit of the objects 60FFh (target velocity) and 606Ch (velocity actual value): position
+        increments per second, or turns of the motor per minute.
     rated_torque
         Rated torque, object 6076h [N m]; NaN if unknown. The object 6077h (torque actual value)
         is in thousandths of the rated torque.
@@ -139,25 +141,35 @@ class Units:
 
     @property
     def metres(self) -> float:
-        """Displacement per position increment [m]."""
+        """Displacement of the axis for one position increment of the drive [m]."""
         return self.travel_per_turn / self.counts_per_turn
 
     @property
     def metres_per_second(self) -> float:
-        """Velocity per unit of the objects 60FFh and 606Ch [m/s]."""
+        """Velocity of the axis for one velocity unit of the drive [m/s].
+
+        The velocity unit is that of the objects 60FFh (target velocity) and 606Ch (velocity actual
+        value).
+        """
         return self.metres if self.velocity == "counts_per_s" else self.travel_per_turn / 60.0
 
     @property
     def newtons(self) -> float:
-        """Force along the axis per unit of the object 6077h [N], for a drive without losses."""
+        """Force along the axis for one torque unit of the drive [N].
+
+        The torque unit is that of the object 6077h (torque actual value): a thousandth of the rated
+        torque. Friction between the motor and the axis is neglected.
+        """
         return 1e-3 * self.rated_torque * 2.0 * math.pi / self.travel_per_turn
 
     def target(self, velocity: float) -> int:
-        """Return the value of the object 60FFh (target velocity) for a velocity [m/s], rounded."""
+        """Return the integer value of object 60FFh (target velocity) for a velocity [m/s]."""
         return round(max(-INT32, min(INT32, velocity / self.metres_per_second)))
 
     def position(self, data: bytes) -> float:
-        """Return the position [m] that the data of TPDO1 contain.
+        """Return the position [m] in the data of TPDO1.
+
+        TPDO1 is the message in which a drive sends its statusword and its position.
 
         Raises
         ------
@@ -167,7 +179,10 @@ class Units:
         return float(STATUS.unpack(data)[1] * self.metres)
 
     def velocity_and_force(self, data: bytes) -> tuple[float, float]:
-        """Return the velocity [m/s] and the force [N] that the data of TPDO2 contain.
+        """Return the velocity [m/s] and the force [N] in the data of TPDO2.
+
+        TPDO2 is the message in which a drive sends its velocity and its torque. The force is
+        computed from the torque.
 
         Raises
         ------
@@ -179,12 +194,22 @@ class Units:
 
 
 def command(control: Control, target: int) -> bytes:
-    """Return the data of RPDO1. `target` is the target velocity, in the unit of object 60FFh."""
+    """Return the data of RPDO1, the message with which the controller commands a drive.
+
+    Parameters
+    ----------
+    control
+        The controlword.
+    target
+        Target velocity as the value of object 60FFh, see `Units.target`.
+    """
     return COMMAND.pack(control, target)
 
 
 def statusword(data: bytes) -> int:
-    """Return the statusword that the data of TPDO1 contain.
+    """Return the statusword in the data of TPDO1.
+
+    TPDO1 is the message in which a drive sends its statusword and its position.
 
     Raises
     ------
@@ -195,7 +220,7 @@ def statusword(data: bytes) -> int:
 
 
 def emergency(data: bytes) -> str:
-    """Return a text that describes the error in the data of an EMCY message.
+    """Return a text that describes the error in the data of an emergency (EMCY) message.
 
     The text is empty if the message reports the end of an error.
 

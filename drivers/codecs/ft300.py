@@ -1,9 +1,9 @@
 """Decode the data stream of Robotiq's FT 300 force-torque sensor.
 
-A frame consists of the bytes 0x20 0x4E, six 16-bit integers, and the CRC-16/MODBUS of all these
-bytes. All values are little-endian. The sensor sends 100 frames per second. The source is Robotiq's
-FT 300 instruction manual, section 4.4, "Data Stream". A Modbus RTU request with function 16 starts
-the stream (Modbus application protocol 1.1b3, section 6.12).
+A frame consists of the bytes 0x20 0x4E, six 16-bit integers (three forces and three moments), and
+the CRC-16/MODBUS of all these bytes. All values are little-endian. The sensor sends 100 frames per
+second. Robotiq's FT 300 instruction manual describes the stream in section 4.4, "Data Stream". A
+Modbus RTU request with function 16 starts it (Modbus application protocol 1.1b3, section 6.12).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ STOP_STREAM = 50 * b"\xff"
 
 
 class Ft300Frame(NamedTuple):
-    """Content of a frame of the sensor."""
+    """Forces and moments in one frame of the FT 300 sensor."""
 
     fx: float
     """Force along the x axis [N]; `fy` and `fz` are the forces along the y and z axes."""
@@ -43,13 +43,13 @@ class Ft300Frame(NamedTuple):
 
 
 class Ft300Parser(FixedFrameParser[Ft300Frame]):
-    """Finds and decodes the frames of the sensor in a stream of bytes."""
+    """Finds and decodes the frames of the FT 300 sensor in a stream of bytes."""
 
     header = HEADER
     size = FRAME.size
 
     def decode(self, frame: bytes) -> Ft300Frame | None:
-        """Return the content of a frame; None if its checksum is wrong."""
+        """Return the forces and moments in a frame; None if its checksum is wrong."""
         *counts, crc = FRAME.unpack(frame)
         if crc != crc16_modbus(frame[:CHECKED]):
             return None

@@ -2,8 +2,9 @@
 
 Only the frames for velocity control are supported. The 11-bit identifier of a frame is
 node << 5 | command. Data are little-endian, and floats are 32-bit floats of IEEE 754. Turns [rev]
-are turns of the motor. The sources are "CAN Protocol" in the ODrive documentation of both firmware
-versions, and the vendor's files odrive-cansimple-0.5.6.dbc and odrive-cansimple-0.6.10.dbc.
+are turns of the motor. The frames are described in "CAN Protocol" in the ODrive documentation of
+both firmware versions, and in the vendor's files odrive-cansimple-0.5.6.dbc and
+odrive-cansimple-0.6.10.dbc.
 """
 
 from __future__ import annotations
@@ -15,11 +16,14 @@ from typing import Literal, NamedTuple
 Firmware = Literal["0.5", "0.6"]
 
 LENGTH = 8
-"""Length of each frame that an axis sends [bytes]."""
+"""Number of data bytes in each frame that an axis sends."""
 
 
 class Command(IntEnum):
-    """Commands of the protocol: the lower 5 bits of the identifier of a frame."""
+    """Commands of the protocol ODrive CANSimple.
+
+    A command is the lower 5 bits of the CAN identifier of a frame.
+    """
 
     GET_VERSION = 0x00
     """This command exists only in firmware 0.6."""
@@ -36,7 +40,7 @@ class Command(IntEnum):
 
 
 class AxisState(IntEnum):
-    """States of an axis."""
+    """States of an axis (a motor and its controller) of an ODrive."""
 
     UNDEFINED = 0
     IDLE = 1
@@ -128,18 +132,19 @@ HEARTBEAT_06 = struct.Struct("<IBB2x")
 
 
 class Heartbeat(NamedTuple):
-    """State and errors of an axis, as sent in its heartbeat."""
+    """State and errors of an axis (a motor and its controller), as sent in its heartbeat."""
 
     state: int
     """One of `AxisState`, or an unknown state of a later firmware."""
     errors: tuple[str, ...]
     """Names of the active errors and of the errors that disarmed the axis."""
     refusal: str = ""
-    """Reason why the axis refused a requested state; empty if it did not, and for firmware 0.5."""
+    """Reason why the axis refused a requested state. The text is empty if no state was refused, and
+    always for firmware 0.5."""
 
 
 class Version(NamedTuple):
-    """Version numbers of a firmware."""
+    """Version numbers of the firmware of an ODrive."""
 
     major: int
     minor: int
@@ -147,41 +152,60 @@ class Version(NamedTuple):
 
 
 def identifier(node: int, command: Command) -> int:
-    """Return the 11-bit identifier of the frames with this command, to a node or from a node."""
+    """Return the 11-bit CAN identifier of a frame.
+
+    Parameters
+    ----------
+    node
+        Node id of the axis that receives or sends the frame.
+    command
+        Command in the frame.
+    """
     return node << 5 | command
 
 
 def set_axis_state(state: AxisState) -> bytes:
-    """Return the data of Set_Axis_State."""
+    """Return the data of the message Set_Axis_State, which requests this state of an axis."""
     return struct.pack("<I", state).ljust(LENGTH, b"\0")
 
 
 def set_controller_mode(control: int, inputs: int) -> bytes:
-    """Return the data of Set_Controller_Mode: control mode and input mode."""
+    """Return the data of the message Set_Controller_Mode.
+
+    Parameters
+    ----------
+    control
+        Number of the control mode, for example `VELOCITY_CONTROL`.
+    inputs
+        Number of the input mode, for example `PASSTHROUGH`.
+    """
     return TWO_INTEGERS.pack(control, inputs)
 
 
 def set_input_vel(velocity: float) -> bytes:
-    """Return the data of Set_Input_Vel for a velocity [rev/s], without torque feed-forward."""
+    """Return the data of the message Set_Input_Vel, which sets the target velocity [rev/s].
+
+    The torque feed-forward in the message is zero.
+    """
     return TWO_FLOATS.pack(velocity, 0.0)
 
 
 def set_limits(velocity: float, current: float) -> bytes:
-    """Return the data of Set_Limits for a velocity [rev/s] and a current [A]."""
+    """Return the data of the message Set_Limits: velocity limit [rev/s], current limit [A]."""
     return TWO_FLOATS.pack(velocity, current)
 
 
 def clear_errors(firmware: Firmware) -> bytes:
-    """Return the data of Clear_Errors.
+    """Return the data of the message Clear_Errors.
 
-    With firmware 0.6 the data are one byte. The value 0 of this byte switches off the blinking
-    light that identifies a device.
+    There are no data with firmware 0.5, and one byte with firmware 0.6. The value 0 of this byte
+    switches off the blinking light that identifies a device.
     """
     return b"" if firmware == "0.5" else b"\0"
 
 
 def heartbeat(firmware: Firmware, data: bytes) -> Heartbeat:
-    """Return the content of a heartbeat.
+    """Return the state and the errors of an axis in the data of its heartbeat message.
 
     Raises
     ------
@@ -198,7 +222,9 @@ def heartbeat(firmware: Firmware, data: bytes) -> Heartbeat:
 
 
 def encoder_estimates(data: bytes) -> tuple[float, float]:
-    """Return the position [rev] and the velocity [rev/s] in the data of Get_Encoder_Estimates.
+    """Return the position [rev] and the velocity [rev/s] of the motor.
+
+    `data` are the data of the message Get_Encoder_Estimates.
 
     Raises
     ------
@@ -210,7 +236,9 @@ def encoder_estimates(data: bytes) -> tuple[float, float]:
 
 
 def iq(data: bytes) -> tuple[float, float]:
-    """Return setpoint and measured value of the motor current [A] in the data of Get_Iq.
+    """Return the setpoint and the measured value of the motor current Iq [A].
+
+    Iq is the current that produces the torque. `data` are the data of the message Get_Iq.
 
     Raises
     ------
@@ -222,7 +250,9 @@ def iq(data: bytes) -> tuple[float, float]:
 
 
 def torques(data: bytes) -> tuple[float, float]:
-    """Return the torque setpoint and the estimated torque [N m] in the data of Get_Torques.
+    """Return the setpoint and the estimated value of the motor torque [N m].
+
+    `data` are the data of the message Get_Torques.
 
     Raises
     ------
@@ -234,7 +264,7 @@ def torques(data: bytes) -> tuple[float, float]:
 
 
 def version(data: bytes) -> Version:
-    """Return the firmware version in the data of Get_Version.
+    """Return the firmware version in the data of the message Get_Version.
 
     Raises
     ------
@@ -245,7 +275,10 @@ def version(data: bytes) -> Version:
 
 
 def error_names(firmware: Firmware, errors: int) -> tuple[str, ...]:
-    """Return the name of each error whose bit is set. The name of an unknown bit is its value."""
+    """Return the names of the errors whose bits are set in the integer `errors`.
+
+    If a bit is unknown, the name contains the value of the bit, for example `error 0x20`.
+    """
     if not errors:
         return ()
     names = AXIS_ERRORS[firmware]
@@ -254,5 +287,8 @@ def error_names(firmware: Firmware, errors: int) -> tuple[str, ...]:
 
 
 def state_name(state: int) -> str:
-    """Return the name of a state of an axis. The name of an unknown state contains its number."""
+    """Return the name of a state of an axis, given its number.
+
+    If the number is unknown, the name contains the number, for example `state 20`.
+    """
     return STATES.get(state, f"state {state}")

@@ -1,1 +1,1 @@
-"""The devices of a rig, one kind per file. `drivers.registry` finds the class of a kind."""
+"""Drivers of the devices of a rig (the hardware). Each kind of device has its own module."""

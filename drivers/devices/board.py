@@ -1,4 +1,4 @@
-"""Driver of a microcontroller board with force and analogue inputs, encoders and velocity axes.
+"""Driver of a microcontroller board with force and analogue inputs, encoders and two motor axes.
 
 The protocol is described in docs/serial-protocol.md. The code for the board is in drivers/firmware.
 """
@@ -17,8 +17,7 @@ from drivers.rig import RigError
 from drivers.transports.serial_port import SerialPort
 
 PATIENCE = 4.0
-"""Longest wait for an answer [s]. Many boards reset when their port is opened, and answer only
-after their start."""
+"""Longest wait for an answer [s]. Many boards restart when their serial port is opened."""
 ASKING = 0.25
 """If a request has no answer after this time [s], the request is repeated."""
 WATCHDOG = "watchdog: no command arrived in time: the loop was late, or the line is disturbed"
@@ -33,17 +32,17 @@ class Axis(VelocityDrive):
 
     def __init__(self, board: Board, index: int, scale: float) -> None:
         self.velocity = 0
-        """Velocity in the next COMMAND [counts]."""
+        """Velocity that the next `Board.transmit` sends [counts]."""
         self._board = board
         self._index = index
         self._scale = scale
 
     def enable(self) -> bool:
-        """Request operation of this axis; return whether the board reports it as enabled."""
+        """Request operation of this axis; return whether the board reports that it is enabled."""
         return self._board.enable_axis(self._index)
 
     def command(self, velocity: float) -> float:
-        """Set the velocity [m/s] for the next COMMAND; return it rounded to whole counts [m/s]."""
+        """Store the velocity [m/s] for `transmit`; return it rounded to the board's resolution."""
         self.velocity = codec.to_counts(velocity, self._scale)
         return self.velocity * self._scale
 
@@ -59,8 +58,8 @@ class Board(SerialDevice):
     on. The drives are `axis_0` and `axis_1`. All values in a sample have the same time, which is
     the time stamp of the board, converted to the controller's clock.
 
-    After a reset, the board measures positions from a new zero position. The old zero position is
-    lost. Therefore the error that reports the reset remains until the rig is opened again.
+    A reset of the board changes the zero of its positions. Therefore, after a reset, `error`
+    reports the reset until the rig is opened again.
     """
 
     Settings = BoardSettings
@@ -74,7 +73,7 @@ class Board(SerialDevice):
         ]
         self.drives = {f"axis_{i}": axis for i, axis in enumerate(self.axes)}
         self.identity: Identity | None = None
-        """Answer of the board to HELLO, None before the answer."""
+        """IDENTITY message, the board's answer to the message HELLO; None before the answer."""
         self._port: SerialPort | None = None
         self._reader = MessageReader(self.rejected)
         self._clock = DeviceClock()
@@ -99,7 +98,7 @@ class Board(SerialDevice):
         self._gains = list(gains(settings))
 
     def signals(self) -> dict[str, str]:
-        """Return the SI unit of each signal for which the rig file gives a scale."""
+        """Return the SI unit of each signal, by name. Only signals with a scale are included."""
         return {
             f"{name}_{i}": unit
             for name, unit, _, key, _ in QUANTITIES
@@ -107,7 +106,7 @@ class Board(SerialDevice):
         }
 
     def start(self, port: SerialPort) -> None:
-        """Check the identity of the board and configure the board, which then sends samples."""
+        """Check the identity of the board, and configure it. The board then sends samples."""
         self._port = port
         self._started = False
         self.identity = self._configured = None
@@ -129,7 +128,7 @@ class Board(SerialDevice):
         self._started = True
 
     def _ask(self, kind: int, payload: bytes, answer: Callable[[], object]) -> bool:
-        """Send a request repeatedly until there is an answer; return False if there is none."""
+        """Send a message repeatedly until `answer()` is true; return False after `PATIENCE`."""
         assert self._port
         for _ in range(round(PATIENCE / ASKING)):
             self._send(kind, payload)
@@ -138,7 +137,7 @@ class Board(SerialDevice):
         return False
 
     def _check_identity(self, where: str) -> None:
-        """Raise RigError if the board does not match the rig file."""
+        """Raise RigError if the protocol version is wrong, or if inputs or axes are missing."""
         board, s = self.identity, self.settings
         assert board
         if board.version != codec.VERSION:
@@ -152,7 +151,7 @@ class Board(SerialDevice):
                 raise RigError(f"{where}: {key} has {wanted} entries, expected at most {has}")
 
     def _instead(self) -> str:
-        """Return a text that describes what was received instead of an answer."""
+        """Return a text for an error message: what was received instead of the board's answer."""
         assert self._port
         if not self._port.received:
             return "expected a board with running firmware"
@@ -162,7 +161,7 @@ class Board(SerialDevice):
         )
 
     def receive(self, data: bytes, now: float) -> None:
-        """Process messages of the board. The newest sample sets the values of all signals."""
+        """Process bytes from the board. The newest sample sets the values of all signals."""
         newest: codec.Sample | None = None
         for message in self._reader.feed(data):
             if isinstance(message, codec.Sample):
@@ -181,7 +180,7 @@ class Board(SerialDevice):
                 self.samples[signal] = Sample(gain * newest.counts[index], time)
 
     def _in_order(self, sample: codec.Sample) -> bool:
-        """Return whether a sample is newer than all earlier samples, and count lost samples."""
+        """Return whether a sample is newer than all previous samples; count missing samples."""
         if self._received is not None:
             ahead = signed(sample.sequence - self._received, 16)
             if ahead <= 0:
@@ -196,11 +195,9 @@ class Board(SerialDevice):
         return True
 
     def _update_identity(self, board: Identity) -> None:
-        """Process an identity message.
+        """Process an IDENTITY message. Until `start` has ended, store it; later, detect a reset.
 
-        Until `start` has ended, the method stores the identity in the message. After that, the
-        method checks whether the board was reset. The sign of a reset is that the boot number has
-        changed or that the clock of the board has decreased.
+        After a reset, the boot number in the message is different, or the time is smaller.
         """
         if not self._started or self.identity is None:
             self.identity = board
@@ -212,12 +209,15 @@ class Board(SerialDevice):
         self._uptime = board.time
 
     def _set_reset(self, sign: str) -> None:
-        """Set the error of a board that was reset; `rearm` does not clear this error."""
+        """Report in `error` that the board was reset. `sign` tells how the reset was detected."""
         self._reset = self._reset or f"the board was reset, open the rig again: {sign}"
         self.error = self._reset
 
     def _update_state(self, sample: codec.Sample) -> None:
-        """Update state and error from a sample. Errors are latched while operation is requested."""
+        """Update the state and the error from the state of the board in a sample.
+
+        While operation is requested, an error remains in `error` after its cause has ended.
+        """
         stopped = sample.state == State.EMERGENCY_STOP
         self.emergency_stop = stopped or bool(sample.inputs & Input.EMERGENCY_STOP)
         self._enabled = sample.axes if sample.state == State.ENABLED else 0
@@ -236,9 +236,9 @@ class Board(SerialDevice):
         self.error = self._reset or self._latched or error
 
     def ping(self) -> bool:
-        """Send DISABLE, and return whether DISABLE was sent. A later sample acknowledges DISABLE.
+        """Send DISABLE to measure the round-trip time; return whether DISABLE was sent.
 
-        While operation is requested, DISABLE is not sent, because DISABLE would stop the axes.
+        The message DISABLE stops all axes. It is therefore not sent while operation is requested.
         """
         if self._wanted:
             return False
@@ -247,11 +247,11 @@ class Board(SerialDevice):
         return True
 
     def answered(self) -> bool:
-        """Return whether a sample has acknowledged the last `ping`."""
+        """Return whether a sample has confirmed that the board received the last `ping`."""
         return self._ping_answered
 
     def enable_axis(self, index: int) -> bool:
-        """Request operation of the axis `index`; return whether the board reports it as enabled."""
+        """Request operation of an axis; return whether the board reports that it is enabled."""
         if not self._wanted:
             self._wanted = True
             self._acknowledged = self._running = False
@@ -264,7 +264,7 @@ class Board(SerialDevice):
         return False
 
     def rearm(self) -> None:
-        """Clear the latched error, except the error of a board that was reset."""
+        """Clear the stored error. The error that reports a reset of the board is not cleared."""
         self._latched, self.error = "", self._reset
 
     def disable(self) -> None:
@@ -276,13 +276,13 @@ class Board(SerialDevice):
             self._send(codec.DISABLE)
 
     def transmit(self) -> None:
-        """Send the velocities. This message also resets the watchdog timer of the board."""
+        """If operation is requested, send the velocities. This resets the board's watchdog."""
         if self._wanted:
             rest = [0] * (codec.AXES - len(self.axes))
             self._send(codec.COMMAND, codec.command(*(axis.velocity for axis in self.axes), *rest))
 
     def stop(self) -> None:
-        """Send HELLO. After this message the board sends no more samples."""
+        """Send the message HELLO, so that the board stops sending samples."""
         if self._started:
             with contextlib.suppress(RigError):
                 self._send(codec.HELLO)
@@ -295,6 +295,6 @@ class Board(SerialDevice):
 
 
 def signed(difference: int, bits: int) -> int:
-    """Return the difference of two counters as a signed number. `bits` is the size of a counter."""
+    """Return a difference of two `bits`-bit counters as a signed number, without overflow."""
     half = 1 << bits - 1
     return (difference + half) % (2 * half) - half

@@ -1,4 +1,4 @@
-"""Define the section of the rig file for a microcontroller board, and the signals of the board."""
+"""Define the settings of a microcontroller board in the rig file, and the signals of the board."""
 
 from __future__ import annotations
 
@@ -18,18 +18,20 @@ QUANTITIES = (
     ("velocity", "m/s", 1e-6, "velocity_um_per_s_per_count", codec.AXES),
     ("analogue", "V", 1e-3, "analogue_mv_per_count", codec.ANALOGUES),
 )
-"""Groups of signals, in the order of the counts in a sample of the board.
+"""Groups of signals, in the order of their values in a sample of the board.
 
 For each group, the entries are: the name, the SI unit, the factor from the unit of the setting to
-the SI unit, the name of the setting that contains the scales, and the number of counts in a sample.
+the SI unit, the name of the setting that contains the scales, and the number of values in a sample.
 """
 
 
 class BoardSettings(DeviceSettings):
-    """Section of the rig file for a microcontroller board.
+    """Settings of a microcontroller board in the rig file.
 
-    A list of scales has one entry for each input or axis in use. The first entry is for the first
-    input or axis of the board.
+    The board sends and receives values as integers, called counts. A scale is the value of one
+    count. Each setting with a name that ends with `_per_count` is a list of scales. The first entry
+    is for the first input or axis of the board, the second entry for the second. An input or axis
+    without an entry is not used.
     """
 
     kind: Literal["board"]
@@ -45,10 +47,10 @@ class BoardSettings(DeviceSettings):
 
 
 def gains(settings: BoardSettings) -> Iterator[tuple[int, str, float]]:
-    """Yield the index, the name and the scale of each signal in use.
+    """Yield the index, the name and the scale of each signal that has a scale in the settings.
 
-    The index is the position of the signal in the list `counts` of a sample. The scale is the value
-    of one count, in the SI unit of the signal.
+    The index is the position of the signal in the tuple `counts` of a sample, which contains the
+    values as integers (counts). The scale is the value of one count, in the SI unit of the signal.
     """
     first = 0
     for name, _, unit, key, number in QUANTITIES:

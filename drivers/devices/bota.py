@@ -22,7 +22,7 @@ CLOCK_JUMP = 1.0
 
 
 class BotaSettings(DeviceSettings):
-    """Section of the rig file for a sensor of Bota Systems.
+    """Settings of a force-torque sensor of Bota Systems in the rig file.
 
     The driver does not set the filter of the sensor. The user must set the filter on the sensor
     itself. The filter determines the sample rate.
@@ -39,8 +39,8 @@ class Bota(SerialDevice):
     of a sample is computed from the time stamp that the sensor sends. The time stamp is converted
     to the controller's clock, and the transmission time of a frame is subtracted. If the sensor
     reports that measurements are invalid, they are not used, and `error` gives the reason. A
-    restart of the sensor may change its zero offsets. The error that reports a restart therefore
-    remains until the rig is opened again.
+    restart of the sensor may change its zero offsets. Therefore, after a restart, `error` reports
+    the restart until the rig is opened again.
     """
 
     Settings = BotaSettings
@@ -57,7 +57,7 @@ class Bota(SerialDevice):
         """Time stamp [us] and time of arrival [s] of the latest frame."""
 
     def signals(self) -> dict[str, str]:
-        """Return the units of the forces, the moments and the temperature."""
+        """Return the unit of each signal: forces, moments and temperature."""
         forces = dict.fromkeys(("fx", "fy", "fz"), "N")
         return forces | dict.fromkeys(("mx", "my", "mz"), "N m") | {"temperature": "degC"}
 
@@ -85,7 +85,7 @@ class Bota(SerialDevice):
         self._started = True
 
     def receive(self, data: bytes, now: float) -> None:
-        """Process frames of the sensor.
+        """Process bytes from the sensor.
 
         The newest frame with valid measurements sets the samples of all signals.
         """
@@ -114,7 +114,15 @@ class Bota(SerialDevice):
             self.samples[signal] = Sample(getattr(frame, signal), time)
 
     def _watch_clock(self, stamp: int, now: float) -> None:
-        """Detect a restart of the sensor, which causes a jump of its clock."""
+        """Detect a restart of the sensor, which causes a jump of its clock.
+
+        Parameters
+        ----------
+        stamp
+            Time stamp of the newest frame, on the sensor's clock [us].
+        now
+            Time of arrival of the newest frame, on the controller's clock [s].
+        """
         if self._seen:
             before, then = self._seen
             passed = (stamp - before) % WRAP * MICROSECOND

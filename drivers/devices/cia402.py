@@ -49,15 +49,13 @@ FAULTS = (State.FAULT, State.FAULT_REACTION_ACTIVE)
 
 
 class Cia402(CanDevice, VelocityDrive):
-    """A CiA 402 drive with one axis.
+    """A CiA 402 drive with one axis on a CANopen bus (CiA 301 version 4.2, CiA 402-2 version 3.0).
 
-    `start` sets up the drive over SDO. After that, at each SYNC, the drive applies the latest
-    command and takes its samples. If the controller's heartbeat or commands are missing for
-    `watchdog_ms`, the drive stops on its quick stop ramp (CiA 402-2, 6007h). If the drive reports
-    an error, or leaves operation without a request, the attribute `error` contains a description of
-    the error. The drive then remains out of operation until it is enabled again.
-
-    The sources are CiA 301 version 4.2 and CiA 402-2 version 3.0.
+    `start` configures the drive. After that, the controller sends SYNC frames. At each SYNC, the
+    drive applies the latest command and takes its samples. If the controller's heartbeat or
+    commands are missing for `watchdog_ms`, the drive stops on its quick stop ramp (object 6007h).
+    If the drive reports an error, or leaves operation without a request, `error` describes the
+    error. The drive then remains out of operation until it is enabled again.
     """
 
     Settings = Cia402Settings
@@ -92,15 +90,17 @@ class Cia402(CanDevice, VelocityDrive):
         return Units(s.counts_per_turn, s.travel_mm_per_turn * 1e-3, s.velocity_unit, rated_torque)
 
     def signals(self) -> Mapping[str, str]:
-        """Return the SI units of position, velocity, and force of the motor along the axis."""
+        """Return the SI unit of each signal. `force` is the motor force along the axis."""
         return {"position": "m", "velocity": "m/s", "force": "N"}
 
     def identifiers(self) -> Iterable[int]:
-        """Return the identifiers of the drive's frames: EMCY, TPDO1, TPDO2, heartbeat, SDO."""
+        """Return the CAN identifiers of the frames that the drive sends."""
         return (*self._handlers, SDO_ANSWER + self.settings.node_id)
 
     def start(self, bus: CanBus) -> None:
-        """Reset the communication of the drive and set up the drive. It remains out of operation.
+        """Reset the CANopen communication of the drive, and configure the drive.
+
+        The drive remains out of operation.
 
         Raises
         ------
@@ -141,7 +141,7 @@ class Cia402(CanDevice, VelocityDrive):
         return NO_SAMPLE not in (self.samples["position"], self.samples["velocity"])
 
     def receive(self, frame: can.Message, time: float) -> None:
-        """Process a CAN frame of the drive."""
+        """Process a CAN frame that the drive has sent. `time` is its time of arrival [s]."""
         if frame.is_remote_frame:
             self.rejected["remote"] += 1
         elif frame.arbitration_id == SDO_ANSWER + self.settings.node_id:
@@ -176,9 +176,9 @@ class Cia402(CanDevice, VelocityDrive):
         self.samples["force"] = Sample(force, sampled)
 
     def _sampled(self, arrival: float) -> float:
-        """Return the time [s] at which the drive took the samples in a TPDO.
+        """Return the time [s] at which the drive took the samples that a frame contains.
 
-        The result is the earlier of two times: the latest SYNC, and the arrival of the TPDO.
+        This is the time of the latest SYNC, or `arrival` if the frame arrived before this SYNC.
         """
         synchronised = self._master.synchronised
         return synchronised if synchronised <= arrival else arrival
@@ -203,14 +203,14 @@ class Cia402(CanDevice, VelocityDrive):
             self._fail(self._lost)
 
     def _fail(self, error: str) -> None:
-        """Store the first error, and stop the drive until it is enabled again."""
+        """Stop the drive until it is enabled again; set `error` if no error is stored yet."""
         if self._running:
             self.error = self.error or error
             self._enabled = False
             self._control = Control.QUICK_STOP
 
     def update(self, now: float) -> None:
-        """Check the heartbeat of the drive. Send a SYNC if the latest SYNC is older than 8 ms."""
+        """Check the drive's heartbeat. If the last SYNC is over 8 ms old, send another SYNC."""
         if not self._bus or not self._running:
             return
         self._master.keep_sampling(self._bus, now)
@@ -223,29 +223,29 @@ class Cia402(CanDevice, VelocityDrive):
             self._fail("the fault is not cleared by a reset")
 
     def ping(self) -> bool:
-        """Send a SYNC, which the drive answers with TPDO1. Return False before the set-up."""
+        """Send a SYNC, which requests samples of the drive; return False before `start` ends."""
         if self._bus and self._running:
             self._answered = False
             self._master.synchronise(self._bus)
         return self._running
 
     def answered(self) -> bool:
-        """Return whether TPDO1 was received since the last `ping`."""
+        """Return whether the drive has sent samples (the frame TPDO1) since the last `ping`."""
         return self._answered
 
     def rearm(self) -> None:
-        """Clear the error, except an error that reports the loss of the drive's set-up."""
+        """Clear the error, unless the drive has lost its configuration, for example by a reset."""
         self.error = self._lost
 
     def enable(self) -> bool:
-        """Request the next state on the way to operation; return whether the drive is in operation.
+        """Request one state change towards operation; return whether the drive is in operation.
 
         The first call after `idle` clears the error. A fault of the drive is reset.
 
         Raises
         ------
         RigError
-            The drive has lost its set-up.
+            The drive has lost its configuration, for example by a reset.
         """
         assert self._bus
         if self._lost:
@@ -261,14 +261,14 @@ class Cia402(CanDevice, VelocityDrive):
         return self._enabled
 
     def command(self, velocity: float) -> float:
-        """Set the velocity [m/s], and return it rounded to the unit of object 60FFh [m/s]."""
+        """Store the velocity [m/s]; return it rounded to the resolution of the drive [m/s]."""
         self._target = self._units.target(velocity)
         return self._target * self._units.metres_per_second
 
     def transmit(self) -> None:
-        """Send RPDO1 to this drive if this drive or another drive on the bus was enabled before.
+        """Send the command, if this drive or another drive on the bus has been enabled before.
 
-        If this is the last drive on the bus, the master then sends SYNC, and a heartbeat when due.
+        If this is the last drive on the bus, the master then sends SYNC and, if due, its heartbeat.
         """
         if self._bus and self._running:
             if self._master.armed:
@@ -290,9 +290,9 @@ class Cia402(CanDevice, VelocityDrive):
         self._bus.send(RPDO1 + self.settings.node_id, command(self._control, target))
 
     def stop(self) -> None:
-        """Reset the communication of the drive.
+        """Reset the CANopen communication of the drive.
 
-        After this, the drive does not report the end of the controller's heartbeat as an error.
+        Without the reset, the drive would report an error when the controller's heartbeat ends.
         """
         if self._bus and self._running:
             with contextlib.suppress(RigError):

@@ -1,4 +1,4 @@
-"""CANopen master of a bus. It sends SYNC and the controller's heartbeat for all drives."""
+"""CANopen master of a bus. It sends SYNC frames and the controller's heartbeat to all drives."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ LONGEST = 8e-3
 class Master:
     """CANopen master. All drives on a bus share one master.
 
-    At the end of a tick, after the command of the last drive, the master sends SYNC. All drives
-    then apply their commands and take their samples. Commands are sent to the drives in the order
-    in which the drives were started, so the last drive is the drive that was started last.
+    At each tick (cycle of the control loop), the drives receive their commands in the order in
+    which they were started. After the last command, the master sends a SYNC frame. All drives then
+    apply their commands and take their samples.
 
     Attributes
     ----------
     synchronised
         Time of the latest SYNC on the controller's clock [s].
     armed
-        Whether a drive was enabled. If so, the controller's heartbeat is sent periodically, at the
-        end of a tick. After the first heartbeat, the drives monitor the heartbeat, and so detect
-        missing ticks.
+        Whether a drive has been enabled since the last call of `join`. If so, the controller's
+        heartbeat is sent periodically, at the end of a tick. A drive monitors this heartbeat as
+        soon as it has received the first one. The drive then stops if the control loop stops.
     """
 
     def __init__(self) -> None:
@@ -39,12 +39,12 @@ class Master:
         self._period = math.inf
 
     def join(self, drive: str, heartbeat_period: float) -> None:
-        """Add a drive to the bus.
+        """Add a drive. Drives are added in the order in which their commands are sent.
 
         Parameters
         ----------
         drive
-            Name of the device.
+            Name of the drive's device in the rig file.
         heartbeat_period
             Longest period of the controller's heartbeat that the drive permits [s].
         """
@@ -52,14 +52,17 @@ class Master:
         self._period = min(self._period, heartbeat_period)
 
     def end_tick(self, drive: str, bus: CanBus) -> None:
-        """If this drive is the last drive on the bus, send SYNC, and the heartbeat if it is due.
+        """Send SYNC after the command of the last drive on the bus.
+
+        Also send the controller's heartbeat, if a drive has been enabled and the period of the
+        heartbeat has elapsed. If `drive` is not the last drive, do nothing.
 
         Parameters
         ----------
         drive
-            Name of the device whose command has been sent.
+            Name of the drive to which the latest command was sent.
         bus
-            The bus.
+            The CAN bus.
         """
         if drive != self._last:
             return
@@ -70,12 +73,16 @@ class Master:
             bus.send(HEARTBEAT + NODE, bytes((NmtState.OPERATIONAL,)))
 
     def keep_sampling(self, bus: CanBus, now: float) -> None:
-        """Send a SYNC if the time since the latest SYNC is longer than 8 ms (`LONGEST`)."""
+        """Send a SYNC if the latest SYNC is older than 8 ms (`LONGEST`).
+
+        The drives take samples at each SYNC. This method therefore causes samples to be sent even
+        if no commands are sent. `now` is the present time on the controller's clock [s].
+        """
         if now - self.synchronised > LONGEST:
             self.synchronise(bus)
 
     def synchronise(self, bus: CanBus) -> None:
-        """Send a SYNC, and store the time."""
+        """Send a SYNC frame, and store its time in `synchronised`."""
         self.synchronised = bus.now()
         bus.send(SYNC, b"")
 

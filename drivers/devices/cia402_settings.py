@@ -1,4 +1,4 @@
-"""Define the section of the rig file for a CiA 402 drive."""
+"""Define the settings of a CiA 402 drive in the rig file."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ Positive = Annotated[FiniteFloat, Field(gt=0)]
 
 
 class Cia402Settings(DeviceSettings):
-    """Section of the rig file for a CiA 402 drive on a CANopen bus."""
+    """Settings of a CiA 402 drive on a CANopen bus, in the rig file."""
 
     kind: Literal["cia402"]
     bus: str
     node_id: Annotated[int, Field(ge=1, le=126)]
     """Node id of the drive. The controller has the node id 127."""
     counts_per_turn: Positive
-    """Increments of the object 6064h (position actual value) per turn of the motor."""
+    """Position increments per turn of the motor, as in the object 6064h (actual position)."""
     travel_mm_per_turn: Positive
     """Displacement of the axis per turn of the motor [mm]."""
     velocity_unit: Literal["counts_per_s", "rpm"] = "counts_per_s"

@@ -1,4 +1,4 @@
-"""Set up a CiA 402 drive over SDO: check its identity, set monitoring, mode and process data."""
+"""Check and configure a CiA 402 drive with CANopen service data objects (SDO)."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ PDO mappings are declared as records, because canopen cannot write mappings that
 
 
 def object_dictionary() -> ObjectDictionary:
-    """Return the object dictionary for the package `canopen`, with all objects of this module."""
+    """Return a table of the CANopen objects that this module uses, for the package `canopen`."""
     dictionary = ObjectDictionary()  # type: ignore[no-untyped-call]
     for index, kind in VARIABLES.items():
         dictionary.add_object(variable(index, 0, kind))
@@ -100,14 +100,14 @@ def object_dictionary() -> ObjectDictionary:
 
 
 def variable(index: int, sub: int, kind: int) -> ODVariable:
-    """Return the entry of an object dictionary for an index, a sub-index and a data type."""
+    """Return the description of the object `index`, sub-index `sub`, with the data type `kind`."""
     entry = ODVariable(f"{index:04X}h:{sub:02X}", index, sub)
     entry.data_type = kind
     return entry
 
 
 class Setup:
-    """Sets up one drive over SDO.
+    """Checks and configures one CiA 402 drive with CANopen service data objects (SDO).
 
     The package `canopen` implements the SDO protocol. A `CanBus` sends the frames.
 
@@ -116,7 +116,7 @@ class Setup:
     where
         Text that names the drive in error messages.
     bus
-        The bus. `Setup` reads the bus while it waits for an answer.
+        The CAN bus. While `Setup` waits for an answer, it reads the bus.
     settings
         The drive's section of the rig file.
     """
@@ -134,7 +134,7 @@ class Setup:
         self._network.notify(frame.arbitration_id, frame.data, time)
 
     def run(self) -> float:
-        """Set up the drive; return its rated torque [N m], or NaN if the torque is unknown.
+        """Check and configure the drive; return its rated torque [N m], or NaN if it is unknown.
 
         Raises
         ------
@@ -165,10 +165,7 @@ class Setup:
             self._write(0x60A9, 0, unit)
 
     def _monitor(self) -> None:
-        """Set the period of the drive's heartbeat.
-
-        Also set how the drive reacts when it no longer receives the controller's heartbeat.
-        """
+        """Set the drive's heartbeat period, and its reaction if the controller's heartbeat ends."""
         watchdog = self._settings.watchdog_ms
         self._write(0x1017, 0, watchdog // 4)
         self._write(0x1016, 1, NODE << 16 | watchdog)
@@ -233,7 +230,10 @@ class Setup:
         self._ask(f"writing 0x{value:X} to object {index:04X}h:{sub:02X}", write, optional)
 
     def _ask(self, what: str, request: Callable[[], Any], optional: bool = False) -> Any:
-        """Return the answer to an SDO request; None for an optional object that does not exist."""
+        """Return the result of `request()`; None if the object is `optional` and does not exist.
+
+        `what` describes the request in error messages, for example `reading object 1000h:00`.
+        """
         try:
             return request()
         except SdoAbortedError as error:
@@ -245,31 +245,28 @@ class Setup:
 
 
 class BusNetwork(Network):
-    """A network of the package `canopen`, which sends its frames on a `CanBus`."""
+    """A network of the package `canopen` that sends its frames on a `CanBus`."""
 
     def __init__(self, bus: CanBus) -> None:
         super().__init__()
         self._carrier = bus
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Send a CAN data frame."""
+        """Send a CAN data frame with the identifier `can_id`. The argument `remote` is ignored."""
         self._carrier.send(can_id, bytes(data))
 
 
 class PumpedNode(RemoteNode):
-    """A remote node of the package `canopen`, with a `PumpedSdo` as SDO client."""
+    """The drive, as a node of the package `canopen`. A `PumpedSdo` sends its SDO requests."""
 
     def __init__(self, node: int, bus: CanBus) -> None:
         self._carrier = bus
         super().__init__(node, object_dictionary())
 
     def add_sdo(self, rx_cobid: int, tx_cobid: int) -> SdoClient:
-        """Return a new SDO client for the node. The client is also added to `sdo_channels`.
+        """Return a new SDO client (sender of requests), and append it to `sdo_channels`.
 
-        Parameters
-        ----------
-        rx_cobid, tx_cobid
-            CAN identifiers of the requests and of the answers.
+        Requests have the CAN identifier `rx_cobid`. Answers have the CAN identifier `tx_cobid`.
         """
         client = PumpedSdo(self._carrier, rx_cobid, tx_cobid, self.object_dictionary)
         self.sdo_channels.append(client)
@@ -277,7 +274,7 @@ class PumpedNode(RemoteNode):
 
 
 class PumpedSdo(SdoClient):
-    """An SDO client of `canopen`. While it waits for an answer, it reads a `CanBus`."""
+    """An SDO client of `canopen` (sender of requests) that waits by reading a `CanBus`."""
 
     RESPONSE_TIMEOUT = 1.0
     """Longest wait for an answer [s]."""
@@ -287,12 +284,14 @@ class PumpedSdo(SdoClient):
         self._carrier = bus
 
     def read_response(self) -> bytes:
-        """Wait for the next SDO answer, and return its data.
+        """Wait for the answer of the drive to an SDO request, and return its data.
 
         Raises
         ------
         SdoCommunicationError
             There is no answer within `RESPONSE_TIMEOUT`.
+        SdoAbortedError
+            The drive refuses the request.
         """
         if not self._carrier.wait_for(lambda: not self.responses.empty(), self.RESPONSE_TIMEOUT):
             raise SdoCommunicationError(f"no answer within {self.RESPONSE_TIMEOUT:g} s")

@@ -25,10 +25,7 @@ if TYPE_CHECKING:
 
 
 class DbcSettings(DeviceSettings):
-    """Section of the rig file for a device on a CAN bus.
-
-    A DBC file describes the CAN frames of the device.
-    """
+    """Settings, in the rig file, of a device on a CAN bus whose frames a DBC file describes."""
 
     kind: Literal["dbc"]
     bus: str
@@ -88,10 +85,12 @@ class DbcSettings(DeviceSettings):
 class DbcDevice(CanDevice):
     """A device on a CAN bus whose messages a DBC file describes.
 
-    The device has all signals of its messages, in the units of the DBC file. If several messages
-    have a signal with the same name, the name used here is `Message.signal`. A multiplexed signal
-    gets a new sample from each frame that contains the signal. A frame is rejected if it is too
-    short or if its multiplexer value is unknown.
+    A message is a type of frame. Its name and its signals are given by the DBC file. The device has
+    all signals of its messages, in the units of the DBC file. If several messages have a signal
+    with the same name, these signals are named `Message.signal`. A frame contains a multiplexed
+    signal only for certain values of its multiplexer field. Such a signal gets a new sample only
+    from the frames that contain it. A frame is rejected if it is too short, or if the value of its
+    multiplexer field is unknown.
     """
 
     Settings = DbcSettings
@@ -113,9 +112,9 @@ class DbcDevice(CanDevice):
         }
 
     def identifiers(self) -> list[int]:
-        """Return the identifiers of the device's messages.
+        """Return the CAN identifiers of the device's messages.
 
-        In an identifier of 29 bits, bit 31 is set.
+        If an identifier has 29 bits (extended frame), bit 31 of the returned number is set.
         """
         return list(self._messages)
 
@@ -144,7 +143,7 @@ class DbcDevice(CanDevice):
             )
 
     def receive(self, frame: can.Message, time: float) -> None:
-        """Decode a frame, and store the values of its signals as samples."""
+        """Decode a frame, and store the values of its signals in `samples`."""
         message = self._messages[frame.arbitration_id | frame.is_extended_id * EXTENDED]
         if frame.is_remote_frame:
             self.rejected["remote"] += 1
@@ -168,16 +167,16 @@ class DbcDevice(CanDevice):
 
 
 def identifier(message: Message) -> int:
-    """Return the identifier of a message. In an identifier of 29 bits, bit 31 is set."""
+    """Return the CAN identifier of a message. If it has 29 bits, bit 31 of the result is set."""
     return message.frame_id | message.is_extended_frame * EXTENDED
 
 
 def signal_names(messages: list[Message]) -> dict[tuple[str, str], str]:
-    """Return a unique name for each signal.
+    """Return a unique name for each signal of some messages of a DBC file.
 
     The result is a dictionary. Each key is a pair: the name of the message, and the name of the
     signal in the DBC file. Each value is the unique name of the signal. If only one message has a
-    signal with this name, the unique name is the name of the signal. Otherwise it is
+    signal with this name, the unique name is the name of the signal. Otherwise the unique name is
     `Message.signal`.
     """
     count = Counter(signal.name for message in messages for signal in message.signals)

@@ -19,7 +19,7 @@ FIRST_FRAME = 1.0
 
 
 class Ft300Settings(DeviceSettings):
-    """Section of the rig file for an FT 300 sensor."""
+    """Settings of an FT 300 force-torque sensor in the rig file."""
 
     kind: Literal["ft300"]
     bus: str
@@ -30,8 +30,9 @@ class Ft300(SerialDevice):
 
     The signals are `fx`, `fy`, `fz` [N] and `mx`, `my`, `mz` [N m]. The frames contain no time
     stamp. The time of a sample is the time of arrival minus the transmission time of a frame, which
-    is 8.3 ms. The frames contain no status, so the sensor does not report saturation. The rig file
-    must therefore give the range of the channel. The sensor measures up to 300 N and 30 N m.
+    is 8.3 ms. The frames contain no status, so the sensor does not report saturation. Saturation is
+    only detected from the measuring range that the rig file gives for each channel (measured
+    quantity of the rig). The sensor measures up to 300 N and 30 N m.
     """
 
     Settings = Ft300Settings
@@ -44,7 +45,7 @@ class Ft300(SerialDevice):
         self._line_time = 0.0
 
     def signals(self) -> dict[str, str]:
-        """Return the SI units of the forces and moments."""
+        """Return the SI unit of each signal: forces and moments."""
         return dict.fromkeys(("fx", "fy", "fz"), "N") | dict.fromkeys(("mx", "my", "mz"), "N m")
 
     def start(self, port: SerialPort) -> None:
@@ -70,14 +71,14 @@ class Ft300(SerialDevice):
         return self.samples["fx"] is not NO_SAMPLE
 
     def receive(self, data: bytes, now: float) -> None:
-        """Process frames of the sensor. The newest frame sets the samples of all signals."""
+        """Process bytes from the sensor. The newest frame sets the samples of all signals."""
         if frames := self._parser.feed(data):
             time = now - self._line_time
             for signal, value in zip(Ft300Frame._fields, frames[-1], strict=True):
                 self.samples[signal] = Sample(value, time)
 
     def stop(self) -> None:
-        """Stop the data stream, so that the sensor accepts Modbus requests again."""
+        """Stop the data stream of the sensor. The sensor then accepts Modbus requests again."""
         if self._port:
             with contextlib.suppress(RigError):
                 self._port.write(STOP_STREAM)

@@ -27,7 +27,7 @@ IQ_PERIOD = 2e-3
 
 
 class ODriveSettings(DeviceSettings):
-    """Section of the rig file for an axis of an ODrive."""
+    """Settings of an axis of an ODrive motor controller in the rig file."""
 
     bus: str
     node: Annotated[int, Field(ge=0, le=62)]
@@ -54,7 +54,7 @@ class ODriveSettings(DeviceSettings):
 
 
 class ODrive(CanDevice, VelocityDrive):
-    """An axis of an ODrive.
+    """An axis of an ODrive motor controller.
 
     The signals are `position` [m], `velocity` [m/s] and `force` [N]. The force is computed from the
     motor torque: 2 pi (motor torque) / (travel per turn). The firmware must be 0.5 or 0.6. The
@@ -63,9 +63,9 @@ class ODrive(CanDevice, VelocityDrive):
     firmware, the class requests the motor current if the rig file gives the torque constant of the
     motor. The class computes the motor torque from the current and the torque constant.
 
-    The device has one drive, `axis`, which is the device itself. An error is stored until the
-    axis is enabled again. The user must set the watchdog on the ODrive. Velocity commands reset the
-    watchdog timer. With firmware 0.5, every frame to the axis resets the watchdog timer.
+    The device has one drive, `axis`, which is the device itself. An error is stored until `rearm`
+    is called or the axis is enabled again. The user must set the watchdog on the ODrive. Velocity
+    commands reset the watchdog timer. With firmware 0.5, every frame to the axis resets this timer.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ class ODrive(CanDevice, VelocityDrive):
         return units
 
     def identifiers(self) -> Iterable[int]:
-        """Yield the CAN identifiers of the frames from the axis that this class uses."""
+        """Yield the CAN identifiers of those frames of the axis that `receive` processes."""
         torque = Command.GET_IQ if self.settings.firmware == "0.5" else Command.GET_TORQUES
         for command in (
             Command.GET_VERSION,
@@ -156,7 +156,7 @@ class ODrive(CanDevice, VelocityDrive):
         self.idle()
 
     def receive(self, frame: can.Message, time: float) -> None:
-        """Process a CAN frame of the axis."""
+        """Process a CAN frame that the axis has sent. `time` is its time of arrival [s]."""
         if frame.is_remote_frame:
             self.rejected["remote"] += 1
             return
@@ -187,7 +187,7 @@ class ODrive(CanDevice, VelocityDrive):
             self.samples[signal] = Sample(value, time)
 
     def _check_state(self, heartbeat: codec.Heartbeat) -> None:
-        """Check whether the axis is in the requested state, and update the error."""
+        """Check whether the axis is in operation as requested, and set `error` if it is not."""
         if not self._wanted:
             return
         if self._settling:
@@ -204,10 +204,10 @@ class ODrive(CanDevice, VelocityDrive):
         self._ready = operates
 
     def update(self, now: float) -> None:
-        """Detect missing heartbeats, and request the motor current.
+        """Detect missing heartbeats, and request the motor current from the axis.
 
         The motor current is requested only if the rig file gives the torque constant of the motor.
-        While operation is requested, `transmit` requests the current instead of this method.
+        While operation is requested, `transmit` requests the current, and this method does not.
         """
         self._now = now
         if self._heard:
@@ -219,7 +219,10 @@ class ODrive(CanDevice, VelocityDrive):
             self._ask_for_current()
 
     def ping(self) -> bool:
-        """Request the firmware version. With firmware 0.5, request the motor current instead."""
+        """Send a request whose round-trip time can be measured; return True.
+
+        The request is for the firmware version, or with firmware 0.5 for the motor current.
+        """
         self._answered = False
         self._ask(self._question)
         return True
@@ -229,10 +232,11 @@ class ODrive(CanDevice, VelocityDrive):
         return self._answered
 
     def enable(self) -> bool:
-        """Request operation at standstill; return whether the axis is in operation.
+        """Request operation with zero velocity; return whether the axis is in operation.
 
-        The first call after `idle` clears all errors. A command of zero velocity is sent before the
-        request for operation. This command resets the watchdog, which may have expired.
+        Only the first call after `idle` sends messages. They set the limits, the control mode and
+        zero velocity, clear all errors, and request operation. Zero velocity is sent before the
+        request, because this resets the watchdog timer, which may have expired.
         """
         if not self._wanted:
             self._wanted, self._settling, self.error = True, True, ""
@@ -246,9 +250,9 @@ class ODrive(CanDevice, VelocityDrive):
         return self._ready and not self.error
 
     def command(self, velocity: float) -> float:
-        """Set the velocity [m/s], and return it limited to the range of the axis [m/s].
+        """Store the velocity [m/s], limited to the range of the axis; return this velocity [m/s].
 
-        If the axis is not in operation, the velocity is set to 0.
+        If the axis is not in operation, or if there is an error, the velocity is 0.
         """
         operates = self._ready and not self.error
         self._velocity = min(max(velocity, -self._most), self._most) if operates else 0.0
@@ -257,9 +261,9 @@ class ODrive(CanDevice, VelocityDrive):
     def transmit(self) -> None:
         """If operation is requested, send the velocity. This frame also resets the watchdog timer.
 
-        The watchdog must expire if no velocity is sent. But with firmware 0.5, a request for the
-        motor current also resets the watchdog timer. Therefore, while operation is requested, only
-        this method requests the current, directly after it has sent a velocity.
+        The watchdog of the ODrive must stop the axis if no velocity is sent. But with firmware 0.5,
+        a request for the motor current also resets the watchdog timer. Therefore, while operation
+        is requested, only this method requests the current, directly after it has sent a velocity.
         """
         if self._wanted:
             self._send(Command.SET_INPUT_VEL, codec.set_input_vel(self._velocity / self._travel))

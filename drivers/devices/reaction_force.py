@@ -1,4 +1,4 @@
-"""Estimate the contact force of a drive without a force sensor, by a reaction force observer."""
+"""Estimate the external force on a drive without a force sensor, by a disturbance observer."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ NEEDED = {"force": "N", "velocity": "m/s"}
 
 
 class ReactionForceSettings(DeviceSettings):
-    """Section of the rig file for a reaction force observer."""
+    """Settings of a reaction force observer in the rig file.
+
+    The observer estimates the external force on a drive from its motor force and its velocity.
+    """
 
     kind: Literal["reaction_force"]
     drive: str
@@ -29,7 +32,7 @@ class ReactionForceSettings(DeviceSettings):
 
 
 class ReactionForceObserver(DerivedDevice):
-    """Estimates the external force on a mass, from the force and velocity of the mass's drive.
+    """Estimates the external force on a drive from its motor force and its velocity.
 
     The equation of motion is m dv/dt = F_motor - F_friction - F, with the moving mass m, its
     velocity v and the external force F. The disturbance observer
@@ -44,15 +47,16 @@ class ReactionForceObserver(DerivedDevice):
 
         F_hat' = F_hat + (1 - exp(-g h)) (mean(F_motor - F_friction) - m (v' - v) / h - F_hat),
 
-    where the mean is over the two samples, v' is the new velocity, and F_hat' is the new estimate.
-    If the forces are constant, the update is exact for every h.
+    where the mean is over the two samples. The new sample contains the velocity v', and F_hat' is
+    the new estimate. If the forces are constant, the update is exact for every h.
 
     The signal is `force` [N]. It is positive if F acts against the positive direction of the drive.
-    F is not measured at the contact. An error of the mass causes a force error proportional to the
-    acceleration. Friction that the settings do not include is part of the estimate. At standstill,
-    external forces up to the static friction cannot be detected. The time of an estimate is the
-    time of the drive's sample. The estimate also has a delay `lag`, which must be included in the
-    setting `lag_ms` of the channel.
+    The estimate has these errors: an error of the mass in the settings causes a force error
+    proportional to the acceleration. Friction that the settings do not include is part of the
+    estimate. At standstill, external forces up to the static friction cannot be detected. The time
+    of an estimate is the time of the drive's sample. But the low-pass filter delays the estimate by
+    `lag`. If a channel in the rig file uses this signal, its setting `lag_ms` must include this
+    delay.
     """
 
     Settings = ReactionForceSettings
@@ -72,15 +76,17 @@ class ReactionForceObserver(DerivedDevice):
 
     @property
     def lag(self) -> float:
-        """Delay of the estimate [s], for frequencies well below the bandwidth."""
+        """Delay of the estimate by the filter [s], for frequencies well below the bandwidth."""
         return 1.0 / self.rate
 
     def signals(self) -> dict[str, str]:
-        """Return the unit of the estimated force."""
+        """Return the SI unit of the only signal, the estimated force."""
         return {"force": "N"}
 
     def start(self, devices: Mapping[str, Device]) -> None:
-        """Find the device that has the signals of the drive. The settings give its name.
+        """Find the device that measures the force and the velocity of the drive.
+
+        The setting `drive` gives the name of this device.
 
         Raises
         ------
@@ -124,7 +130,7 @@ class ReactionForceObserver(DerivedDevice):
         self.samples["force"] = Sample(estimate, time)
 
     def _driving(self, force: float, velocity: float) -> float:
-        """Return the motor force minus the friction that the settings describe [N]."""
+        """Return the motor force minus the Coulomb and viscous friction of the drive [N]."""
         s = self.settings
         coulomb = math.copysign(s.coulomb_friction_n, velocity) if velocity else 0.0
         return force - coulomb - s.viscous_friction_n_s_per_m * velocity

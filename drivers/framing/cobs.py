@@ -17,9 +17,10 @@ RUN = 254
 
 
 def encode(data: bytes) -> bytes:
-    """Encode the data of a frame into non-zero bytes; return these bytes without the delimiter.
+    """Encode the data of a frame into non-zero bytes.
 
-    Encoding adds one byte to the data. For each 254 bytes of data, it can add one more byte.
+    The result does not contain the zero byte that ends the frame. It is one byte longer than the
+    data, and can be longer by one more byte for each 254 bytes of data.
     """
     parts = []
     runs = data.split(b"\0")
@@ -34,7 +35,7 @@ def encode(data: bytes) -> bytes:
 
 
 def decode(encoded: bytes) -> bytes:
-    """Return the data of an encoded frame. The argument must not contain the delimiter.
+    """Return the data of an encoded frame, given without the zero byte at its end.
 
     The value of each code byte is the distance to the next code byte. The code bytes are replaced
     by zero bytes, with two exceptions. The first code byte is removed. Each code byte that follows
@@ -67,11 +68,11 @@ class CobsReader:
     Parameters
     ----------
     longest
-        Largest length of an encoded frame without its delimiter [bytes]. Longer frames are
-        rejected.
+        Largest length of an encoded frame, without the zero byte at its end [bytes]. Longer frames
+        are rejected.
     rejected
-        Counter of the rejected frames. `length` counts frames that are too long, and `framing`
-        counts frames that cannot be decoded.
+        Counter to which rejected frames are added. Its key `length` counts frames that are too
+        long. Its key `framing` counts frames that cannot be decoded.
     """
 
     def __init__(self, longest: int, rejected: Counter[str]) -> None:

@@ -14,7 +14,7 @@ MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
 def crc16_x25(data: bytes) -> int:
-    """Return the CRC-16/IBM-SDLC (X.25) of data. For the text `123456789` it is 0x906E.
+    """Return the CRC-16/IBM-SDLC (X.25) of data. For the text `123456789` the CRC is 0x906E.
 
     The polynomial is 0x1021, least significant bit first. The initial value and the final mask are
     0xFFFF (ITU-T X.25, section 2.2.7.4). In a frame, the CRC follows the data as two bytes, the
@@ -25,7 +25,10 @@ def crc16_x25(data: bytes) -> int:
 
 
 def modbus_step(byte: int) -> int:
-    """Return the Modbus CRC of one byte for the initial value 0."""
+    """Return the Modbus CRC of one byte for the initial value 0.
+
+    The results for all bytes are the table that `crc16_modbus` uses.
+    """
     for _ in range(8):
         byte = byte >> 1 ^ (0xA001 if byte & 1 else 0)
     return byte
@@ -36,7 +39,7 @@ MODBUS_STEPS = tuple(modbus_step(byte) for byte in range(256))
 
 
 def crc16_modbus(data: bytes) -> int:
-    """Return the CRC-16/MODBUS of data. For the text `123456789` it is 0x4B37.
+    """Return the CRC-16/MODBUS of data. For the text `123456789` the CRC is 0x4B37.
 
     The polynomial is 0x8005, least significant bit first, with the initial value 0xFFFF (MODBUS
     over Serial Line 1.02, section 6.2.2). In a frame, the CRC follows the data as two bytes, the

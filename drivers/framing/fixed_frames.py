@@ -10,15 +10,15 @@ Frame = TypeVar("Frame")
 
 
 class FixedFrameParser(ABC, Generic[Frame]):
-    """Base class of the parsers that find frames in a stream of bytes.
+    """Base class of the parsers that find frames of fixed length in a stream of bytes.
 
     Bytes that do not belong to a frame are skipped.
 
     Parameters
     ----------
     rejected
-        Counter of rejected data. `checksum` counts the frames with a wrong checksum, and `noise`
-        counts the skipped bytes.
+        Counter to which rejected data are added. Its key `checksum` counts the frames with a wrong
+        checksum. Its key `noise` counts the skipped bytes.
     """
 
     header: ClassVar[bytes]
@@ -32,7 +32,13 @@ class FixedFrameParser(ABC, Generic[Frame]):
 
     @abstractmethod
     def decode(self, frame: bytes) -> Frame | None:
-        """Return the content of a frame of `size` bytes; None if its checksum is wrong."""
+        """Return the content of a frame, or None if the checksum of the frame is wrong.
+
+        Parameters
+        ----------
+        frame
+            All bytes of the frame. Their number is the attribute `size` of the class.
+        """
 
     def feed(self, data: bytes) -> list[Frame]:
         """Process the next bytes of the stream, and return the frames that end in these bytes.
@@ -59,8 +65,8 @@ class FixedFrameParser(ABC, Generic[Frame]):
     def _header_from(self, buffer: bytes, at: int) -> int:
         """Return the index of the first header that starts at index `at` or later.
 
-        If there is no header, return the index of an incomplete header at the end of the buffer. If
-        there is no incomplete header either, return the length of the buffer.
+        If there is no header, but the buffer ends with the first bytes of a header, return the
+        index of these bytes. Otherwise return the length of the buffer.
         """
         found = buffer.find(self.header, at)
         if found >= 0:

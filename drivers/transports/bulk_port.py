@@ -54,7 +54,8 @@ class PortablePort:
         data
             Bytes to write.
         timeout
-            Longest wait for space in the transmit buffer of the port [s].
+            Longest wait for space in the transmit buffer of the port [s]. If there is
+            not enough space in this time, only a part of `data` is written.
 
         Raises
         ------
@@ -136,7 +137,7 @@ def open_port(channel: str, baud: int) -> PortablePort:
     channel
         Device file, COM port, or a pyserial URL.
     baud
-        Line rate [bit/s].
+        Bit rate of the port [bit/s].
 
     Raises
     ------

@@ -54,7 +54,7 @@ class Bus(ABC):
         """Disconnect. This method may also be called after `open` failed."""
 
     def wait_for(self, condition: Callable[[], object], seconds: float) -> bool:
-        """Read the bus repeatedly until a condition is true; return False if this takes too long.
+        """Read the bus repeatedly until a condition is true, or until the longest wait has passed.
 
         This method waits. Call it only to set up devices, before the control loop starts.
 
@@ -64,6 +64,11 @@ class Bus(ABC):
             Function that returns a true value when the wait must end.
         seconds
             Longest wait [s].
+
+        Returns
+        -------
+        bool
+            Whether the condition became true.
 
         Raises
         ------

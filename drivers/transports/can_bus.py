@@ -75,7 +75,7 @@ class CanBus(Bus):
     def attach(
         self, identifiers: Iterable[int], receive: Callable[[can.Message, float], object]
     ) -> None:
-        """Register a function for the frames with the given identifiers.
+        """Register the function that receives the frames with the given identifiers.
 
         Parameters
         ----------
@@ -92,7 +92,7 @@ class CanBus(Bus):
         Raises
         ------
         RigError
-            The adapter cannot be opened, or an option of the interface is wrong.
+            The adapter cannot be opened, or an entry of `options` is invalid.
         """
         try:
             if self.interface == "slcan":
@@ -114,9 +114,9 @@ class CanBus(Bus):
     def poll(self) -> None:
         """Pass each received frame to the function registered for its identifier.
 
-        The arrival time is the time stamp that the interface gives. If there is no plausible time
-        stamp, or if the adapter is an slcan adapter, the arrival time is estimated. The estimate is
-        the mean of the time of this reading and the time of the previous reading.
+        The arrival time is the time stamp that the interface gives. If the time stamp is not within
+        the last second, or if the adapter is an slcan adapter, the arrival time is estimated. The
+        estimate is the mean of the time of this reading and the time of the previous reading.
 
         Raises
         ------
@@ -149,7 +149,13 @@ class CanBus(Bus):
                 receive(frame, now - age if stamped else middle)
 
     def _watch_adapter(self, bus: SlcanBus) -> None:
-        """Check the status flags of an slcan adapter, because it sends no error frames."""
+        """Check the status flags of an slcan adapter, which sends no error frames.
+
+        Raises
+        ------
+        RigError
+            The adapter reports a bus error.
+        """
         flags = bus.status()
         if flags and flags & StatusFlags.BUS_ERROR:
             raise RigError(
@@ -161,6 +167,15 @@ class CanBus(Bus):
     def send(self, identifier: int, data: bytes, extended: bool = False) -> None:
         """Send a data frame without waiting.
 
+        Parameters
+        ----------
+        identifier
+            Identifier of the frame.
+        data
+            Content of the frame, at most 8 bytes.
+        extended
+            Whether the identifier has 29 bits and not 11 bits.
+
         Raises
         ------
         RigError
@@ -171,12 +186,12 @@ class CanBus(Bus):
         )
 
     def request(self, identifier: int, length: int = 8) -> None:
-        """Send a remote frame. It requests the data frame with the same 11-bit identifier.
+        """Send a remote frame, which is a request for the data frame with the same identifier.
 
         Parameters
         ----------
         identifier
-            Identifier of both frames.
+            Identifier of both frames (11 bits).
         length
             Length of the requested data [bytes].
 
@@ -211,7 +226,10 @@ class CanBus(Bus):
 
 
 def waiting(bus: can.BusABC) -> list[can.Message]:
-    """Return the frames that have arrived on a python-can bus, at most `MOST`, without waiting."""
+    """Return the frames that have arrived on a python-can bus, without waiting.
+
+    One call returns at most 4096 frames.
+    """
     frames: list[can.Message] = []
     while len(frames) < MOST and (frame := bus.recv(0)) is not None:
         frames.append(frame)

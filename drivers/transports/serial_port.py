@@ -25,7 +25,7 @@ class SerialPort(Bus):
     port
         Device file, COM port, or a pyserial URL.
     baud
-        Line rate [bit/s].
+        Bit rate of the port [bit/s].
     """
 
     def __init__(self, name: str, now: Callable[[], float], port: str, baud: int) -> None:
@@ -39,7 +39,7 @@ class SerialPort(Bus):
         self._polled = now()
 
     def attach(self, receive: Callable[[bytes, float], object]) -> None:
-        """Register the function that `poll` calls with the bytes and their time of arrival [s]."""
+        """Register the function to which `poll` passes the bytes and their arrival time [s]."""
         self._receive = receive
 
     def open(self) -> None:
@@ -61,10 +61,10 @@ class SerialPort(Bus):
         self._polled = self.now()
 
     def poll(self) -> None:
-        """Pass all received bytes to the attached function.
+        """Pass all received bytes to the function that `attach` has registered.
 
-        Their arrival time is estimated as the mean of the time of this reading and the time of the
-        previous reading.
+        The arrival time of the bytes is estimated as the mean of the time of this reading and the
+        time of the previous reading.
 
         Raises
         ------
@@ -108,7 +108,7 @@ class SerialPort(Bus):
             raise RigError(f"{self.name}: port {self.port} does not send: its buffer is full")
 
     def line_time(self, size: int) -> float:
-        """Return the time [s] that the transmission of `size` bytes takes at the line rate."""
+        """Return the time [s] that the port needs to transmit `size` bytes."""
         return BITS * size / self.baud
 
     def no_frame_message(self, seconds: float, device: str, baud: int) -> str:
@@ -121,7 +121,7 @@ class SerialPort(Bus):
         device
             Name of the expected device, with an article, for example `a Bota sensor`.
         baud
-            Line rate of the expected device [bit/s].
+            Bit rate of the expected device [bit/s].
         """
         where = f"no valid frame in {seconds:g} s on {self.name} ({self.port})"
         if not self.received:

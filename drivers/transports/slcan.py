@@ -3,9 +3,9 @@
 The adapter sends and receives lines of text that end with CR. `t1812A5B0` is a data frame with the
 identifier 0x181 and two bytes, 0xA5 and 0xB0. A line that starts with `T` is a data frame with a
 29-bit identifier. Lines that start with `r` and `R` are remote frames. If the adapter accepts a
-frame, it answers `z` or `Z`, followed by CR. If it accepts another command, it answers CR, after
-the requested data if there are any. If it refuses a frame or command, it answers BEL. Frames from
-the CAN bus may be received between the answers. Reference: Lawicel, CANUSB Manual 1.0.
+frame, it answers `z` or `Z`, followed by CR. If it accepts another command, it answers CR. If the
+command requests data, the data come before this CR. If it refuses a frame or command, it answers
+BEL. Frames from the CAN bus can arrive between the answers. See Lawicel, CANUSB Manual 1.0.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ have arrived. USB adapters can delay bytes by 16 ms."""
 
 
 class StatusFlags(IntFlag):
-    """Status of an adapter and of its bus."""
+    """Status flags of an slcan adapter: the states of its queues, and the errors on its CAN bus."""
 
     RECEIVE_QUEUE_FULL = 0x01
     TRANSMIT_QUEUE_FULL = 0x02
@@ -64,9 +64,9 @@ class SlcanBus(can.BusABC):
     adapter refuses a frame, a later call of `recv` or `drain` reads the refusal and raises
     CanOperationError. The frames that this call received are not lost: the next call returns them.
     Call `recv` or `drain` about as often as `send`, because an adapter may stop if its answers are
-    not read. This class has no method `fileno`. A program that waits for the file descriptor of the
-    port would not notice the received frames that are already stored in this object. Without
-    `fileno`, python-can's Notifier uses a thread.
+    not read. This class has no method `fileno`, because waiting for the file descriptor of the port
+    would not detect frames that were already read from the port and stored in this object.
+    Therefore, python-can's Notifier reads this bus in a thread.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class SlcanBus(can.BusABC):
     bitrate
         Bit rate of the bus [bit/s]; None to keep the present setting of the adapter.
     tty_baudrate
-        Line rate [bit/s]; ignored by USB adapters. 115200 bit/s is enough for 500 frames/s.
+        Bit rate of the serial port [bit/s]. USB adapters ignore it. 115200 allows 500 frames/s.
     can_filters
         Filters of received frames, as python-can defines them.
 
@@ -128,7 +128,7 @@ class SlcanBus(can.BusABC):
 
     @property
     def unanswered(self) -> int:
-        """Number of sent commands that the adapter has not yet answered, at most 1000."""
+        """Number of sent commands that the adapter has not yet answered. It is limited to 1000."""
         return len(self._in_flight)
 
     def drain(self) -> list[can.Message]:
@@ -150,14 +150,14 @@ class SlcanBus(can.BusABC):
         Parameters
         ----------
         msg
-            Classical data frame or remote frame.
+            Data frame or remote frame of classical CAN (not CAN FD).
         timeout
             Longest wait for space in the port's buffer [s]; None for no wait.
 
         Raises
         ------
         ValueError
-            The frame is not classical, or its identifier or length is invalid.
+            The frame is not of classical CAN, or its identifier or length is invalid.
         can.CanOperationError
             The port's buffer is full or the port is disconnected. The frame is lost.
         """
@@ -193,7 +193,7 @@ class SlcanBus(can.BusABC):
         return (self._received.popleft() if self._received else None), False
 
     def _open_channel(self, bitrate: int | None) -> None:
-        """Close the CAN channel if it is open, set the bit rate, and open the channel."""
+        """Close the CAN channel, set the bit rate if it is not None, and open the channel."""
         deadline = time.monotonic() + BOOT
         while not self._ask(b"\rC"):
             if time.monotonic() > deadline:
@@ -219,7 +219,7 @@ class SlcanBus(can.BusABC):
             )
 
     def _ask(self, command: bytes) -> bytes:
-        """Send a set-up command. Return the answer: CR or BEL, or b"" if there is no answer."""
+        """Send a set-up command; return CR if accepted, BEL if refused, b"" if not answered."""
         self._port.write(command + CR, ANSWER)
         deadline = time.monotonic() + ANSWER
         text = b""
@@ -244,7 +244,7 @@ class SlcanBus(can.BusABC):
             )
 
     def _fetch(self, timeout: float | None) -> None:
-        """Read all waiting bytes of the port; raise CanOperationError if a frame was refused."""
+        """Read and process all waiting bytes; raise CanOperationError if a frame was refused."""
         try:
             data = self._port.read(timeout)
         except (OSError, ValueError) as error:
@@ -285,7 +285,7 @@ class SlcanBus(can.BusABC):
             self.unassigned += 1
 
     def _process_refusal(self, line: bytes) -> None:
-        """Process a refusal by the adapter. It refers to the oldest unanswered command."""
+        """Process the answer with which the adapter refuses the oldest unanswered command."""
         if not self._in_flight:
             self.unassigned += 1
         else:

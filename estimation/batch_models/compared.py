@@ -1,4 +1,4 @@
-"""Fit all batch models to one record."""
+"""Fit all batch models to one record. A batch model is fitted to all samples together."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ MODELS = (*COLUMNS, "hunt-crossley", "standard linear solid")
 
 
 def compare_models(data: BatchData) -> list[BatchFit]:
-    """Return the fits of all models, sorted by Bayesian information criterion, best first."""
+    """Fit all models to a record, and return the fits, the best fit first.
+
+    The best fit is the one with the smallest Bayesian information criterion.
+    """
     fits = [fit_linear(name, data) for name in COLUMNS]
     fits += [fit_hunt_crossley(data), fit_standard_linear_solid(data)]
     return sorted(fits, key=lambda fit: fit.bic)

@@ -1,10 +1,11 @@
 """Define the data and the result of a batch fit, and compute intervals and goodness of fit.
 
-Position and force are smoothed by the same kernel. A model is fitted to samples whose distance in
-time is so large that their noise is independent. The information criteria and the autocorrelation
-are computed from the residuals of these samples. R^2 and the root mean square residual are computed
-from the measured force of all samples in contact. The confidence intervals are computed with the
-Jacobian of the model at the fitted parameters. They are valid for residuals of any autocorrelation
+Position and force are smoothed by the same kernel. A model is fitted to a part of the smoothed
+samples, called the fitted samples. The time between successive fitted samples is so long that their
+noise is independent. The information criteria and the autocorrelation are computed from the
+residuals of the fitted samples. R^2 and the root mean square residual are computed from the
+measured force of all samples in contact. The confidence intervals are computed with the Jacobian of
+the model at the fitted parameters. These intervals are valid for residuals of any autocorrelation
 (`estimation.robust_error`).
 """
 
@@ -23,48 +24,58 @@ from estimation.smoothing import smooth_pieces
 
 
 class BatchData(NamedTuple):
-    """A record of n samples with a constant period. Arrays have the shape (n,) unless stated."""
+    """A record of n samples with a constant sample period.
+
+    The datum consists of a reference position and a reference force, which are subtracted from the
+    position and the force. If no shape is stated, an array has the shape (n,).
+    """
 
     t: Floats
     """Time [s]."""
     x: Floats
-    """Smoothed displacement from the datum [m]."""
+    """Smoothed displacement from the reference position [m]."""
     raw_x: Floats
-    """Measured displacement from the datum, without smoothing [m]."""
+    """Measured displacement from the reference position, without smoothing [m]."""
     v: Floats
     """Velocity [m/s]."""
     f: Floats
-    """Smoothed force, relative to the datum [N]."""
+    """Smoothed force minus the reference force [N]."""
     raw_f: Floats
-    """Measured force without smoothing, relative to the datum [N]."""
+    """Measured force minus the reference force, without smoothing [N]."""
     rows: NDArray[np.intp]
-    """Indices of the samples to which the model is fitted, shape (rows,)."""
+    """Indices of the samples to which the model is fitted, shape (number of these samples,)."""
     inside: NDArray[np.intp]
-    """Indices of the samples in contact, shape (inside,)."""
+    """Indices of the samples in contact, shape (number of these samples,)."""
     starts: tuple[int, ...] = (0,)
     """Index of the first sample of each piece. A piece is a part of the record without gaps."""
     width: float = 0.0
     """Standard deviation of the smoothing kernel [s]."""
     contact: float | None = None
-    """Position of the contact point [m]; None if it is not known."""
+    """Displacement of the contact point from the reference position [m]; None if not known."""
     unloaded: float = 0.0
-    """Force out of contact, relative to the datum [N]. If this force is not known, it is assumed
-    that the sensor reads 0 out of contact."""
+    """Force out of contact minus the reference force [N]. If the force out of contact is not known,
+    it is assumed that the sensor reads 0 out of contact."""
     baseline: Floats | None = None
-    """Regressors of the baseline that was subtracted from the force, at the fitted samples, shape
-    (rows, m); None if no baseline was subtracted. They are part of the Jacobian, so the intervals
-    contain the uncertainty of the baseline."""
+    """Regressors of the baseline (the slow part of the force) at the samples `rows`, with m
+    columns. The baseline was subtracted from the force. Its regressors are part of the Jacobian, so
+    that the confidence intervals contain the uncertainty of the baseline. None if no baseline was
+    subtracted."""
     cycles: float = math.inf
     """Number of cycles of a periodic motion in the record; infinite for other motions."""
 
     def smoothed(self, values: Floats) -> Floats:
-        """Return values that are smoothed with the kernel, shape (n,)."""
+        """Return the values after smoothing with the Gaussian kernel of the record, shape (n,).
+
+        Position and force of the record are smoothed with the same kernel. The record may have
+        gaps. The values are not smoothed across a gap.
+        """
         return smooth_pieces(values, self.starts, self.width / float(self.t[1] - self.t[0]))
 
     def sharpened(self, values: Floats) -> Floats:
-        """Return smoothed values y with peaks nearly as high as before the smoothing, shape (n,).
+        """Return smoothed values with peaks nearly as high as before the smoothing, shape (n,).
 
-        The result is 2 y - H y, where H y are the values y after a second smoothing.
+        `values` are values y that were smoothed with the kernel of the record. The result is
+        2 y - H y, where H y are the values y after a second smoothing with this kernel.
         """
         return 2.0 * values - self.smoothed(values)
 
@@ -82,8 +93,8 @@ class Parameter(NamedTuple):
     """Unit of the parameter."""
     identifiable: bool
     """True if the record determines the parameter: the value is in its plausible range, and the
-    interval does not contain zero. For some parameters the interval may contain zero, see
-    `FittedParameter.may_vanish`."""
+    confidence interval does not contain zero. Some parameters can be identifiable although the
+    interval contains zero, see `FittedParameter.may_vanish`."""
 
 
 class BatchFit(NamedTuple):
@@ -104,18 +115,19 @@ class BatchFit(NamedTuple):
     autocorrelation: float
     """Correlation coefficient of successive residuals of the fitted samples."""
     predicted: Floats
-    """Force of the model [N], shape (n,); NaN out of contact."""
+    """Force that the fitted model predicts [N], shape (n,); NaN out of contact."""
 
     @property
     def identifiable(self) -> bool:
-        """True if all parameters except `f1` are identifiable.
+        """True if the record determines all parameters of the model, except possibly `f1`.
 
-        Only the standard linear solid has the parameter `f1`, see `fit_standard_linear_solid`.
+        `f1` is a parameter of the standard linear solid only. It is the initial value of the force
+        that relaxes, and is not a property of the material.
         """
         return all(one.identifiable for name, one in self.parameters.items() if name != "f1")
 
     def summary(self) -> dict[str, object]:
-        """Return the fit as a dictionary for JSON."""
+        """Return the fit, without the predicted force, as a dictionary that JSON can represent."""
         parameters = {name: one._asdict() for name, one in self.parameters.items()}
         return {
             "name": self.name,
@@ -129,7 +141,7 @@ class BatchFit(NamedTuple):
 
 
 class FittedParameter(NamedTuple):
-    """A fitted parameter without confidence interval."""
+    """A fitted parameter whose confidence interval is not computed yet."""
 
     name: str
     """Name of the parameter."""
@@ -138,32 +150,33 @@ class FittedParameter(NamedTuple):
     unit: str
     """Unit of the parameter."""
     jacobian: Floats
-    """Derivative of the model's force with respect to the parameter, shape (rows,)."""
+    """Derivative of the model's force with respect to the parameter, at the fitted samples."""
     plausible: tuple[float, float] = (-math.inf, math.inf)
     """Plausible range of the value. Outside of this range the parameter is not identifiable."""
     may_vanish: bool = False
     """Whether the parameter can be identifiable although its confidence interval contains zero.
 
-    In this case, the parameter is identifiable if a change of its value by the half width of the
-    interval changes the force by less than the range of the force.
+    If True, a parameter with a narrow interval is identifiable. The interval is narrow if a change
+    of the parameter by the half width of the interval changes the force (root mean square) by less
+    than the range of the force.
     """
 
 
 def with_intervals(
     name: str, data: BatchData, fitted: list[FittedParameter], predicted: Floats
 ) -> BatchFit:
-    """Return the result of a fit, with confidence intervals and goodness of fit.
+    """Compute confidence intervals and goodness of fit, and return them with the fit.
 
     Parameters
     ----------
     name
         Name of the model.
     data
-        The record.
+        The record to which the model was fitted.
     fitted
         The fitted parameters of the model.
     predicted
-        The smoothed force of the model [N], shape (n,).
+        Force that the fitted model predicts from the smoothed motion [N], shape (n,).
     """
     residual = data.f[data.rows] - predicted[data.rows]
     jacobian = np.column_stack([one.jacobian for one in fitted])
@@ -205,16 +218,16 @@ def with_intervals(
 
 
 def linear_solution(columns: Floats, f: Floats) -> Floats:
-    """Return the parameters of a least-squares fit, shape (m,).
+    """Return the parameters theta of the least-squares fit f = columns @ theta, shape (m,).
 
     Each regressor is first divided by its root mean square. This reduces rounding errors.
 
     Parameters
     ----------
     columns
-        Regressors, shape (rows, m).
+        Regressors, one per column, shape (samples, m).
     f
-        Force [N], shape (rows,).
+        Force [N], shape (samples,).
     """
     scale = np.sqrt(np.mean(columns**2, axis=0))
     scale[scale == 0.0] = 1.0

@@ -1,16 +1,16 @@
 """Fit the Hunt-Crossley model f = K d^n + B d^n v with d = x - xc.
 
-xc is the contact point, which is also estimated. If xc and the exponent n are given, the force is
-linear in K and B. Therefore, only xc and n are found by a nonlinear search. K and B are found by
-linear least squares (variable projection).
+xc is the position of the contact point, which is also estimated. If xc and the exponent n are
+given, the force is linear in K and B. Therefore, only xc and n are found by a nonlinear search. K
+and B are found by linear least squares (variable projection).
 
 The estimates of K and n are strongly correlated, and the unit of K depends on n. In the search, d
-is therefore divided by its largest value D. The search then estimates K D^n instead of K. The
-relative error of K D^n is much smaller than that of K.
+is therefore divided by its largest value D, and K D^n is estimated instead of K. The relative error
+of K D^n is much smaller than the relative error of K.
 
-The record does not determine n if the estimate of n is outside of the range `PLAUSIBLE`. It does
-not determine xc if the estimate of xc is at an end of the search range. Both can occur if the
-record has no sample near the contact point.
+n is not identifiable if its estimate is outside of the range `PLAUSIBLE`. xc is not identifiable if
+its estimate is close to the lower end of the search range, or at the upper end. Both can occur if
+the record has no sample near the contact point.
 
 References
 ----------
@@ -38,14 +38,17 @@ EXPONENT = (0.5, 5.0)
 PLAUSIBLE = (0.8, 4.5)
 """Range of plausible estimates of n. Outside of this range n is not identifiable."""
 BEFORE = 2.0
-"""In the search, the contact point is at most this distance before the smallest fitted position.
+"""The search range of xc starts about this distance before the smallest fitted position.
 
-The unit of the distance is the range of the fitted positions.
+The unit of this distance is the range of the positions to which the model is fitted.
 """
 
 
 def fit_hunt_crossley(data: BatchData) -> BatchFit:
-    """Return the fit of the Hunt-Crossley model, with the parameters K, B, n and xc."""
+    """Fit the Hunt-Crossley model f = K d^n + B d^n v, where d = x - xc, to a record.
+
+    The parameters of the returned fit are K, B, the exponent n, and the contact point xc [m].
+    """
     x, v, f = (channel[data.rows] for channel in (data.x, data.v, data.f - data.unloaded))
     travel = float(np.ptp(x))
     near = float(x.min()) + 0.02 * travel

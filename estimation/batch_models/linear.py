@@ -1,11 +1,12 @@
-"""Fit models by least squares. The models are linear in their parameters.
+"""Fit models that are linear in their parameters, by least squares.
 
-x is the displacement from a reference position, and f is the difference from a reference force. The
-two references are called the datum. There are three models:
+x is the displacement from a reference position, and f is the measured force minus a reference
+force. The reference position and the reference force together are called the datum. There are three
+models:
 
 - Kelvin-Voigt: f = k x + b v.
-- Kelvin-Voigt with datum: f = k x + b v + f0, where f0 is a constant force. With f0, the estimates
-  of k and b do not depend on the datum.
+- Kelvin-Voigt with datum: f = k x + b v + f0, where f0 is a constant force. With f0, the choice of
+  the datum does not affect the estimates of k and b.
 - Stiffening: f = k x + k3 x^3 + b v + f0, where k is the stiffness at x = 0.
 """
 
@@ -31,7 +32,10 @@ UNITS = {"k": "N/m", "b": "N s/m", "f0": "N", "k3": "N/m^3"}
 
 
 def fit_linear(name: str, data: BatchData) -> BatchFit:
-    """Return the fit of the linear model with this name, a key of `COLUMNS`."""
+    """Fit one of the linear models to a record, and return the fit.
+
+    `name` is the name of the model: `kelvin-voigt`, `kelvin-voigt with datum` or `stiffening`.
+    """
     parameters = COLUMNS[name]
     columns = np.column_stack([regressor(parameter, data) for parameter in parameters])
     theta = linear_solution(columns[data.rows], data.f[data.rows])
@@ -51,8 +55,9 @@ def fit_linear(name: str, data: BatchData) -> BatchFit:
 def regressor(parameter: str, data: BatchData) -> Floats:
     """Return the regressor of a parameter (k, b, f0 or k3), shape (n,).
 
-    The regressor of k3 is the smoothed cube of the measured displacement. The cube of the smoothed
-    displacement would be smaller, and the estimates of k and k3 biased.
+    The regressor of k3 is x^3. It is smoothed like the force: first the measured x is cubed, then
+    the cube is smoothed. If x was smoothed first, the peaks of x^3 would be too low, and the
+    estimates of k and k3 would be biased.
     """
     if parameter == "k3":
         return data.smoothed(data.raw_x**3)

@@ -1,10 +1,10 @@
-"""Fit a Prony series to the force relaxation in a hold.
+"""Fit a Prony series to the force relaxation in a hold (a time in which the position is constant).
 
     f(t) = f_inf + sum_j f_j exp(-t / tau_j)
 
 The Bayesian information criterion selects one or two exponential terms. The time constants tau_j
-are found by a nonlinear search, and the forces f_j by linear least squares. A time constant that is
-longer than the hold is not identifiable.
+are found by a nonlinear search. The forces f_inf and f_j are found by linear least squares. A time
+constant that is longer than the hold is not identifiable.
 """
 
 from __future__ import annotations
@@ -22,7 +22,10 @@ from estimation.robust_error import RobustFit
 
 
 class Relaxation(NamedTuple):
-    """A Prony series that was fitted to the force in a hold."""
+    """A Prony series, a sum of decaying exponentials, that was fitted to the force in a hold.
+
+    In a hold, the position is constant. The series is f_inf + sum_j f_j exp(-t / tau_j).
+    """
 
     parameters: dict[str, Parameter]
     """`f_inf`, `f1` and `tau1`; also `f2` and `tau2` if there is a second exponential term."""
@@ -31,7 +34,9 @@ class Relaxation(NamedTuple):
 
 
 def fit_prony(t: Floats, f: Floats) -> Relaxation | None:
-    """Return the Prony series fitted to the force in a hold; None if the force does not relax.
+    """Fit a Prony series to the force in a hold (a time in which the position is constant).
+
+    The series is f_inf + sum_j f_j exp(-t / tau_j), with one or two exponential terms.
 
     Parameters
     ----------
@@ -40,6 +45,10 @@ def fit_prony(t: Floats, f: Floats) -> Relaxation | None:
         independent.
     f
         Force [N], shape (n,).
+
+    Returns
+    -------
+    The fitted series; None if the force does not relax, or if there are fewer than 10 samples.
     """
     best: Relaxation | None = None
     best_bic = criterion(f - f.mean(), 1)
@@ -56,15 +65,31 @@ def fit_prony(t: Floats, f: Floats) -> Relaxation | None:
 def criterion(residual: Floats, parameters: int) -> float:
     """Return the Bayesian information criterion of a fit.
 
-    `residual` is the residual force [N], shape (n,). `parameters` is the number of fitted
-    parameters.
+    `residual` is the measured force minus the fitted force [N], shape (n,). `parameters` is the
+    number of fitted parameters.
     """
     n = len(residual)
     return n * math.log(max(float(np.mean(residual**2)), 1e-300)) + parameters * math.log(n)
 
 
 def fit_terms(t: Floats, f: Floats, terms: int) -> tuple[Relaxation, Floats]:
-    """Return the fitted series with `terms` exponential terms, and the residual [N], shape (n,)."""
+    """Fit a Prony series with a given number of exponential terms to the force in a hold.
+
+    The series is f_inf + sum_j f_j exp(-t / tau_j).
+
+    Parameters
+    ----------
+    t
+        Time since the start of the hold [s], shape (n,).
+    f
+        Force [N], shape (n,).
+    terms
+        Number of exponential terms, 1 or 2.
+
+    Returns
+    -------
+    The fitted series, and the measured force minus the fitted force [N], shape (n,).
+    """
     seconds = float(t[-1] - t[0])
     shortest = 2.0 * float(t[1] - t[0])
 

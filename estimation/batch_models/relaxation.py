@@ -1,6 +1,7 @@
 """Compute the part of an elastic force that relaxes with a time constant.
 
-`relaxing_part` defines this part and computes it by a recursion. The function
+For an elastic force y and a time constant tau, this part is the solution z of the differential
+equation z' = y' - z / tau. `relaxing_part` computes z by a recursion. The function
 `scipy.signal.lfilter` gives the same numbers, but importing `scipy.signal` takes longer than the
 evaluation of a short record.
 """
@@ -17,16 +18,17 @@ from estimation.compiled import Floats
 START = 8
 """Number of samples from which the value at the start of a piece is computed.
 
-These samples span about two standard deviations of the smoothing kernel.
+A piece is a part of the record without gaps. The duration of these samples is about two standard
+deviations of the smoothing kernel.
 """
 
 
 def relaxing_part(pieces: Iterable[Floats], period: float, tau: float) -> Floats:
-    """Return the relaxing part of an elastic force y, shape (n,).
+    """Return the relaxing part z of a signal y, for example of an elastic force, shape (n,).
 
-    The relaxing part is the solution z of the differential equation z' = y' - z / tau. A piece is a
-    part of the record without gaps. At the start of each piece, z is 0. n is the number of samples
-    of all pieces.
+    The relaxing part is the solution z of the differential equation z' = y' - z / tau. y is given
+    in pieces, the parts of the record without gaps. At the start of each piece, z is 0. n is the
+    number of samples of all pieces together.
 
     Parameters
     ----------
@@ -51,10 +53,11 @@ def relaxing_part(pieces: Iterable[Floats], period: float, tau: float) -> Floats
 
 
 def value_at_start(y: Floats) -> float:
-    """Return the value of y at the start of a piece, from a line fitted to the first samples.
+    """Extrapolate y to the start of a piece by a line that is fitted to its first samples.
 
-    A piece is a part of the record without gaps. Each sample is the mean of y over one sample
-    period. So the piece starts half a sample period before the time of its first sample.
+    `y` contains the samples of a piece, which is a part of the record without gaps. Each sample is
+    the mean over one sample period, and its time is the middle of this period. So the piece starts
+    half a sample period before the time of its first sample.
     """
     first = y[:START]
     return float(np.polyfit(np.arange(len(first)) + 0.5, first, 1)[1])

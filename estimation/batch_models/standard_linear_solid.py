@@ -1,14 +1,15 @@
 """Fit the model of the standard linear solid.
 
 The body is a spring k in parallel with a Maxwell element: a spring k1 in series with a damper
-k1 tau. z is the stretch of the spring k1.
+k1 tau. z is the deformation of the spring k1, and f0 is a constant force.
 
     f = k x + k1 z + f0,    z' = x' - z / tau
 
 For a given tau, f is linear in k, k1, f0 and the initial value of k1 z. So tau is found by a
-nonlinear search, and the other parameters by linear least squares (variable projection). The search
-range of tau is from four widths of the smoothing kernel to ten times the length of the record. tau
-is not identifiable if it is near the lower end of this range or longer than half of the record.
+nonlinear search, and the other parameters by linear least squares (variable projection). The lower
+end of the search range of tau is four standard deviations of the smoothing kernel. The upper end is
+ten times the length of the record. tau is not identifiable if it is near the lower end of this
+range or longer than half of the record.
 """
 
 from __future__ import annotations
@@ -30,10 +31,11 @@ from estimation.compiled import Floats
 
 
 def relaxing(data: BatchData, tau: float) -> tuple[Floats, Floats]:
-    """Return the stretch z of the spring k1, and exp(-t / tau), each of shape (n,).
+    """Return two regressors of the standard linear solid: z and exp(-t / tau), each of shape (n,).
 
-    A piece is a part of the record without gaps. t is the time since the start of the piece. At the
-    start of each piece, z is 0.
+    z is the solution of z' = x' - z / tau with the initial value 0. The second regressor describes
+    the decay of an initial value that is not 0. Both regressors start again after each gap of the
+    record: t is the time since the last gap or since the start of the record.
     """
     pieces = [piece - piece[0] for piece in np.split(data.x, data.starts[1:])]
     z = relaxing_part(pieces, float(data.t[1] - data.t[0]), tau)
@@ -42,10 +44,11 @@ def relaxing(data: BatchData, tau: float) -> tuple[Floats, Floats]:
 
 
 def fit_standard_linear_solid(data: BatchData) -> BatchFit:
-    """Return the fit of the standard linear solid, with the parameters k, k1, tau, f0 and f1.
+    """Fit the standard linear solid to a record, with the parameters k, k1, tau, f0 and f1.
 
-    A piece is a part of the record without gaps. f1 is the force k1 z at the start of a piece. The
-    fit uses the same f1 for all pieces.
+    The model is f = k x + k1 z + f0, with z' = x' - z / tau. f1 is the initial value of the force
+    k1 z, at the start of the record and after each gap. The fit assumes that all these initial
+    values are equal.
     """
     seconds = len(data.t) * float(data.t[1] - data.t[0])
     shortest = max(4.0 * data.width, 2.0 * float(data.t[1] - data.t[0]))

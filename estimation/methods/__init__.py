@@ -1,1 +1,1 @@
-"""The online estimators. Each file contains one estimator or functions for several of them."""
+"""Online estimators. Each file contains one estimator, or functions that several estimators use."""

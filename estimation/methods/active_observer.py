@@ -1,4 +1,4 @@
-"""Kalman active observer (AOB) of the parameters of an environment and of a disturbance force."""
+"""Kalman active observer (AOB). It estimates the model parameters and a disturbance force."""
 
 from __future__ import annotations
 
@@ -7,39 +7,42 @@ from estimation.model import KELVIN_VOIGT, Model
 
 
 class ActiveObserver(RandomWalkKalman):
-    """Kalman filter of the parameters theta and of an active state p, with f = phi' theta + p.
+    """Kalman filter of the parameters theta and of a disturbance force p, with f = phi' theta + p.
 
-    The method is based on R. Cortesao, J. Park, O. Khatib, "Real-time adaptive control for haptic
-    telemanipulation with Kalman active observers", IEEE Trans. Robotics 22(5), 2006, and
-    R. Cortesao, "On Kalman active observers", J. Intelligent and Robotic Systems 48(2), 2007.
-    The active state p is an additional state. It is the force at the surface [N] that phi' theta
-    does not describe. Its model is a random walk,
+    f is the measured force, and phi contains the regressors of the model, for example v and x. The
+    disturbance force p [N] is the part of the force that phi' theta does not describe: friction,
+    slow relaxation, and the effect of an offset of x or f. Its model is a random walk over the
+    samples n,
 
         p(n) - p(n-1) = w,    var w = Qp dt var e,
 
-    where e is the force noise. The other states are the parameters. They are also random walks, as
-    in `RandomWalkKalman`. One Kalman filter estimates all states.
+    where e is the force noise and Qp is a setting. The parameters are also random walks, as in
+    `RandomWalkKalman`. One Kalman filter estimates the parameters and p.
 
-    In the two papers, the observer is part of the force control of a robot. There p acts at the
-    input of the robot, and the stiffness is adapted from force errors. This class contains no
-    controller, and the estimator has no control input.
+    The method is based on R. Cortesao, J. Park, O. Khatib, "Real-time adaptive control for haptic
+    telemanipulation with Kalman active observers", IEEE Trans. Robotics 22(5), 2006, and
+    R. Cortesao, "On Kalman active observers", J. Intelligent and Robotic Systems 48(2), 2007. The
+    two papers call p the active state. There the observer is part of the force controller of a
+    robot, p acts at the input of the robot, and the stiffness is adapted from force errors. This
+    class contains no controller, and the filter has no control input.
 
-    p contains the force due to friction, to slow relaxation, and to a wrong zero of x or f.
     While x is constant, p cannot be distinguished from k x. If Qp is small, the estimate of p
-    changes slowly from its initial value 0. During the first time constants of this
-    change, the standard deviations of k and p are too large.
+    converges slowly from its initial value 0. At the beginning of this convergence, the standard
+    deviations of k and p are too large.
 
     Parameters
     ----------
     process_noise, initial_covariance, ceiling
-        As in `RandomWalkKalman`, with one more value for p at the end. The three values for p are
-        Qp [N^2/s], the initial variance and the largest variance [N^2], for force noise with a
-        variance of 1 N^2.
+        As in `RandomWalkKalman`, with one value for each parameter of the model. Each argument has
+        one more value for p at the end: Qp [N^2/s] in `process_noise`, the initial variance of p
+        [N^2] in `initial_covariance`, and the largest variance of p [N^2] in `ceiling`. All values
+        are for force noise with a variance of 1 N^2.
     model
-        Model that defines the regressors phi. The state p and its regressor 1 are not part of the
-        model.
+        Model f = phi' theta that defines the regressors phi. The regressor of p, which is always 1,
+        is not part of the model.
     correlation
-        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise; 1 for white noise. See
+        `LinearGainEstimator`.
 
     Raises
     ------

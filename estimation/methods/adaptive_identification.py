@@ -1,4 +1,4 @@
-"""Adaptive identification by the gradient law (AI)."""
+"""Adaptive identification (AI): estimate b and k by a gradient law."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ The initial variance affects only the standard deviations. It is for force noise
 
 @dataclass(frozen=True, slots=True)
 class GradientParameters(LinearGainParameters):
-    """Constant settings of the function `step`."""
+    """Constant settings of the estimator `AdaptiveIdentification`, which `step` reads."""
 
     rk4: bool
     """Whether the gradient law is integrated by Runge-Kutta 4 (RK4) if RK4 is stable."""
@@ -44,7 +44,7 @@ class GradientParameters(LinearGainParameters):
 
 @dataclass(slots=True)
 class GradientState(LinearGainState):
-    """Variables that the function `step` updates."""
+    """Variables of `AdaptiveIdentification`, which the function `step` updates at each sample."""
 
     beyond_rk4: int
     """Number of samples for which Runge-Kutta 4 (RK4) was unstable."""
@@ -53,12 +53,13 @@ class GradientState(LinearGainState):
 def step(
     parameters: GradientParameters, state: GradientState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Integrate the gradient law (8) of the paper over one sample period, with constant phi and f.
+    """Integrate the gradient law over one sample period, in which phi and f are constant.
 
-    Let e = phi' theta - f be the force error, and let r = phi' Gamma phi. With constant phi and f,
-    the force error decays as de/dt = -r e. So the exact change of theta in one sample period is
-    -Gamma phi e (1 - exp(-z)) / r. Here z = r dt, and e is the force error at the start of the
-    period. Runge-Kutta 4 replaces exp(-z) by its Taylor series up to z^4.
+    The gradient law is d theta / dt = -Gamma phi e, where Gamma is the adaptation gain and
+    e = phi' theta - f is the force error (equation (8) of the paper). So the force error decays as
+    de/dt = -r e with r = phi' Gamma phi. In a sample period `dt` that starts with the force error
+    e, theta changes by exactly -Gamma phi e (1 - exp(-z)) / r, where z = r dt. The Runge-Kutta 4
+    method replaces exp(-z) by its Taylor series up to z^4.
     """
     Gamma, L = parameters.Gamma, state.L
     rate = 0.0
@@ -78,30 +79,35 @@ def step(
 
 
 class AdaptiveIdentification(LinearGainEstimator):
-    """Adaptive identification by the gradient law, equations (5) to (8) of the paper.
+    """Adaptive identification of the parameters theta of a model f = phi' theta by a gradient law.
+
+    The gradient law is d theta / dt = -Gamma phi (phi' theta - f). phi contains the regressors, and
+    Gamma is the adaptation gain. The source is the paper (Yamamoto et al., 2008), equations (5) to
+    (8).
 
     Parameters
     ----------
     gain
         Diagonal of Gamma, one value per parameter of the model: first b [s/m^2], then
-        k [1/(s m^2)].
+        k [1/(s m^2)], then any further parameters.
     method
-        Integration of (8) over a sample period:
+        Method by which the gradient law is integrated over a sample period:
 
         - `rk4`: Runge-Kutta 4 (RK4) as in the paper. RK4 is unstable for a sample with
           phi' Gamma phi dt > 2.785. For such a sample, the exact solution is used instead, and
-          `beyond_rk4` increases by 1. With the gain of the paper for the hardest specimen and a
-          sample rate of 1 kHz, RK4 is unstable for displacements above 17 mm.
+          `beyond_rk4` increases by 1. For example, with the gain that the paper uses for the hard
+          cube and a sample rate of 1 kHz, RK4 is unstable for displacements above 17 mm.
         - `exact`: the closed-form solution, which is stable for every gain and every `dt`.
     model
-        Model that defines the regressors.
+        Model f = phi' theta that defines the regressors phi.
     correlation
-        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise; 1 for white noise. See
+        `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        A gain is not positive or the method is unknown.
+        A gain is not positive, the method is unknown, or `correlation` is below 1.
     """
 
     step = staticmethod(step)
@@ -127,11 +133,18 @@ class AdaptiveIdentification(LinearGainEstimator):
 
     @property
     def beyond_rk4(self) -> int:
-        """Number of samples for which RK4 was unstable and the exact solution was used."""
+        """Number of samples for which Runge-Kutta 4 (RK4) was unstable.
+
+        For these samples, the exact solution of the gradient law was used.
+        """
         return self.state.beyond_rk4
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return a note if the exact solution replaced RK4 in some samples."""
+        """Return a note if Runge-Kutta 4 (RK4) was unstable for some samples; None otherwise.
+
+        The note contains the number of these samples. For these samples, the exact solution of the
+        gradient law was used instead. The argument `estimates` is not used.
+        """
         if self.beyond_rk4:
             return (
                 f"RK4 is unstable in {self.beyond_rk4} samples; the exact solution was used there"

@@ -14,8 +14,9 @@ from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, 
 SINGULAR = 1e-10
 """Smallest ratio of two sums of squares for which the window determines all parameters.
 
-Each regressor has a part that is orthogonal to the regressors before it. The ratio is the sum of
-squares of this part, divided by the largest recent sum of squares of the whole regressor.
+The ratio is computed for each regressor. Its numerator is the sum of squares of the part of the
+regressor that is orthogonal to the regressors before it, for example the part of x that is
+orthogonal to v. Its denominator is the largest recent sum of squares of the regressor.
 """
 SMALLEST_SQUARES = 1e-60
 """A regressor with a smaller sum of squares is treated as zero."""
@@ -25,19 +26,22 @@ LONGEST = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class WindowParameters:
-    """Constant settings of the function `step`."""
+    """Constant settings of the estimator `BatchWindow`, which `step` reads."""
 
     samples: int
     """Number of samples in a full window."""
     correlation: float
     """Number of samples per independent value of the force noise, >= 1."""
     window: float
-    """Length of the window [s]. After a longer gap in the data, the window is empty."""
+    """Length of the window [s]. A longer gap in the data removes all samples from the window."""
 
 
 @dataclass(slots=True)
 class WindowState(State):
-    """Variables that `step` updates. A sample is a vector z = (phi, f) of m + 1 values."""
+    """Variables of the estimator `BatchWindow`, which `step` updates at each sample.
+
+    A sample is a vector z = (phi, f) with the m regressors phi and the force f.
+    """
 
     place: int
     """Index of the oldest sample in `ring`."""
@@ -53,7 +57,7 @@ class WindowState(State):
     """Factors of `sums` = L D L', (m + 1, m + 1). L is below the diagonal, D on the diagonal, and
     D L' above the diagonal."""
     column: Vector
-    """Work space of `unit_variance`, (m + 1,)."""
+    """Array in which `unit_variance` stores intermediate results, (m + 1,)."""
     z: Vector
     """The present sample, (m + 1,)."""
     ring: Matrix
@@ -63,11 +67,15 @@ class WindowState(State):
 def slide(
     parameters: WindowParameters, state: WindowState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Replace the oldest sample by z = (phi, f), and update the sums of z z' over the window.
+    """Add the sample z = (phi, f) to the window, and update the sums of z z' over the window.
 
-    In `sums`, samples are added and subtracted, so rounding errors accumulate. In `fresh`, samples
-    are only added. `place` is the index of the oldest sample in the ring buffer. Each time `place`
-    returns to 0, `fresh` contains all samples of the window and replaces `sums`.
+    In a full window, the new sample replaces the oldest sample. After a gap in the data that is
+    longer than the window, the new sample is the only one.
+
+    In `sums`, new samples are added and old samples are subtracted, so rounding errors accumulate.
+    In `fresh`, new samples are only added. `place` is the index of the oldest sample in the ring
+    buffer. Each time `place` returns to 0, `fresh` contains all samples of the window and replaces
+    `sums`.
     """
     sums, fresh, peak, z = state.sums, state.fresh, state.peak, state.z
     m = len(phi)
@@ -102,7 +110,7 @@ def slide(
 
 
 def empty(state: WindowState) -> None:
-    """Remove all samples from the window."""
+    """Remove all samples from the window, and set its sums to zero."""
     state.place = 0
     state.count = 0
     for i in below[len(state.peak)]:
@@ -114,7 +122,10 @@ def empty(state: WindowState) -> None:
 
 
 def renew(state: WindowState) -> None:
-    """Replace `sums` by `fresh`, and set `fresh` to zero."""
+    """Replace `sums` by `fresh`, which has smaller rounding errors, and set `fresh` to zero.
+
+    Both are the sums of z z' over the samples z in the window, see `slide`.
+    """
     sums, fresh = state.sums, state.fresh
     for i in below[len(sums)]:
         for j in below[i + 1]:
@@ -125,10 +136,14 @@ def renew(state: WindowState) -> None:
 
 
 def factorise(state: WindowState) -> bool:
-    """Factorise `sums` = L D L'. Return False if the window does not determine all parameters.
+    """Factorise the matrix `sums` into L D L', with L unit lower triangular and D diagonal.
 
-    L and D are stored in the field `L`. The last row of L is the right-hand side from which `solve`
-    computes theta. The last entry of D is the sum of squared residuals.
+    `sums` is the sum of z z' over the window, where z = (phi, f) is a sample. L and D are stored in
+    the field `L` of the state. The last element of D is the sum of squared residuals.
+
+    Returns
+    -------
+    False if the samples in the window do not determine all parameters.
     """
     sums, L, peak = state.sums, state.L, state.peak
     m = len(peak)
@@ -151,10 +166,13 @@ def factorise(state: WindowState) -> bool:
 
 
 def solve(parameters: WindowParameters, state: WindowState) -> None:
-    """Compute theta from the last row of L by back substitution, and the standard deviations.
+    """Compute theta and its standard deviations from the factors L and D of `factorise`.
+
+    Let L_1 be L without its last row and column, and let l be the last row of L without its last
+    element. theta is the solution of L_1' theta = l.
 
     The noise variance is the sum of squared residuals divided by n - m, the degrees of freedom of n
-    samples and m parameters.
+    samples and m parameters. It is multiplied by the setting `correlation`.
     """
     theta, L = state.theta, state.L
     m = len(theta)
@@ -172,7 +190,11 @@ def solve(parameters: WindowParameters, state: WindowState) -> None:
 
 
 def unit_variance(state: WindowState, i: int) -> float:
-    """Return entry (i, i) of (L D L')^-1, the variance of parameter i for a noise variance of 1."""
+    """Return the variance of parameter i for a noise variance of 1 N^2.
+
+    It is the diagonal element i of the inverse of the sum of phi phi' over the window. This sum is
+    available as the factors L and D of `factorise`.
+    """
     L, column = state.L, state.column
     m = len(state.theta)
     column[i] = 1.0
@@ -190,7 +212,10 @@ def unit_variance(state: WindowState, i: int) -> float:
 def step(
     parameters: WindowParameters, state: WindowState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Compute theta by least squares over the window, if the window determines all parameters."""
+    """Add the sample to the window, and compute theta by least squares over the window.
+
+    If the window does not determine all parameters, theta does not change.
+    """
     slide(parameters, state, phi, f, dt)
     if state.count > len(phi) and factorise(state):
         solve(parameters, state)
@@ -199,17 +224,19 @@ def step(
 
 
 class BatchWindow(Estimator):
-    """Ordinary least squares over the latest samples, with equal weights.
+    """Ordinary least squares over the samples in a sliding window, with equal weights.
 
-        theta = (sum phi phi')^-1 sum phi f
+    The model is f = phi' theta, and the estimate is
 
-    The covariance is the usual covariance s (sum phi phi')^-1, times `correlation`. The noise
-    variance s is the sum of squared residuals divided by n - m, the degrees of freedom of n samples
-    and m parameters (N. R. Draper, H. Smith, "Applied Regression Analysis", 1998).
+        theta = (sum phi phi')^-1 sum phi f.
+
+    The covariance is the usual covariance s (sum phi phi')^-1, multiplied by `correlation`. The
+    noise variance s is the sum of squared residuals divided by n - m, the degrees of freedom of n
+    samples and m parameters (N. R. Draper, H. Smith, "Applied Regression Analysis", 1998).
 
     The estimate changes only if the samples in the window determine all parameters. Before the
-    first change, the standard deviations are `LARGEST`. If a gap in the data is longer than the
-    window, all samples before the gap are removed from the window.
+    first change, theta is 0 and the standard deviations are `LARGEST` (1e30). If a gap in the data
+    is longer than the window, all samples before the gap are removed from the window.
 
     Parameters
     ----------
@@ -219,15 +246,15 @@ class BatchWindow(Estimator):
         Time between samples [s]. The number of samples in the window is window / sample_period,
         rounded to an integer.
     model
-        Model that defines the regressors.
+        Model f = phi' theta that defines the regressors phi.
     correlation
-        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise; 1 for white noise.
 
     Raises
     ------
     ValueError
-        The number of samples in the window is larger than `LONGEST`, or not larger than the number
-        of parameters; or an argument is out of its range.
+        The window has too few samples (not more than the number of parameters) or too many (more
+        than `LONGEST`, 1e6), or another argument is out of its range.
     """
 
     step = staticmethod(step)

@@ -1,4 +1,8 @@
-"""Search a grid of candidates (b, k) for the candidate with the smallest monitoring signal."""
+"""Search a grid of candidates (b, k) for the candidate with the smallest monitoring signal.
+
+The monitoring signal of a candidate is the exponentially weighted integral of the squared force
+error (b v + k x - f)^2, equation (11) of the paper.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,7 @@ from estimation.methods.monitoring import MonitoringState
 
 @dataclass(frozen=True, slots=True)
 class GridAxis:
-    """Candidate values of one parameter, in the unit of the parameter."""
+    """Evenly spaced candidate values of one parameter, b [N s/m] or k [N/m]."""
 
     first: float
     """First value."""
@@ -24,14 +28,14 @@ class GridAxis:
     span: float
     """Distance from the first to the last value."""
     per_square: float
-    """1 / last^2."""
+    """1 / last^2, a factor of the term that decides between candidates with equal signals."""
 
 
 @dataclass(slots=True)
 class MovingAxis:
-    """Candidate values of one parameter. The values change over time.
+    """Evenly spaced candidate values of one parameter, b or k, which change during the estimation.
 
-    `GridAxis` describes the first six fields.
+    The first six fields are the same as in `GridAxis`, and are described there.
     """
 
     first: float
@@ -41,9 +45,10 @@ class MovingAxis:
     span: float
     per_square: float
     middle: float
-    """Middle candidate value, in units of the spacing."""
+    """Middle candidate value divided by the spacing; an integer."""
     settled: float
-    """Time since the values last changed [s]. No best candidate was at the edge in this time."""
+    """Time since the axis was last adapted by the function `place` [s]. In this time, the selected
+    value was never at the edge of the axis."""
 
 
 def least_candidate(
@@ -51,8 +56,19 @@ def least_candidate(
 ) -> tuple[float, float]:
     """Return the candidate (b, k) with the smallest monitoring signal.
 
-    A small term with the weight `share` is added to the signals, so that one candidate is selected
-    if several signals are equal. `MultiEstimator` defines this term.
+    The monitoring signal of a candidate is the exponentially weighted integral of the squared force
+    error (b v + k x - f)^2. If several candidates have equal signals, the candidate nearest to
+    (0, 0) is selected. For this purpose, a small term is added to each signal. `MultiEstimator`
+    defines this term.
+
+    Parameters
+    ----------
+    state
+        Sums of products of f, v and x, which determine the monitoring signals of all candidates.
+    b, k
+        Candidate values of b [N s/m] and of k [N/m].
+    share
+        Weight of the small term, for example 1e-9.
     """
     vv, vx, xx = state.vv, state.vx, state.xx
     b_first, b_step = b.first, b.spacing
@@ -73,7 +89,7 @@ def least_candidate(
 
 
 def grid_axis(axis: Axis) -> GridAxis:
-    """Convert an `Axis` to a `GridAxis` for the function `least_candidate`."""
+    """Convert an `Axis` to a `GridAxis`, the form that the function `least_candidate` needs."""
     last = axis.count - 1
     zero = float(axis.nearest_zero)
     return GridAxis(axis.first, axis.spacing, last, zero, axis.spacing * last, 1.0 / (last * last))

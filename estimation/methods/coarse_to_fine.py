@@ -1,4 +1,8 @@
-"""Multi-estimator whose grid is coarse at the start, follows the best candidate, and is refined."""
+"""Multi-estimator with an adaptive grid of candidates (b, k).
+
+The estimate is the candidate that fits the recent samples best. The grid is coarse at the start.
+It is moved such that the best candidate is in the middle, and then it is refined.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +25,7 @@ from estimation.methods.multi_estimator import FASTEST
 from estimation.step import B, K, Regressors
 
 TIE = 1e-12
-"""Weight of the tie-breaking term, see `MultiEstimator`.
+"""Weight of the term that decides between candidates with equal signals, see `MultiEstimator`.
 
 This weight is smaller than in `MultiEstimator`, because the grid may be narrow and far from zero.
 """
@@ -33,14 +37,14 @@ COARSEST = 1e100
 
 @dataclass(frozen=True, slots=True)
 class CoarseToFineParameters:
-    """Constant settings of the function `step`."""
+    """Constant settings of the estimator `CoarseToFine`, which `step` reads."""
 
     twice_lambda: float
     """Rate at which the weight of a sample decays [1/s]."""
     half: float
     """Number of candidate values on either side of the middle value of an axis."""
     patience: float
-    """The spacing is halved if no best candidate was at the edge during this time [s]."""
+    """The spacing is halved if no selected value was at the edge during this time [s]."""
     correlation: float
     """Number of samples per independent value of the force noise, >= 1."""
     finest_b: float
@@ -51,7 +55,10 @@ class CoarseToFineParameters:
 
 @dataclass(slots=True)
 class CoarseToFineState(MonitoringState):
-    """Variables that the function `step` updates."""
+    """Variables of the estimator `CoarseToFine`, which `step` updates at each sample.
+
+    The fields `b` and `k` are the candidate values of the damping and of the stiffness.
+    """
 
     b: MovingAxis
     k: MovingAxis
@@ -64,7 +71,12 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Select the candidate with the smallest monitoring signal, and adapt both axes of the grid."""
+    """Select the candidate with the smallest monitoring signal, and adapt the grid of candidates.
+
+    The monitoring signal of a candidate (b, k) is the exponentially weighted integral of the
+    squared force error (b v + k x - f)^2. The grid has one axis with the candidate values of b, and
+    one axis with those of k. Both axes are adapted.
+    """
     v, x = phi
     decay_and_add(parameters.twice_lambda, state, v, x, f, dt)
     b, k = least_candidate(state, state.b, state.k, TIE)
@@ -88,21 +100,41 @@ def follow(
     tie: float,
     dt: float,
 ) -> None:
-    """Adapt one axis of the grid to `value`, the selected value of its parameter.
+    """Adapt one axis of the grid, which contains the candidate values of b or of k.
 
-    If `value` is at the edge of the axis, the spacing is doubled. If `value` was not at the edge
-    during the time `patience`, the spacing is halved. In both cases, the middle of the axis is
-    moved to `value`.
+    If the selected value is at the edge of the axis, the spacing of the axis is doubled. If no
+    selected value was at the edge during the time `patience`, the spacing is halved. In both cases,
+    the middle of the axis is moved to the selected value.
 
-    The spacing is halved only if the new spacing is not below any of three limits:
+    The spacing is not halved if the new spacing would be below one of three limits:
 
-    - The first limit is the setting `finest`.
-    - The second limit is a quarter of the standard deviation that the parameter would have if the
-      other parameter were known. This standard deviation is sqrt(spread) / curvature.
-    - The third limit makes sure that the tie-breaking term does not change the result. At a
-      distance d from the minimum of the monitoring signal, the signal is larger than the minimum by
-      `curvature` d^2. At the third limit, this difference is `tie` if d is the distance from the
-      middle to the edge of the axis.
+    - `finest`;
+    - a quarter of sqrt(spread) / curvature. This is the standard deviation that the parameter would
+      have if the other parameter were known;
+    - sqrt(tie / curvature) / half, where `half` is the number of values on either side of the
+      middle. Below this limit, the term that decides between equal candidates could change the
+      result (`least_candidate`).
+
+    Parameters
+    ----------
+    parameters
+        Settings of the estimator, which contain `patience` and `half`.
+    axis
+        The axis to be adapted.
+    value
+        Value of the parameter that was selected for this sample.
+    finest
+        Smallest spacing, in the unit of the parameter.
+    curvature
+        Along this axis, the monitoring signal increases by `curvature` d^2 from its minimum to the
+        distance d from the minimum.
+    spread
+        Variance of the weighted sum of v times the force noise for the axis of b, or of x times the
+        force noise for the axis of k.
+    tie
+        Smallest permitted increase of the monitoring signal [N^2 s] from the middle to the edge.
+    dt
+        Time since the previous sample [s].
     """
     half, spacing = parameters.half, axis.spacing
     if abs(value - axis.middle * spacing) > (half - 0.5) * spacing:
@@ -120,7 +152,10 @@ def follow(
 
 
 def place(axis: MovingAxis, half: float, middle: float, spacing: float) -> None:
-    """Set the spacing of an axis, and move the middle of the axis to the value middle * spacing."""
+    """Set the spacing of an axis, and move the middle of the axis to the value middle * spacing.
+
+    `middle` is an integer. `half` is the number of candidate values on either side of the middle.
+    """
     axis.middle = middle
     axis.spacing = spacing
     axis.first = (middle - half) * spacing
@@ -130,7 +165,10 @@ def place(axis: MovingAxis, half: float, middle: float, spacing: float) -> None:
 
 
 def moving_axis(half: int, spacing: float) -> MovingAxis:
-    """Return the initial axis, which has `half` values on either side of zero, at this spacing."""
+    """Return an axis with the candidate value zero and `half` values on either side of zero.
+
+    `spacing` is the distance between adjacent values.
+    """
     last = 2 * half
     axis = MovingAxis(0.0, 0.0, last, 0.0, 0.0, 1.0 / (last * last), 0.0, 0.0)
     place(axis, half, 0.0, spacing)
@@ -138,37 +176,42 @@ def moving_axis(half: int, spacing: float) -> MovingAxis:
 
 
 class CoarseToFine(Estimator):
-    """Multi-estimator, equations (10) and (11) of the paper, with a grid that moves.
+    """Multi-estimator whose grid of candidates (b, k) is moved and refined during the estimation.
 
-    The monitoring signals of all candidates are one quadratic function of (b, k). Its six
-    coefficients are sums that do not depend on the grid. So no information is lost when the grid
-    moves.
+    The method is defined by equations (10) and (11) of the paper (Yamamoto et al., 2008). The
+    estimate is the candidate with the smallest monitoring signal, which is the exponentially
+    weighted integral of the squared force error (b v + k x - f)^2. The monitoring signal is a
+    quadratic function of (b, k). Its six coefficients are sums over the samples that do not depend
+    on the grid. So no information is lost when the grid moves.
 
-    The axes of b and k are adapted separately at each sample. If the selected value is at the edge
-    of its axis, the spacing of this axis is doubled. If the selected value was not at the edge
-    during the time `patience`, the spacing is halved. In both cases, the middle of the axis is
-    moved to the selected value. The spacing decreases until it is at most an eighth of the width of
-    the 95 % confidence interval.
+    The grid has an axis for b and an axis for k. At each sample, both axes are adapted separately.
+    If the selected value is at the edge of its axis, the spacing of this axis is doubled. If the
+    selected value was not at the edge during the time `patience`, the spacing is halved. In both
+    cases, the middle of the axis is moved to the selected value. The spacing decreases until it is
+    at most about an eighth of the width of the 95 % confidence interval.
 
-    All candidate values are integer multiples of the spacing. So zero is either a candidate or
-    outside of the grid. If several candidates have equal signals, the candidate nearest to zero is
-    selected as in `MultiEstimator`.
+    All candidate values are integer multiples of the spacing. So if the range of an axis contains
+    zero, zero is a candidate value. If several candidates have equal signals, the candidate nearest
+    to (0, 0) is selected, as in `MultiEstimator`.
 
-    A parameter that the data do not determine has the standard deviation `UNKNOWN`.
+    A parameter that the data do not determine has the standard deviation `UNKNOWN` (1e12).
 
     Parameters
     ----------
     forgetting_rate
-        lambda in equation (11) [1/s], >= 0. The weight of a squared error decays as
-        e^(-2 lambda t).
+        Forgetting rate lambda in equation (11) [1/s], >= 0. The weight of a squared force error
+        decays as e^(-2 lambda t).
     patience
-        The spacing is halved if no best candidate was at the edge during this time [s], > 0.
+        The spacing of an axis is halved if the selected value was not at the edge of the axis
+        during this time [s], > 0.
     spacing
-        Initial spacing of b [N s/m] and k [N/m]. It has little effect on the result.
+        Initial distance between adjacent values of b [N s/m] and of k [N/m]. The result hardly
+        depends on it, because the spacing is adapted.
     half
-        Number of candidates on either side of the middle candidate, along each axis.
+        Number of candidate values on either side of the middle value, on each axis.
     correlation
-        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise; 1 for white noise. See
+        `LinearGainEstimator`.
 
     Raises
     ------
@@ -221,7 +264,7 @@ class CoarseToFine(Estimator):
 
     @property
     def grid(self) -> Grid:
-        """The present grid."""
+        """The grid of candidates (b, k) after the latest sample."""
         half = self.parameters.half
         b, k = (
             Axis(axis.first, (axis.middle + half) * axis.spacing, axis.last + 1)

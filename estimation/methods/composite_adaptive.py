@@ -1,4 +1,4 @@
-"""Composite adaptation (CA), an estimator with two error signals and bounded-gain forgetting."""
+"""Composite adaptation (CA): estimator that uses a force error and a filtered prediction error."""
 
 from __future__ import annotations
 
@@ -11,20 +11,22 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, zeros
 
 LARGEST = 10.0
-"""Largest norm of the scaled regressors. In a sample with a larger norm, the regressors and the
-force are reduced by a common factor."""
+"""Largest norm of the vector of regressors, each divided by its typical size.
+
+In a sample with a larger norm, the regressors and the force are divided by a common factor.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class CompositeParameters:
-    """Constant settings of the function `step`."""
+    """Constant settings of the estimator `CompositeAdaptive`, which `step` reads."""
 
     bandwidth: float
-    """Bandwidth of the filter [1/s]."""
+    """Bandwidth of the low-pass filter of phi and f [1/s]."""
     forgetting_rate: float
     """Forgetting rate lambda [1/s]."""
     instant: float
-    """Weight of the force error, relative to the filtered prediction error."""
+    """Weight of the force error f - phi' theta, relative to the filtered prediction error."""
     floor: float
     """Value of each diagonal element of the initial information matrix P_0^-1, for regressors
     divided by their sizes."""
@@ -34,7 +36,7 @@ class CompositeParameters:
 
 @dataclass(slots=True)
 class CompositeState(State):
-    """Variables that `step` updates.
+    """Variables of the estimator `CompositeAdaptive`, which `step` updates at each sample.
 
     All regressors in these variables are divided by their typical sizes.
     """
@@ -46,11 +48,11 @@ class CompositeState(State):
     R: Matrix
     """Information matrix P^-1, lower triangle, (m, m)."""
     factor: Matrix
-    """Matrix of the normal equations. After `solve`: its lower Cholesky factor; (m, m)."""
+    """Matrix of the linear equations. `solve` replaces it by its lower Cholesky factor; (m, m)."""
     s: Vector
     """Regressors of the sample, divided by their typical sizes, (m,)."""
     move: Vector
-    """Right-hand side of the normal equations. After `solve`: their solution; (m,)."""
+    """Right-hand side of the linear equations. `solve` replaces it by their solution; (m,)."""
 
 
 def step(
@@ -60,7 +62,12 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Update P^-1, and integrate theta over one sample period by the implicit Euler method."""
+    """Update theta and the information matrix P^-1 with one sample.
+
+    `CompositeAdaptive` defines the differential equations of theta and P^-1. They are integrated
+    over one sample period: first the equation of P^-1, and then the equation of theta by the
+    implicit Euler method.
+    """
     per_size, theta, move = parameters.per_size, state.theta, state.move
     error, filtered_error = filter_errors(parameters, state, phi, f, dt)
     accumulate(parameters, state, error, filtered_error, dt)
@@ -76,11 +83,16 @@ def filter_errors(
     f: float,
     dt: float,
 ) -> tuple[float, float]:
-    """Filter phi and f. Return the force error and the filtered prediction error, both [N].
+    """Filter phi and f, and compute the force error and the filtered prediction error.
 
-    The force error is f - phi' theta. The filtered prediction error is f_W - W' theta, where W and
-    f_W are the filtered phi and f. If the norm of the scaled regressors is above `LARGEST`, the
-    regressors and the force error of the sample are first reduced by a common factor.
+    phi is first divided by the typical sizes of the regressors. If the norm of the result is above
+    `LARGEST`, the regressors and the force of the sample are divided by a common factor, so that
+    the norm is equal to `LARGEST`.
+
+    Returns
+    -------
+    The force error f - phi' theta [N], and the filtered prediction error f_W - W' theta [N]. Both
+    are computed after the division by the common factor. W and f_W are the filtered phi and f.
     """
     per_size, theta, s, W = parameters.per_size, state.theta, state.s, state.W
     square = 0.0
@@ -108,11 +120,13 @@ def accumulate(
     filtered_error: float,
     dt: float,
 ) -> None:
-    """Update the information matrix R, and compute the normal equations of the implicit Euler step.
+    """Update the information matrix P^-1, and compute the equations of the implicit Euler step.
 
-    R is updated by (8.115) of Slotine and Li, see `CompositeAdaptive`. The matrix of the normal
-    equations is R + c s s'. s contains the regressors of this sample, divided by their typical
-    sizes. c is the setting `instant` times `dt`, where `dt` is limited to 1 / forgetting rate.
+    P^-1 is stored in `R`. It is updated by the second differential equation in `CompositeAdaptive`.
+    The implicit Euler step of theta is the solution of linear equations (normal equations). Their
+    matrix, R + c s s', is stored in `factor`, and their right-hand side is stored in `move`. s
+    contains the regressors of this sample, divided by their typical sizes. c is the setting
+    `instant` times `dt`, where `dt` is limited to 1 / forgetting rate.
     """
     s, W, R, factor, move = state.s, state.W, state.R, state.factor, state.move
     kept = math.exp(-parameters.forgetting_rate * dt)
@@ -133,9 +147,10 @@ def accumulate(
 
 
 def solve(parameters: CompositeParameters, state: CompositeState) -> None:
-    """Solve the normal equations with the matrix `factor` and the right-hand side `move`.
+    """Solve the linear equations with the matrix `factor` and the right-hand side `move`.
 
-    `factor` is replaced by its Cholesky factor, and `move` by the solution.
+    Their solution is the change of the scaled parameters in this sample. It replaces `move`. The
+    Cholesky factor of the matrix replaces `factor`.
     """
     factor, move, floor = state.factor, state.move, parameters.floor
     m = len(move)
@@ -169,29 +184,31 @@ def solve(parameters: CompositeParameters, state: CompositeState) -> None:
 class CompositeAdaptive(Estimator):
     """Composite adaptation: theta is adapted by the force error and a filtered prediction error.
 
-    The method is from J.-J. E. Slotine and W. Li, "Applied Nonlinear Control", 1991, sections 8.7
-    and 8.8. K. Hashtrudi-Zaad and S. E. Salcudean, "Adaptive transparent impedance reflecting
-    teleoperation", IEEE International Conference on Robotics and Automation, 1996, apply the method
-    to the environment of a teleoperator. Let W be the regressors and f_W the force, both filtered
-    by a first-order lag. Then
+    The model is f = phi' theta. Let W be the regressors phi and f_W the force f, both filtered by a
+    first-order low-pass. Then
 
         d theta / dt = P (W (f_W - W' theta) + instant phi (f - phi' theta)),
         d(P^-1) / dt = -lambda (P^-1 - P_0^-1) + W W'.
 
-    In the published method, theta is adapted by the error of a force controller and by the filtered
-    prediction error f_W - W' theta. Here the force error f - phi' theta replaces the error of the
-    force controller.
+    f - phi' theta is the force error, and f_W - W' theta is the filtered prediction error. The
+    weight `instant` and the forgetting rate lambda are settings.
 
-    The second equation is (8.115) of Slotine and Li. P never exceeds its initial value P_0. The
-    forgetting rate lambda is constant. So the estimate of k follows changes of the stiffness even
-    during a motion without information on b. With a variable rate lambda (1 - |P| / |P_0|), there
-    would be no forgetting during such a motion.
+    The method is from J.-J. E. Slotine and W. Li, "Applied Nonlinear Control", 1991, sections 8.7
+    and 8.8. The second equation is their equation (8.115). K. Hashtrudi-Zaad and S. E. Salcudean,
+    "Adaptive transparent impedance reflecting teleoperation", IEEE International Conference on
+    Robotics and Automation, 1996, apply the method to the environment of a teleoperator. In the
+    published method, theta is adapted by the error of a force controller and by the filtered
+    prediction error. Here the force error replaces the error of the force controller.
+
+    P never exceeds its initial value P_0. The forgetting rate lambda is constant. So the estimate
+    of k follows changes of the stiffness even during a motion without information on b. With the
+    variable rate lambda (1 - |P| / |P_0|), there would be no forgetting during such a motion.
 
     Let theta_0 be the true parameters. If they are constant and there is no noise, the function
-    V = (theta - theta_0)' P^-1 (theta - theta_0) never increases. The implicit Euler method has
-    this property for all settings and every `dt`.
+    V = (theta - theta_0)' P^-1 (theta - theta_0) never increases. In discrete time, this is also
+    true for all settings and every `dt`, because the implicit Euler method is used.
 
-    There are no standard deviations, because the filter makes the noise correlated.
+    The standard deviations are NaN, because the filter makes the noise correlated.
 
     Parameters
     ----------
@@ -201,14 +218,14 @@ class CompositeAdaptive(Estimator):
         Typical root mean square of each regressor, [m/s] for v, [m] for x. An approximate value is
         sufficient: a regressor may be 0.1 to 10 times its typical size.
     bandwidth
-        Bandwidth of the filter [1/s].
+        Bandwidth of the low-pass filter [1/s].
     instant
         Weight of the force error, relative to the filtered prediction error, >= 0.
     bound
         Each diagonal element of P_0, in units of lambda / size^2. In these units, P is about 1
         while the motion excites all regressors.
     model
-        Model that defines the regressors.
+        Model f = phi' theta that defines the regressors phi.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Recursive least squares that does not use samples without information (conditional update)."""
+"""Recursive least squares that does not use samples with little information."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from estimation.step import Regressors
 
 @dataclass(frozen=True, slots=True)
 class ConditionalParameters(FactoredParameters):
-    """Constant settings of the function `step`."""
+    """Constant settings of the estimator `ConditionalUpdate`, which `step` reads."""
 
     c: float
-    """Threshold c. A sample is used if z' P z > c (1 - beta), with the scaled regressors z."""
+    """Threshold c. A sample is used if z' P z > c (1 - beta), see `step`."""
 
 
 def step(
@@ -32,10 +32,13 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Update by recursive least squares if z' P z > c (1 - beta).
+    """Update theta and P by recursive least squares if the sample has enough information.
 
-    z contains the scaled regressors (`ud_factors`), c is the threshold, and beta is the forgetting
+    The condition is z' P z > c (1 - beta), where c is the threshold and beta is the forgetting
     factor. If the condition is false, theta and P do not change, and `held` is set to True.
+
+    z contains the scaled regressors s_i phi_i, where s_i is the initial standard deviation of
+    parameter i. P is the covariance of the scaled parameters theta_i / s_i, see `ud_factors`.
     """
     beta = forgetting_factor(parameters, state, dt)
     if predicted_variance(parameters, state, phi) > parameters.c * (1.0 - beta):
@@ -47,13 +50,16 @@ def step(
 class ConditionalUpdate(FactoredEstimator):
     """Recursive least squares that uses a sample only if the sample has enough information.
 
-    A sample is used if phi' P phi exceeds c (1 - beta). phi' P phi is the variance of the predicted
-    force due to the covariance P, relative to the noise variance. Other samples cause neither an
-    update nor forgetting, so that P does not wind up at rest (K. J. Astrom and B. Wittenmark,
-    "Adaptive Control", 2nd edition, Addison-Wesley, 1995, chapter 11, where c = 2). The average of
-    phi' P phi is m (1 - beta) if all m regressors are excited, and 1 - beta in a hold. So c should
-    be between 1 and m. Samples of a motion that is much smaller than the earlier motion are not
-    used.
+    A sample is used if phi' P phi exceeds c (1 - beta). phi contains the regressors, P is the
+    covariance of the parameters, beta is the forgetting factor, and c is the threshold. phi' P phi
+    is the variance of the predicted force phi' theta, relative to the noise variance. Other samples
+    cause neither an update nor forgetting, so that P does not increase without limit at rest
+    (K. J. Astrom and B. Wittenmark, "Adaptive Control", 2nd edition, Addison-Wesley, 1995, chapter
+    11, where c = 2).
+
+    The average of phi' P phi is m (1 - beta) if all m regressors are excited. It is 1 - beta while
+    x is constant and v = 0. So c should be between 1 and m. If a motion is much smaller than the
+    motion before it, its samples are not used.
 
     Parameters
     ----------
@@ -63,14 +69,16 @@ class ConditionalUpdate(FactoredEstimator):
         Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
         parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
-        Time [s] in which the weight of a past sample is multiplied by beta while samples are used.
-        Default: the weight is multiplied by beta at each used sample, independent of `dt`.
+        Time [s] in which forgetting multiplies the weight of a past sample by beta. There is
+        forgetting only at the samples that are used. Default: each used sample multiplies the
+        weights of the past samples by beta, independent of `dt`.
     threshold
         Threshold c, >= 0.
     model
-        Model that defines the regressors.
+        Model f = phi' theta that defines the regressors phi.
     correlation
-        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise; 1 for white noise. See
+        `LinearGainEstimator`.
 
     Raises
     ------

@@ -20,7 +20,7 @@ from estimation.step import Regressors, below
 
 @dataclass(frozen=True, slots=True)
 class ConstantTraceParameters(FactoredParameters):
-    """Constant settings of the function `step`."""
+    """Constant settings of the estimator `ConstantTrace`, which `step` reads."""
 
     c1: float
     """Trace of the covariance before c2 is added, in units of P0."""
@@ -35,10 +35,14 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Set P <- P - P z z' P / (1 + z' P z), then P <- c1 P / tr P + c2 I, and update theta.
+    """Update the covariance P, set its trace to a constant, and update theta.
 
-    z contains the scaled regressors (`ud_factors`). c1 is the setting `trace`, and c2 is
-    c1 / `ratio`. The gain is P z / (1 + z' P z), with P before this sample.
+    First P <- P - P z z' P / (1 + z' P z) is set, and then P <- c1 P / tr P + c2 I. theta is
+    updated with the gain P z / (1 + z' P z), where P is the covariance before this sample.
+
+    z contains the scaled regressors s_i phi_i, where s_i is the initial standard deviation of
+    parameter i. P is the covariance of the scaled parameters theta_i / s_i, see `ud_factors`.
+    c1 is the setting `trace`, and c2 is c1 / `ratio`.
     """
     spread = update_covariance(parameters, state, phi, 1.0)
     D, c2 = state.D, parameters.c2
@@ -53,31 +57,34 @@ def step(
 class ConstantTrace(FactoredEstimator):
     """Recursive least squares with a regularised covariance matrix whose trace is constant.
 
-    After each sample the covariance P is set to c1 P / tr P + c2 I, in units of P0 (K. J. Astrom
-    and B. Wittenmark, "Adaptive Control", 2nd edition, Addison-Wesley, 1995, chapter 11). So P does
-    not wind up at rest, and does not decrease to zero in motion.
+    After each sample, the covariance P is set to c1 P / tr P + c2 I, in units of the initial
+    covariance P0 (K. J. Astrom and B. Wittenmark, "Adaptive Control", 2nd edition, Addison-Wesley,
+    1995, chapter 11). So P does not increase without limit at rest, and does not decrease to zero
+    in motion.
 
-    For a given c1, a larger motion causes faster forgetting. Let phi_i^2 P0_i have the same value q
-    for all m regressors. Then a forgetting factor beta has the same effect as the trace
-    c1 = m (1 - beta) / q.
+    For a given c1, a larger motion causes faster forgetting. An example is a motion for which the
+    mean of phi_i^2 times P0_i has the same value q for all m regressors. The trace
+    c1 = m (1 - beta) / q then has the same effect as the forgetting factor beta.
 
-    In a direction without excitation, the variance increases until it is nearly the whole trace.
-    The estimate in this direction then follows the noise.
+    If the motion does not excite a direction in the space of the parameters, the variance in this
+    direction increases until it is nearly the whole trace. The estimate in this direction then
+    follows the noise.
 
     Parameters
     ----------
     trace
         c1, the trace of P before c2 I is added, in units of P0.
     initial_covariance
-        Diagonal of P0, which is the unit of P: one value for each parameter of the model, first
-        b [(N s/m)^2] and k [(N/m)^2], for force noise with a variance of 1 N^2.
+        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
+        parameters of the model, for force noise with a variance of 1 N^2.
     ratio
         Ratio c1 / c2, from 1 to 1e8. The variance in one direction is at most 1 + c1 / c2 times the
         variance in another direction, in units of P0.
     model
-        Model that defines the regressors.
+        Model f = phi' theta that defines the regressors phi.
     correlation
-        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise; 1 for white noise. See
+        `LinearGainEstimator`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Recursive least squares with forgetting only in the direction of the present sample."""
+"""Recursive least squares with forgetting only in the direction of the present regressors."""
 
 from __future__ import annotations
 
@@ -18,19 +18,26 @@ from estimation.step import Regressors, below
 NO_NEWS = 1e-100
 """If z' P z is smaller than this, no information is forgotten.
 
-The reason is that 1 / (z' P z), a factor of the forgetting, could overflow.
+The forgetting contains the factor 1 / (z' P z), which could then overflow.
 """
 
 
 def step(
     parameters: FactoredParameters, state: FactoredState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Set P^-1 <- P^-1 + (beta - (1 - beta) / r) z z' with r = z' P z, and update theta.
+    """Update the covariance P with directional forgetting, and update theta.
 
-    z contains the scaled regressors (`ud_factors`), and beta is the forgetting factor. The gain is
-    P z / (1 + r). P is updated in two steps. First, P is updated without forgetting. Second, with
-    this new P, the forgetting is P <- P + (1 - beta) / beta P z z' P / (z' P z). The added term is
-    positive.
+    The update is P^-1 <- P^-1 + (beta - (1 - beta) / r) z z', where r = z' P z and beta is the
+    forgetting factor. It is computed in two steps:
+
+    1. P <- P - P z z' P / (1 + r), the update without forgetting.
+    2. P <- P + (1 - beta) / beta P z z' P / (z' P z), the forgetting. Here P is the result of step
+       1. The added term is positive semidefinite.
+
+    theta is updated with the gain P z / (1 + r), where P is the covariance before this sample.
+
+    z contains the scaled regressors s_i phi_i, where s_i is the initial standard deviation of
+    parameter i. P is the covariance of the scaled parameters theta_i / s_i, see `ud_factors`.
     """
     m = len(phi)
     beta = forgetting_factor(parameters, state, dt)
@@ -48,9 +55,9 @@ class DirectionalForgetting(FactoredEstimator):
     """Recursive least squares with directional forgetting.
 
     Information is forgotten only in the direction of the present regressors phi. So the covariance
-    does not wind up in directions without excitation, or while phi = 0. If the direction of phi is
-    constant, phi' P phi converges to (1 - beta) / beta. This limit does not depend on the magnitude
-    of phi. So the noise of x and v at rest has the same effect as motion.
+    P does not increase without limit in directions without excitation, or while phi = 0. If the
+    direction of phi is constant, phi' P phi converges to (1 - beta) / beta. This limit does not
+    depend on the magnitude of phi. So at rest, the noise of x and v has the same effect as motion.
 
     The method is from R. Kulhavy and M. Karny, "Tracking of slowly varying parameters by
     directional forgetting", 9th IFAC World Congress, Budapest, 1984, IFAC Proceedings Volumes
@@ -65,13 +72,14 @@ class DirectionalForgetting(FactoredEstimator):
         Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
         parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
-        Time [s] in which the information in the direction of phi is multiplied by beta, so that
-        the forgetting does not depend on the sampling rate.
-        Default: the information is multiplied by beta at each sample, independent of `dt`.
+        Time [s] in which the information in the direction of phi is multiplied by beta. The
+        forgetting then does not depend on the sampling rate. Default: the information is multiplied
+        by beta at each sample, independent of `dt`.
     model
-        Model that defines the regressors.
+        Model f = phi' theta that defines the regressors phi.
     correlation
-        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise; 1 for white noise. See
+        `LinearGainEstimator`.
 
     Raises
     ------

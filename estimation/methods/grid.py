@@ -1,4 +1,4 @@
-"""Define the grid of the candidates (b, k) of a multi-estimator."""
+"""Define the grid of candidates (b, k) from which a multi-estimator selects its estimate."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MOST = 10**8
 
 @dataclass(frozen=True)
 class Axis:
-    """Evenly spaced candidate values of one parameter: `count` values from `first` to `last`.
+    """Evenly spaced candidate values of b or k: `count` values from `first` to `last`.
 
     Raises
     ------
@@ -37,7 +37,7 @@ class Axis:
 
     @property
     def spacing(self) -> float:
-        """Distance between adjacent values."""
+        """Distance between adjacent candidate values."""
         return (self.last - self.first) / (self.count - 1)
 
     @property
@@ -47,19 +47,22 @@ class Axis:
 
     @property
     def nearest_zero(self) -> int:
-        """Index of the value nearest to zero; the lower index if two values are equally near."""
+        """Index of the candidate value nearest to zero.
+
+        If two values are equally near, it is the lower of their indices.
+        """
         wanted = math.ceil(-self.first / self.spacing - 0.5)
         return min(max(wanted, 0), self.count - 1)
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Candidates (b, k): all pairs of a damping in `b` [N s/m] and a stiffness in `k` [N/m]."""
+    """Grid of candidates (b, k): each damping in `b` [N s/m] with each stiffness in `k` [N/m]."""
 
     b: Axis
     k: Axis
 
     @property
     def candidates(self) -> int:
-        """Number of candidates (b, k)."""
+        """Number of candidates (b, k), the product of the numbers of values of b and k."""
         return self.b.count * self.k.count

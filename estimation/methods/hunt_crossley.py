@@ -1,4 +1,4 @@
-"""Define what the estimators of the Hunt-Crossley model f = K x^n + B x^n v have in common."""
+"""Define constants and checks for estimators of the Hunt-Crossley model f = K x^n + B x^n v."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ and the parameters K, B and n of the model."""
 STIFFNESS, DAMPING, EXPONENT = 2, 3, 4
 """Indices of K, B and n in `theta`."""
 HERTZ = 1.5
-"""Initial guess of n, the exponent of a sphere in contact with a plane (Hertz)."""
+"""Initial guess of the exponent n. A sphere in contact with a plane has n = 1.5 (Hertz)."""
 STEEPEST = 5.0
 """Upper limit of the exponent n. The lower limit is 0."""
 PRIOR = 1e-8
@@ -20,19 +20,28 @@ LARGEST_LOG = 230.0
 
 
 def clamp(value: float, low: float, high: float) -> float:
-    """Return the value, limited to the range from `low` to `high`."""
+    """Return `value`, limited to the range from `low` to `high`."""
     if value < low:
         return low
     return high if value > high else value
 
 
 def check_contact(memory: float, displacement: float, velocity: float, threshold: float) -> None:
-    """Check the arguments of an estimator of the Hunt-Crossley model.
+    """Check the settings of an estimator of the Hunt-Crossley model f = K x^n + B x^n v.
+
+    Parameters
+    ----------
+    memory
+        Time [s] in which the weight of a sample decreases to 1/e.
+    displacement, velocity
+        Typical displacement [m] and velocity [m/s], used for scaling.
+    threshold
+        A sample with this force [N] or less is treated as no contact.
 
     Raises
     ------
     ValueError
-        An argument is not between 1e-30 and 1e30. Outside of this range, its square could overflow.
+        A value is not between 1e-30 and 1e30. These limits prevent an overflow in the estimator.
     """
     for name, value in (
         ("memory", memory),

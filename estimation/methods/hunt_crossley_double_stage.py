@@ -1,4 +1,4 @@
-"""Identify the Hunt-Crossley model in two stages, by two coupled least-squares problems."""
+"""Identify the Hunt-Crossley model f = K x^n + B x^n v by two coupled least-squares fits."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ LARGEST = 1e100
 FARTHEST = 20.0
 """Upper limit of ln(x / x0)."""
 LEAST_RELATIVE = 1e-30
-"""Stage 2 uses a sample only if (K x0^n + B x0^n v) / f is larger than this value."""
+"""The fit of ln f uses a sample only if (K x0^n + B x0^n v) / f is larger than this value."""
 
 
 @dataclass(frozen=True, slots=True)
 class DoubleStageParameters:
-    """Constant settings of the function `step`."""
+    """Constant settings of the estimator `DoubleStage`, which `step` reads."""
 
     rate: float
     """1 / memory [1/s]."""
@@ -47,21 +47,22 @@ class DoubleStageParameters:
 
 @dataclass(slots=True)
 class DoubleStageState(State):
-    """Variables of the normal equations, with g = (x/x0)^n, u = v/v0 and l = ln(x/x0).
+    """Sums for the two least-squares fits, with g = (x/x0)^n, u = v/v0 and l = ln(x/x0).
 
-    x0 is the typical displacement, and v0 is the typical velocity.
+    x0 is the typical displacement, v0 is the typical velocity, and n is the estimated exponent.
     """
 
     gg: float
-    """`gg` to `guf` are weighted sums of the products of g, g u and f, for stage 1."""
+    """`gg` to `guf` are sums of products of g, g u and f over the samples, for the first fit. The
+    weights of the samples decay exponentially."""
     ggu: float
     gugu: float
     gf: float
     guf: float
     ll: float
-    """Weighted sum of l^2, for stage 2."""
+    """Weighted sum of l^2, for the second fit."""
     ly: float
-    """Weighted sum of l y, for stage 2, with y = ln(f / (K x0^n + B x0^n v))."""
+    """Weighted sum of l y, for the second fit, with y = ln(f / (K x0^n + B x0^n v))."""
     prior: float
     """Weight of the initial guess of n."""
 
@@ -73,7 +74,11 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Update both stages, each with the latest estimate of the other stage."""
+    """Update K and B by least squares on f, and then update n by least squares on ln f.
+
+    The model is f = K x^n + B x^n v. The fit of K and B uses the n of the previous sample. The fit
+    of n uses the new K and B. A sample without contact changes nothing; `held` is then set to True.
+    """
     v, x = phi
     if x / parameters.x0 < TOUCH or f <= parameters.threshold:
         state.held = True
@@ -89,7 +94,16 @@ def step(
 def first_stage(
     state: DoubleStageState, beta: float, g: float, u: float, f: float
 ) -> tuple[float, float]:
-    """Return K x0^n and B x0^n v0 [N] from a least-squares fit of f to the regressors g and g u."""
+    """Update the least-squares fit of the force, with the exponent n of the previous sample.
+
+    The model f = K x^n + B x^n v is written as f = (K x0^n) g + (B x0^n v0) g u, with g = (x/x0)^n
+    and u = v/v0. x0 and v0 are the typical displacement and velocity. `beta` is the forgetting
+    factor, by which the sums of the earlier samples are multiplied.
+
+    Returns
+    -------
+    The fitted coefficients K x0^n and B x0^n v0 [N].
+    """
     gu = g * u
     state.gg = beta * state.gg + g * g
     state.ggu = beta * state.ggu + g * gu
@@ -106,15 +120,29 @@ def first_stage(
 def second_stage(
     state: DoubleStageState, beta: float, n: float, lx: float, relative: float, f: float
 ) -> float:
-    """Return the exponent n from a weighted least-squares fit of ln(f / relative) = n l.
+    """Update the weighted least-squares fit of the logarithm of the force. Return the exponent n.
 
-    Here l = ln(x / x0) (`lx`). `relative` is the force [N] that the first stage predicts for the
-    displacement x0 and the present velocity. The argument n is the previous estimate.
+    The fit is ln(f / relative) = n ln(x / x0), where x0 is the typical displacement.
 
-    The weight of a sample is f^2 (predicted / f)^(3/2). `predicted` is the force that the first
-    stage and the previous n predict for this sample. The factor f^2 gives less weight to small
-    forces, because the logarithm of a small force has more noise. The other factor removes the bias
-    of the logarithm of a noisy force.
+    The weight of a sample is f^2 (predicted / f)^(3/2), with predicted = relative (x / x0)^n and
+    the previous n. The factor f^2 gives less weight to small forces, because the logarithm of a
+    small force has more noise. The other factor removes the bias of the logarithm of a noisy force.
+
+    Parameters
+    ----------
+    state
+        State of the estimator, which contains the sums of the earlier samples.
+    beta
+        Forgetting factor, by which the sums of the earlier samples are multiplied.
+    n
+        Previous estimate of the exponent n.
+    lx
+        ln(x / x0).
+    relative
+        Force [N] at the displacement x0 and the present velocity, computed from the K and B of the
+        first stage. If it is negative or near zero, the sample is not used and n does not change.
+    f
+        Measured force [N].
     """
     if relative <= LEAST_RELATIVE * f:
         return n
@@ -135,9 +163,11 @@ def report(
     damping: float,
     n: float,
 ) -> None:
-    """Compute the estimates b, k, K, B and n from `stiffness` K x0^n and `damping` B x0^n.
+    """Compute the estimates b, k, K, B and n, and store them in the state.
 
-    b and k are the Kelvin-Voigt parameters at the displacement x of this sample.
+    b and k are the Kelvin-Voigt parameters at the displacement x [m] of this sample. The other
+    arguments are lx = ln(x / x0), `stiffness` = K x0^n [N], `damping` = B x0^n [N s/m] and the
+    exponent n. x0 is the typical displacement.
     """
     theta = state.theta
     g = exp(n * lx)
@@ -150,27 +180,28 @@ def report(
 
 
 class DoubleStage(Estimator):
-    """Estimator of the Hunt-Crossley model f = K x^n + B x^n v by two coupled least squares.
+    """Estimator of the Hunt-Crossley model f = K x^n + B x^n v by two coupled least-squares fits.
 
         stage 1:    f = [x^n, x^n v] [K, B]'            with n from stage 2
         stage 2:    ln(f / (K + B v)) = n ln x          with K and B from stage 1
 
     Each stage is recursive least squares with exponential forgetting. b and k are the Kelvin-Voigt
     parameters at the present displacement: b = B x^n and k = K x^(n-1), so that b v + k x is the
-    force. All standard deviations are NaN, because each stage neglects the error of the other
-    stage.
+    force. All standard deviations are NaN, because each stage treats the result of the other stage
+    as exact.
 
     The model is valid in contact, for x > 0 and f > `threshold`, with the surface at x = 0. Stage
     2 also needs K + B v > 0. A sample for which K + B v <= 0 updates only K and B. The stages
-    converge slowly if x varies little within the memory, because then K and n cannot be
-    distinguished. The estimator `Logarithmic` does not have this problem: it has only one stage.
+    converge slowly if x varies little within the time `memory`, because K and n can then hardly be
+    distinguished. The estimator `Logarithmic` does not have this problem, because it estimates all
+    parameters in one stage.
 
     References
     ----------
     N. Diolaiti, C. Melchiorri, S. Stramigioli, "Contact impedance estimation for robotic
-    systems", IEEE Trans. Robotics 21(5), 2005 (the two stages). Two changes are not in this paper.
-    x is divided by a typical displacement x0, so that its logarithm varies about zero. Stage 2 has
-    weights that remove the bias of the logarithm of a noisy force.
+    systems", IEEE Trans. Robotics 21(5), 2005, is the source of the two stages. Two features are
+    not in this paper. First, x is divided by a typical displacement x0, so that ln(x / x0) varies
+    about zero. Second, stage 2 has weights that remove the bias of the logarithm of a noisy force.
 
     Parameters
     ----------

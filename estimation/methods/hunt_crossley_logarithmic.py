@@ -1,4 +1,4 @@
-"""Identify the Hunt-Crossley model in one stage, from the logarithm of the force."""
+"""Identify the Hunt-Crossley model f = K x^n + B x^n v by one least-squares fit of ln f."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from estimation.step import B, K, Regressors, State
 
 @dataclass(frozen=True, slots=True)
 class LogarithmicParameters:
-    """Constant settings of the function `step`."""
+    """Constant settings of the estimator `Logarithmic`, which `step` reads."""
 
     rate: float
     """1 / memory [1/s]."""
@@ -44,7 +44,10 @@ class LogarithmicParameters:
 
 @dataclass(slots=True)
 class LogarithmicState(State):
-    """Variables of the regression of y on (1, l, u). The docstring of `step` defines y, l and u."""
+    """Sums and results of the fit y = a + n (l - l_mean) + d (u - u_mean), with d = v0 B/K.
+
+    l is ln(x/x0), u is about v/v0, and y is about ln f. `step` gives the exact definitions.
+    """
 
     w: float
     """`w` to `w_uu` are weighted sums R of products of 1, l, u; `w_y` to `w_uy` are sums with y."""
@@ -64,13 +67,13 @@ class LogarithmicState(State):
     q_lu: float
     q_uu: float
     level: float
-    """Estimate of ln f at the weighted means of l and u."""
+    """Result a of the fit: the value of y at the weighted means `l_mean` and `u_mean`."""
     damping: float
-    """Estimate of v0 B / K."""
+    """Result d of the fit: the estimate of v0 B / K."""
     l_mean: float
     u_mean: float
     c: float
-    """`c` to `c_uu` are the covariance of (level, n, v0 B / K) for noise of variance 1 N^2."""
+    """`c` to `c_uu` are the covariance of (level, n, v0 B / K) for a noise variance of 1 N^2."""
     c_l: float
     c_u: float
     c_ll: float
@@ -79,7 +82,7 @@ class LogarithmicState(State):
     noise: float
     """Variance of the noise [N^2]."""
     evidence: float
-    """Mean weight of the samples from which `noise` is estimated."""
+    """Mean of 1 / spread over the samples from which `noise` is estimated, see `update_noise`."""
 
 
 def step(
@@ -89,11 +92,11 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Update the weighted least squares of y on (1, l, u), and the estimate.
+    """Update the weighted least-squares fit of ln f with one sample, and compute the estimates.
 
-    ln f = ln K + n ln x + ln(1 + B v/K) is linearised at z, the present estimate of B v/K. The
-    result is y = constant + n l + (v0 B/K) u, with y = ln f - ln(1 + z) + z/(1 + z), l = ln(x / x0)
-    and u = v / v0 / (1 + z).
+    The model is ln f = ln K + n ln x + ln(1 + B v/K). Its last term is linearised at z, the present
+    estimate of B v/K. For typical values x0 and v0, the result is y = ln(K x0^n) + n l + (v0 B/K) u
+    with y = ln f - ln(1 + z) + z/(1 + z), l = ln(x/x0) and u = (v/v0)/(1 + z).
     """
     v, x = phi
     if x / parameters.x0 < TOUCH or f <= parameters.threshold:
@@ -118,7 +121,7 @@ def step(
 
 
 def update_noise(state: LogarithmicState, error: float, spread: float, dt: float) -> None:
-    """Update the noise variance with a force error that has `spread` times this variance."""
+    """Update the noise variance with an error [N] of variance `spread` times the noise variance."""
     share = dt / (NOISE_MEMORY + dt)
     state.evidence += share * (1.0 / spread - state.evidence)
     share /= spread * state.evidence
@@ -128,7 +131,7 @@ def update_noise(state: LogarithmicState, error: float, spread: float, dt: float
 def accumulate(
     state: LogarithmicState, beta: float, weight: float, lx: float, u: float, y: float
 ) -> None:
-    """Multiply the sums by the forgetting factor beta, and add a sample (l, u, y)."""
+    """Multiply the sums of the fit by the forgetting factor beta, and add the sample (l, u, y)."""
     w_l, w_u = weight * lx, weight * u
     state.w = beta * state.w + weight
     state.w_l = beta * state.w_l + w_l
@@ -149,10 +152,9 @@ def accumulate(
 
 
 def solve(state: LogarithmicState, noise: float) -> None:
-    """Compute the level, n and v0 B/K, and their covariance for a noise variance of 1 N^2.
+    """Solve the fit y = a + n (l - l_mean) + d (u - u_mean) for a, n and d = v0 B/K.
 
-    The weighted means of l and u are subtracted from l and u. The level is the estimate of ln f at
-    these means. The covariance is R^-1 Q R^-1, with the sums R and Q of `LogarithmicState`.
+    Their covariance for a noise variance of 1 N^2 is R^-1 Q R^-1, with R, Q in `LogarithmicState`.
     """
     inverse = 1.0 / state.w
     l_mean, u_mean = inverse * state.w_l, inverse * state.w_u
@@ -196,7 +198,7 @@ def report(
 ) -> None:
     """Compute b, k, K and B, and the standard deviations of b, k, K, B and n.
 
-    b and k are the Kelvin-Voigt parameters at the displacement x of this sample.
+    b and k are those at the displacement x [m]. lx is ln(x/x0), and noise is a variance [N^2].
     """
     theta, std, v0 = state.theta, state.std, parameters.v0
     n, damping = theta[EXPONENT], state.damping
@@ -220,9 +222,9 @@ def report(
 
 
 def variance(state: LogarithmicState, p: float, q: float, r: float) -> float:
-    """Return the variance of p a + q n + r v0 B/K for a noise variance of 1 N^2.
+    """Return the variance of p a + q n + r d for a noise variance of 1 N^2.
 
-    a is the estimated level of ln f, n is the exponent, and v0 B/K is the scaled damping.
+    a, n and d are the results of the fit y = a + n (l - l_mean) + d (u - u_mean), see `solve`.
     """
     total = p * (p * state.c + 2.0 * (q * state.c_l + r * state.c_u))
     total += q * (q * state.c_ll + 2.0 * r * state.c_lu) + r * r * state.c_uu
@@ -237,21 +239,19 @@ class Logarithmic(Estimator):
     The right-hand side is linear in ln K, n and B/K, except for the remainder in brackets. Haddadi
     and Hashtrudi-Zaad omit the remainder, so |z| must be below 0.1. Here the remainder is
     linearised at the present estimate of z, so that there is no bias for z between -0.5 and 1.
-    The weight of a sample has two factors. The first is f^2, because force noise of variance s
-    causes noise of variance s/f^2 in ln f. But f contains noise, so f^2 and ln f cause a bias. The
-    second factor (predicted/f)^(3/2) removes this bias up to second order in the noise. `predicted`
-    is the force of the previous estimate.
+    The weight of a sample is f^2 (predicted/f)^(3/2), where `predicted` is the force computed with
+    the previous estimate. The factor f^2 is used because force noise of variance s causes noise of
+    variance s/f^2 in ln f. The other factor removes the bias due to the noise in ln f and in f^2.
 
     b and k are the Kelvin-Voigt parameters at the present displacement: b = B x^n and
-    k = K x^(n-1), so that b v + k x is the force. The standard deviations are those of weighted
-    least squares. The initial guess is n = 1.5 +- 1 and B = 0 +- K/v0. If the motion does not
-    determine n or B, its standard deviation remains that of the initial guess.
+    k = K x^(n-1), so that b v + k x is the force. The initial guess is n = 1.5 +- 1 and
+    B = 0 +- K/v0. If the motion does not determine n or B, its standard deviation does not change.
 
     References
     ----------
     A. Haddadi, K. Hashtrudi-Zaad, "Real-time identification of Hunt-Crossley dynamic models of
-    contact environments", IEEE Trans. Robotics 28(3), 2012 (the logarithm). The remainder, the
-    weights and the intervals are not in this paper.
+    contact environments", IEEE Trans. Robotics 28(3), 2012, is the source of the fit of ln f. It
+    does not contain the linearised remainder, the weights and the standard deviations.
 
     Parameters
     ----------
@@ -264,7 +264,7 @@ class Logarithmic(Estimator):
         The threshold must be > 0. A good value is one or two standard deviations of the noise. With
         a larger threshold, weak forces are used only if noise increases them, which causes a bias.
     correlation
-        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise; 1 for white noise.
 
     Raises
     ------

@@ -19,12 +19,12 @@ from estimation.step import Regressors, below
 
 @dataclass(frozen=True, slots=True)
 class IndirectParameters(LinearGainParameters):
-    """Constant settings of the function `step`."""
+    """Constant settings of the estimator `IndirectAdaptive`, which `step` reads."""
 
     rate: float
-    """Rate at which the force error decays [1/s]."""
+    """Rate [1/s] at which the force error decays if s' s is much larger than `floor`."""
     floor: float
-    """The rate is halved at this value of s' s, with s_i = phi_i / size_i."""
+    """Value of s' s, with s_i = phi_i / size_i, at which the decay rate is half of `rate`."""
     per_size: tuple[float, ...]
     """1 / typical size of each regressor, (m,)."""
 
@@ -38,11 +38,13 @@ def step(
 ) -> None:
     """Integrate the normalised gradient law over one sample period with constant phi and f.
 
-    With s_i = phi_i / size_i and G = diag(1 / size_i^2),
+    The gradient law is
 
-        theta' = rate G phi (f - phi' theta) / (floor + s' s).
+        d theta / dt = rate G phi (f - phi' theta) / (floor + s' s)
 
-    The force error f - phi' theta then decays at the rate `rate` s' s / (floor + s' s).
+    with the scaled regressors s_i = phi_i / size_i and the gain matrix G = diag(1 / size_i^2).
+    `rate`, `floor` and the typical sizes size_i are settings. So the force error f - phi' theta
+    decays at the rate [1/s] rate s' s / (floor + s' s).
     """
     per_size, L = parameters.per_size, state.L
     square = 0.0
@@ -58,39 +60,42 @@ def step(
 
 
 class IndirectAdaptive(LinearGainEstimator):
-    """Estimator of the indirect adaptive force control of Seraji and Colbaugh.
+    """Estimator from indirect adaptive force control, a normalised gradient method.
 
     H. Seraji and R. Colbaugh, "Force tracking in impedance control", International Journal of
     Robotics Research, 1997, adapt k and f0 by a Lyapunov gradient law until the predicted force
-    k x + f0 is equal to the measured force. The surface is at x_e = -f0 / k. For the desired force
-    f_r, they compute the reference position x_r = x_e + f_r / k. D. Erickson, M. Weber and
-    I. Sharf, "Contact stiffness and damping estimation for robotic systems", International Journal
-    of Robotics Research, 2003, predict the force by b v + k x. They estimate the damping b, but not
-    the position of the surface.
+    k x + f0 is equal to the measured force. The surface of the specimen is then at x_e = -f0 / k.
+    For the desired force f_r, they compute the reference position x_r = x_e + f_r / k. D. Erickson,
+    M. Weber and I. Sharf, "Contact stiffness and damping estimation for robotic systems",
+    International Journal of Robotics Research, 2003, predict the force by b v + k x. They estimate
+    the damping b, but not the position of the surface.
 
     This class contains only the estimator, without the impedance controller. By default, it is the
-    estimator of Erickson et al. With the model `datum`, the class estimates b, k and f0. It differs
-    from the published estimators in two points. First, the gain is normalised by s' s, with
-    s_i = phi_i / size_i. So one rate is suitable for every depth and every specimen. Second, the
-    gradient law is solved exactly over a sample period. The exact solution is stable for every rate
-    and every `dt`.
+    estimator of Erickson et al. With the model `datum`, which is f = b v + k x + f0, it estimates
+    b, k and f0. There are two differences from the published estimators. First, the gain is divided
+    by floor + s' s with the scaled regressors s_i = phi_i / size_i. So one value of `rate` is
+    suitable for every displacement and every specimen. Second, the gradient law is solved exactly
+    over a sample period. The exact solution is stable for every rate and every `dt`.
 
-    A gradient method cannot converge faster than the direction of phi changes. So a rate above the
-    angular frequency of the motion has no advantage.
+    A single sample corrects theta only in the direction of phi. So theta cannot converge faster
+    than this direction changes, and a rate above the angular frequency of the motion has no
+    advantage.
 
     Parameters
     ----------
     rate
-        Rate [1/s] at which the force error decays.
+        Rate [1/s] at which the force error decays if s' s is much larger than `floor`.
     sizes
         Typical root mean square of each regressor, [m/s] for v, [m] for x. The ratios of these
         values determine the relative adaptation gains of the parameters.
     floor
-        The rate is halved at this value of s' s. Samples with a smaller s' s have little effect.
+        Value of s' s at which the force error decays at half of `rate`. Samples with a much smaller
+        s' s have little effect.
     model
-        Model that defines the regressors.
+        Model f = phi' theta that defines the regressors phi.
     correlation
-        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise; 1 for white noise. See
+        `LinearGainEstimator`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Kalman filter (KF) of parameters that change as random walks."""
+"""Kalman filter (KF) for damping, stiffness and other parameters that change as random walks."""
 
 from __future__ import annotations
 
@@ -22,22 +22,26 @@ from estimation.step import Regressors, below
 
 @dataclass(frozen=True, slots=True)
 class KalmanParameters(FactoredParameters):
-    """Constant settings of the function `step`. Variances are in units of P0."""
+    """Constant settings of the estimator `RandomWalkKalman`.
+
+    In these settings, each variance is divided by the initial variance of the same parameter.
+    """
 
     Q: tuple[float, ...]
-    """Increase of the variance of each parameter per second [1/s], (m,)."""
+    """Process noise: increase of the variance of each parameter per second [1/s], (m,)."""
     ceiling: tuple[float, ...]
-    """Largest variance of each parameter, (m,)."""
+    """Upper limit of the variance of each parameter, (m,)."""
 
 
 def process_noise(
     memory: float, sample_period: float, sizes: tuple[float, ...]
 ) -> tuple[float, ...]:
-    """Return the process noise Q with which a Kalman filter has the time constant `memory`.
+    """Return the process noise Q for which the Kalman filter has the time constant `memory`.
 
-    Consider the filter of one parameter theta with f = s theta + e, where the noise e has the
-    variance 1. Let P be the variance of the estimate, with s^2 P << 1. A sample decreases P by
-    s^2 P^2, and the process noise increases P by Q T between two samples. So s^2 P^2 = Q T in the
+    The time constant describes how fast the estimate follows a change of a parameter. Consider the
+    filter of one parameter theta with f = s theta + e. s is the regressor, and the noise e has the
+    variance 1 N^2. Let P be the variance of the estimate, with s^2 P << 1. A sample decreases P by
+    s^2 P^2. The process noise increases P by Q T between two samples. So s^2 P^2 = Q T in the
     steady state. A sample corrects the fraction s^2 P of the error of the estimate, so the time
     constant of the error is T / (s^2 P). This time constant is equal to `memory` if
     Q = T / (memory s)^2.
@@ -45,15 +49,17 @@ def process_noise(
     Parameters
     ----------
     memory
-        Time constant [s].
+        Time constant [s] with which the estimate follows a change of a parameter.
     sample_period
         Time T between samples [s].
     sizes
-        Root mean square s of each regressor, in its SI unit.
+        Root mean square s of each regressor, in SI units: [m/s] for the velocity, [m] for the
+        displacement.
 
     Returns
     -------
-    Increase of the variance of each parameter per second, for force noise with a variance of 1 N^2.
+    Q of each parameter: the increase of its variance per second, for force noise with a variance of
+    1 N^2. The unit is that of the squared parameter, divided by seconds.
 
     Raises
     ------
@@ -69,7 +75,11 @@ def process_noise(
 
 
 def walk(parameters: KalmanParameters, state: FactoredState, dt: float) -> None:
-    """Set P <- P + Q dt, but do not increase a variance above its ceiling."""
+    """Add the process noise to the covariance of the parameters: P <- P + Q dt.
+
+    The diagonal matrix Q contains the increase of each variance per second. A variance is increased
+    at most to its upper limit, the setting `ceiling`. A variance above this limit is not changed.
+    """
     Q, ceiling = parameters.Q, parameters.ceiling
     for i in below[len(state.D)]:
         growth = Q[i] * dt
@@ -81,9 +91,15 @@ def walk(parameters: KalmanParameters, state: FactoredState, dt: float) -> None:
 def step(
     parameters: KalmanParameters, state: FactoredState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Set P <- P + Q dt, compute the gain L, set P <- P - L phi' P, and update theta with L.
+    """Process one sample with the equations of the Kalman filter.
 
-    The gain is L = P phi / (1 + phi' P phi). P is for force noise with a variance of 1 N^2.
+    First, the process noise is added to the covariance P (function `walk`). Then P and the
+    parameters theta are updated with the regressors phi and the force f:
+
+        P <- P + Q dt,
+        L = P phi / (1 + phi' P phi),    theta <- theta + L (f - phi' theta),    P <- P - L phi' P.
+
+    The number 1 in the gain L is the variance of the force noise [N^2] for which P is computed.
     """
     walk(parameters, state, dt)
     spread = update_covariance(parameters, state, phi, 1.0)
@@ -91,22 +107,27 @@ def step(
 
 
 class RandomWalkKalman(FactoredEstimator):
-    """Kalman filter whose states are the parameters of an environment.
+    """Kalman filter whose states are the parameters of the environment, for example b and k.
 
-    Each parameter is modelled as a random walk, and the force is a noisy measurement of the
-    parameters. The method is based on G. De Gersem, H. Van Brussel, F. Tendick, "Reliable and
-    enhanced stiffness perception in soft-tissue telemanipulation", Int. J. Robotics Research
-    24(10), 2005. They track the stiffness of tissue with a Kalman filter. The other states of their
-    filter, and the display of stiffness to the operator, are omitted. In this class, damping and
-    all other parameters of the model are also random walks.
+    Each parameter is modelled as a random walk. The measured force is f = phi' theta plus noise,
+    with the regressors phi and the parameters theta; for example, phi = (v, x) and theta = (b, k).
 
-    The gain depends only on the ratio of the process noise to the force noise, so `process_noise`
-    is given as this ratio. The gain does not depend on the value of a parameter, so a large
-    stiffness is tracked as fast as a small stiffness.
+    The method is based on G. De Gersem, H. Van Brussel, F. Tendick, "Reliable and enhanced
+    stiffness perception in soft-tissue telemanipulation", Int. J. Robotics Research 24(10), 2005.
+    In that paper, a Kalman filter tracks the stiffness of tissue. The other states of that filter,
+    and the display of stiffness to the operator, are omitted here. In this class, damping and all
+    other parameters of the model are also random walks.
 
-    While a regressor is zero, for example the velocity in a hold, the variance of its parameter
-    increases up to `ceiling`. The standard deviations of the estimates are computed for constant
-    parameters.
+    The gain depends only on the ratio of the process noise to the variance of the force noise. So
+    `process_noise` is given for force noise with a variance of 1 N^2. The gain does not depend on
+    the value of a parameter, so a large stiffness is tracked as fast as a small stiffness.
+
+    While a regressor is zero, the samples contain no information about its parameter. An example is
+    the velocity while the slave does not move. The variance of the parameter then increases up to
+    `ceiling`.
+
+    The standard deviations of the estimates contain only the effect of the force noise. They do not
+    contain the error that occurs while the true parameters change.
 
     Parameters
     ----------
@@ -115,13 +136,16 @@ class RandomWalkKalman(FactoredEstimator):
         [(N/m)^2 / s] and any further parameters of the model, for force noise with a variance of
         1 N^2. The function `process_noise` computes these values.
     initial_covariance
-        Diagonal of P0, in the units of `RecursiveLeastSquares`.
+        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
+        parameters of the model, for force noise with a variance of 1 N^2.
     ceiling
-        Largest variance of each parameter, in the units of P0. Default: P0.
+        Largest variance of each parameter, in the units of `initial_covariance`. Default: the
+        initial covariance.
     model
-        Model that defines the regressors.
+        Model of the environment. It defines the regressors phi and the parameters theta.
     correlation
-        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
+        Number of samples that contain one independent value of the force noise: 1 for white noise,
+        more for filtered noise. See `LinearGainEstimator`.
 
     Raises
     ------
@@ -148,5 +172,8 @@ class RandomWalkKalman(FactoredEstimator):
         super().__init__(1.0, p0, None, model, correlation, Q=growth, ceiling=room)
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return None: no warning is needed, because the covariance does not wind up."""
+        """Return None: this estimator gives no warning about its `estimates`.
+
+        Other estimators warn if the covariance is too large. Here, `ceiling` limits the covariance.
+        """
         return None

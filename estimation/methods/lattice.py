@@ -1,23 +1,28 @@
 """Find the minimum of a positive definite quadratic function over the integer points of a box.
 
-The multi-estimator uses these functions. Its grid is the box, and its monitoring signal, up to a
-constant, is the quadratic function
+The quadratic function is
 
-    q(i, j) = a i^2 + 2 b i j + c j^2 + 2 g i + 2 h j,    0 <= i <= i_last, 0 <= j <= j_last.
+    q(i, j) = a i^2 + 2 b i j + c j^2 + 2 g i + 2 h j,
+
+and the box is the rectangle 0 <= i <= i_last, 0 <= j <= j_last. The multi-estimator uses these
+functions. It selects one pair (damping, stiffness) from a grid of candidates. The grid is the box:
+i and j are the indices of the candidate values of damping and stiffness. Up to a constant, q is the
+weighted sum of the squared force errors, which is minimised over the grid.
 
 The computing time does not depend on the size of the box. The search has three steps:
 
 1. A Lagrange-Gauss reduced basis (u, w) of the integer points is computed. u is the integer vector,
-   other than zero, for which the quadratic part of q is smallest. All integer points are on rows
-   parallel to u.
+   other than zero, for which the quadratic part of q is smallest. Each integer point is
+   s w + m u with integers s and m. All points with the same s are on a line, which is called a row.
 2. The minimum is first computed without the limits of the box. The point of the minimum over all
    real (i, j) is between two rows. The best integer point is on one of these two rows. If this
    integer point is in the box, it is the result.
-3. Otherwise, rows are searched one after the other, in both directions. The search starts at the
-   two rows next to the point on the border of the box where q is smallest. For each row, the
-   minimum of q over the real points in the box is computed. In each direction, the search ends when
-   this minimum is not smaller than q at the best integer point found so far, or when a row has no
-   point in the box.
+3. Otherwise, the real point on the border of the box where q is smallest is computed. It is between
+   two rows. A first search starts at one of these two rows and continues with decreasing s. A
+   second search starts at the other row and continues with increasing s. In each row, the integer
+   point in the box with the smallest q is found. The minimum of q over the real points of the row
+   in the box is also computed. A search ends when this minimum is not smaller than q at the best
+   integer point found so far. It also ends when a row has no point in the box.
 
 All functions use only scalars, so that both the Python interpreter and numba can run them.
 
@@ -33,10 +38,10 @@ from math import ceil, floor, inf
 def least_in_box(
     a: float, b: float, c: float, g: float, h: float, i_last: int, j_last: int
 ) -> tuple[int, int]:
-    """Return the pair of integers (i, j) in the box for which q(i, j) is smallest.
+    """Return the integers (i, j) with 0 <= i <= i_last, 0 <= j <= j_last for which q is smallest.
 
-    a, b, c, g and h are the coefficients of q; `i_last` and `j_last` are the upper limits of the
-    box.
+    The function is q(i, j) = a i^2 + 2 b i j + c j^2 + 2 g i + 2 h j. Its quadratic part must be
+    positive definite.
     """
     ui, uj, wi, wj = 1, 0, 0, 1
     uu, uw, ww = a, b, c
@@ -100,7 +105,11 @@ def least_in_box(
 def lowest_on_border(
     a: float, b: float, c: float, g: float, h: float, i_last: int, j_last: int
 ) -> tuple[float, float]:
-    """Return the pair of real numbers (i, j) on the border of the box for which q is smallest."""
+    """Return the real numbers (i, j) on the border of a rectangle for which q is smallest.
+
+    The rectangle is 0 <= i <= i_last, 0 <= j <= j_last. The function is
+    q(i, j) = a i^2 + 2 b i j + c j^2 + 2 g i + 2 h j.
+    """
     least = inf
     i_least = j_least = 0.0
     for side in range(4):
@@ -119,9 +128,10 @@ def lowest_on_border(
 def inside(
     i: int, i_step: int, i_last: int, j: int, j_step: int, j_last: int
 ) -> tuple[float, float]:
-    """Return the range (low, high) of real m for which (i + m i_step, j + m j_step) is in the box.
+    """Return the range (low, high) of m in which a line is inside a rectangle.
 
-    If there is no such m, low > high.
+    The points of the line are (i + m i_step, j + m j_step), with real m. The rectangle has the
+    corners (0, 0) and (i_last, j_last). If no point of the line is in the rectangle, low > high.
     """
     low, high = -inf, inf
     for start, step, last in ((i, i_step, i_last), (j, j_step, j_last)):

@@ -1,11 +1,14 @@
-"""Compute the monitoring signals of all candidates (b, k), and the (b, k) with the smallest signal.
+"""Compute the monitoring signals of a multi-estimator: weighted sums of the squared force errors.
 
-The monitoring signal of a candidate, equation (11) of the paper, is a quadratic form in (b, k). So
-six exponentially weighted sums of products of f, v and x determine the signals of all candidates:
+A multi-estimator compares candidates (b, k), which are pairs of a damping and a stiffness. The
+force error of a candidate is e = b v + k x - f. The monitoring signal mu of a candidate is the sum
+of the weighted e^2 of all past samples (T. Yamamoto et al., BioRob 2008, equation (11)). The
+weights decrease exponentially with the age of a sample. mu is a quadratic function of (b, k), so
+six weighted sums determine the signals of all candidates:
 
     mu(b, k) = ff - 2 b fv - 2 k fx + b^2 vv + 2 b k vx + k^2 xx.
 
-The name of each sum is the product that is summed: vx is the sum of v x.
+The name of each sum is the product that is summed. For example, vx is the weighted sum of v x.
 """
 
 from __future__ import annotations
@@ -19,10 +22,11 @@ from estimation.step import State
 
 @dataclass(slots=True)
 class MonitoringState(State):
-    """Exponentially weighted sums of products of f, v and x, and an estimate of the noise.
+    """State of a multi-estimator: weighted sums of products of f, v and x, and the noise variance.
 
-    The weight of a sample decays as e^(-2 lambda t). The name of each sum is the product that is
-    summed.
+    The weight of a sample is its duration, multiplied by exp(-2 lambda t). lambda is the forgetting
+    rate [1/s], and t is the age of the sample [s]. The name of each sum is the product that is
+    summed. For example, `vx` is the weighted sum of v x.
     """
 
     ff: float
@@ -33,7 +37,7 @@ class MonitoringState(State):
     vx: float
     xx: float
     q_vv: float
-    """Sum of v^2 with squared weights. `q_vx` and `q_xx` are the same sums of v x and x^2."""
+    """Sum of v^2 with squared weights. `q_vx` and `q_xx` are such sums of v x and x^2."""
     q_vx: float
     q_xx: float
     weights: float
@@ -45,11 +49,11 @@ class MonitoringState(State):
     weight: float
     """Weight of the last sample [s]."""
     noise_share: float
-    """Weight of the last sample in the mean from which `noise` is estimated."""
+    """Weight of the last sample in the mean over time from which `noise` is estimated."""
     evidence: float
-    """Sum of the weights in the mean from which `noise` is estimated, from 0 to 1."""
+    """Sum of the weights in the mean over time from which `noise` is estimated, from 0 to 1."""
     noise: float
-    """Variance of the noise [N^2]."""
+    """Estimated variance of the force noise [N^2]."""
 
 
 NO_SUMS = (0.0,) * 16
@@ -59,11 +63,27 @@ NO_SUMS = (0.0,) * 16
 def decay_and_add(
     twice_lambda: float, state: MonitoringState, v: float, x: float, f: float, dt: float
 ) -> None:
-    """Multiply the sums by the forgetting factor, and add a sample v [m/s], x [m], f [N].
+    """Multiply the weighted sums by the forgetting factor, and add a sample.
 
-    If the force error e = b v + k x - f is constant over `dt`, equation (11) of the paper is
-    mu <- exp(-2 lambda dt) mu + w e^2 with w = (1 - exp(-2 lambda dt)) / (2 lambda). e^2 is a sum
-    of products of f, v and x.
+    The sums are those of f^2, f v, f x, v^2, v x and x^2. They determine the monitoring signal mu
+    of each candidate (b, k), which follows
+
+        d mu / dt = -2 lambda mu + e^2,    e = b v + k x - f.
+
+    If the force error e is constant over the time dt, the solution is
+
+        mu <- exp(-2 lambda dt) mu + w e^2,    w = (1 - exp(-2 lambda dt)) / (2 lambda).
+
+    Each sum is updated by the same equation, with its product instead of e^2.
+
+    Parameters
+    ----------
+    twice_lambda
+        2 lambda [1/s], where lambda is the forgetting rate.
+    state
+        The sums, which are updated in place.
+    v, x, f, dt
+        The sample: velocity [m/s], displacement [m], force [N], time since the previous sample [s].
     """
     if dt != state.dt:  # usually the sample period is constant
         state.dt = dt
@@ -88,7 +108,10 @@ def decay_and_add(
 
 
 def monitoring_signal(state: MonitoringState, b: float, k: float) -> float:
-    """Return the monitoring signal [N^2 s], >= 0, of the candidate (b, k)."""
+    """Return the monitoring signal of (b, k): the weighted sum of (b v + k x - f)^2 [N^2 s], >= 0.
+
+    The sum is over all past samples. The weights decrease exponentially with the age of a sample.
+    """
     mu = (
         state.ff
         + b * (b * state.vv - 2.0 * state.fv)
@@ -103,17 +126,32 @@ UNDETERMINED = (0.0, 0.0, math.inf, math.inf)
 
 
 def least_point(correlation: float, state: MonitoringState) -> tuple[float, float, float, float]:
-    """Return the (b, k) with the smallest monitoring signal mu, and the variances of b and k.
+    """Return the real numbers b and k that minimise the monitoring signal, and their variances.
 
-    b and k are real numbers, which need not be candidates. They are the solution theta of the
-    weighted normal equations R theta = r. R is the weighted sum of phi phi', and r is the weighted
-    sum of phi f. Let Q be the same sum as R, but with squared weights. For white force noise with
-    the variance s, the covariance of theta is s R^-1 Q R^-1. If the noise is correlated, this
+    The monitoring signal mu is the weighted sum of (b v + k x - f)^2. The weights decrease
+    exponentially with the age of a sample. The minimum is over all real b and k, not only over the
+    candidates of a multi-estimator. With phi = (v, x), the minimum theta = (b, k) is the solution
+    of R theta = r. R is the weighted sum of phi phi', and r is the weighted sum of phi f.
+
+    Let Q be the sum of phi phi' with the squared weights. If the force noise is white and has the
+    variance s, the covariance of theta is s R^-1 Q R^-1. If the noise is correlated, this
     covariance is multiplied by `correlation`.
 
-    The expected value of the smallest mu is s (sum of the weights - trace(R^-1 Q)). So s is
-    estimated by the smallest mu divided by the expression in brackets. This estimate is averaged
-    with the time constant `NOISE_MEMORY`.
+    The variance s is estimated from the smallest mu. The expected value of this mu is c s, where
+    c is (sum of the weights) - trace(R^-1 Q). So mu / c is an estimate of s. It is computed at each
+    sample, and these values are averaged with the time constant `NOISE_MEMORY`.
+
+    Parameters
+    ----------
+    correlation
+        Number of samples that contain one independent value of the force noise; 1 for white noise.
+    state
+        The weighted sums. The estimate of the noise variance s in this state is updated.
+
+    Returns
+    -------
+    b [N s/m], k [N/m], variance of b, variance of k. If the data do not determine b and k, the
+    result is (0, 0, inf, inf).
     """
     vv, vx, xx = state.vv, state.vx, state.xx
     determinant = vv * xx - vx * vx
@@ -141,11 +179,20 @@ def least_point(correlation: float, state: MonitoringState) -> tuple[float, floa
 
 
 def deviation(variance: float, distance: float, most: float) -> float:
-    """Return the root mean square error of a candidate value, sqrt(variance + distance^2).
+    """Return the root mean square error of the value of b or k that a multi-estimator selects.
 
-    `least_point` computes the best real number for a parameter. `variance` is the variance of this
-    number. `distance` is the difference between this number and the candidate value. The root mean
-    square error is limited to `most`.
+    A multi-estimator can select only a candidate value from a grid. The real number that fits the
+    data best is usually between two candidate values. So the root mean square error is
+    sqrt(variance + distance^2). The result is at most `most`.
+
+    Parameters
+    ----------
+    variance
+        Variance of the real number that fits the data best, from `least_point`.
+    distance
+        Difference between this real number and the selected candidate value.
+    most
+        Upper limit of the result.
     """
     square = variance + distance * distance
     std = math.sqrt(square) if square > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""Multi-estimator (ME). It selects the candidate (b, k) whose monitoring signal is smallest."""
+"""Multi-estimator (ME): select the candidate (b, k) with the smallest squared force errors."""
 
 from __future__ import annotations
 
@@ -32,14 +32,17 @@ FASTEST = 1e6
 
 @dataclass(frozen=True, slots=True)
 class MultiEstimatorParameters:
-    """Constant settings of the function `step`."""
+    """Constant settings of the estimator `MultiEstimator`."""
 
     twice_lambda: float
-    """Rate at which the weight of a sample decays [1/s]."""
+    """Rate 2 lambda at which the weight of a sample decays [1/s]; lambda is the forgetting rate."""
     b: GridAxis
+    """Candidate values of the damping [N s/m]."""
     k: GridAxis
+    """Candidate values of the stiffness [N/m]."""
     correlation: float
-    """Number of samples per independent value of the force noise, >= 1."""
+    """Number of samples that contain one independent value of the force noise, >= 1; 1 for white
+    noise."""
 
 
 def step(
@@ -49,7 +52,12 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Add the sample to the sums, and select the candidate with the smallest monitoring signal."""
+    """Process one sample, and select the candidate (b, k) with the smallest monitoring signal.
+
+    The monitoring signal is the weighted sum of the squared force errors of a candidate. The sample
+    is first added to the sums from which the signals of all candidates are computed. The standard
+    deviations of b and k are also computed.
+    """
     v, x = phi
     b_axis, k_axis = parameters.b, parameters.k
     decay_and_add(parameters.twice_lambda, state, v, x, f, dt)
@@ -61,33 +69,42 @@ def step(
 
 
 class MultiEstimator(Estimator):
-    """Multi-estimator, equations (10) and (11) of the paper.
+    """Multi-estimator: select the best pair (b, k) from a grid of candidates.
 
-    The candidates (b, k) are the points of a grid. The estimate is the candidate with the smallest
-    monitoring signal. The signals of all candidates are one quadratic function of (b, k). The
-    minimum of this function over the grid is found without evaluating all candidates, so the
-    computing time does not depend on the size of the grid.
+    The method is that of T. Yamamoto et al., "Techniques for environment parameter estimation
+    during telemanipulation", BioRob 2008, equations (10) and (11). Each point of the grid is a
+    candidate (b, k). The monitoring signal of a candidate is the integral of the squared force
+    error (b v + k x - f)^2. Old errors have exponentially smaller weights. The estimate is the
+    candidate with the smallest monitoring signal.
 
-    A small tie-breaking term is added to each signal. If several candidates have equal signals, the
-    candidate nearest to (b, k) = (0, 0) is selected. So a damping that the data do not determine is
-    estimated as zero. The term does not change the result for candidates that the data distinguish.
-    Let B and K be the lengths of the axes of b and k. The term is a product of three factors:
+    The signal is a quadratic function of (b, k). The minimum of this function over the grid is
+    found without evaluating all candidates, so the computing time does not depend on the size of
+    the grid.
 
-    - `TIE`;
-    - the squared distance from the candidate nearest to (0, 0), in units of B and K;
-    - the integral of f^2 + (B v)^2 + (K x)^2.
+    If several candidates have equal signals, the candidate nearest to (b, k) = (0, 0) is selected.
+    For example, the data do not determine the damping while v is zero. The estimate of b is then
+    the candidate value nearest to zero. For this purpose, a small term is added to each signal. The
+    term does not change the result for candidates that the data distinguish. Let B be the
+    difference between the largest and the smallest candidate value of b, and K that of k. The term
+    of a candidate (b, k) is the product of three factors:
+
+    - the constant `TIE`;
+    - ((b - b_0) / B)^2 + ((k - k_0) / K)^2, where (b_0, k_0) is the candidate nearest to (0, 0);
+    - the integral of f^2 + (B v)^2 + (K x)^2, with the same weights as in the signal.
 
     Parameters
     ----------
     grid
-        The candidates.
+        The candidate values of b and of k.
     forgetting_rate
-        lambda in equation (11) [1/s], >= 0. The weight of a squared error decays as
-        e^(-2 lambda t).
+        Forgetting rate lambda [1/s], >= 0. The weight of a squared force error of the age t is
+        exp(-2 lambda t).
     correlation
-        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
+        Number of samples that contain one independent value of the force noise: 1 for white noise,
+        more for filtered noise. See `LinearGainEstimator`.
     own
-        Additional settings of the function `step` of a subclass, by name.
+        Further settings, by name. Only a subclass whose function `step` needs further settings
+        gives them.
 
     Raises
     ------
@@ -115,23 +132,38 @@ class MultiEstimator(Estimator):
         super().__init__(parameters, self.first_state(parameters))
 
     def first_state(self, parameters: Any) -> MonitoringState:
-        """Return the state before the first sample, with the candidate nearest to zero."""
+        """Return the state before the first sample.
+
+        The estimate is then the candidate (b, k) nearest to (0, 0). The standard deviation of b is
+        the difference between the largest and the smallest candidate value of b, and that of k is
+        computed in the same way. `parameters` contains the constant settings.
+        """
         axes = parameters.b, parameters.k
         zero = [axis.first + axis.zero * axis.spacing for axis in axes]
         spans = [axis.span for axis in axes]
         return MonitoringState(zero, spans, False, *NO_SUMS)
 
     def monitoring_signal(self, b: Floats | float, k: Floats | float) -> Floats:
-        """Return the monitoring signals of candidates (b, k) [N^2 s]. b and k are broadcast."""
+        """Return the monitoring signals [N^2 s] of candidates (b, k), >= 0.
+
+        The monitoring signal is the weighted integral of the squared force error (b v + k x - f)^2.
+
+        Parameters
+        ----------
+        b, k
+            Damping [N s/m] and stiffness [N/m] of the candidates: numbers or arrays. Arrays of
+            different shapes are broadcast as in numpy. The result has the broadcast shape.
+        """
         s = self.state
         b, k = np.asarray(b, dtype=np.float64), np.asarray(k, dtype=np.float64)
         signal = s.ff + b * (b * s.vv - 2.0 * s.fv) + k * (k * s.xx - 2.0 * s.fx)
         return np.maximum(signal + 2.0 * b * k * s.vx, 0.0)
 
     def ties(self, margin: float) -> Floats:
-        """Return the candidates that the monitoring signal hardly distinguishes from the estimate.
+        """Return the candidates whose monitoring signal is nearly as small as that of the estimate.
 
-        The signal of such a candidate is at most 1 + margin times the signal of the estimate.
+        The monitoring signal is the weighted integral of the squared force error. A candidate
+        (b, k) is returned if its signal is at most (1 + margin) times the signal of the estimate.
 
         Parameters
         ----------
@@ -157,21 +189,28 @@ class MultiEstimator(Estimator):
         return np.concatenate(rows)
 
     def tied_rows(self, margin: float) -> tuple[Indices, Indices]:
-        """Return the same candidates as `ties`, but in a compact form.
+        """Return the same candidates as the method `ties`, as ranges of indices of k.
 
-        For each value of b, the candidates that `ties` returns have successive values of k. So the
-        first and the last index of k are sufficient. The computing time does not depend on the
-        number of values of k.
+        These are the candidates (b, k) whose monitoring signal is nearly as small as that of the
+        estimate. For each value of b, such candidates have successive values of k. So the first and
+        the last index of k are sufficient. The computing time does not depend on the number of
+        values of k.
 
         Parameters
         ----------
         margin
-            As in `ties`.
+            Relative margin of the monitoring signal, >= 0, as in `ties`.
 
         Returns
         -------
-        Two arrays of shape (grid.b.count,): for each b, the first and the last index of k. If
-        `ties` returns no candidate with this b, the first index is larger than the last index.
+        Two arrays of integers with one element for each candidate value of b: the first and the
+        last index of k. If there is no such candidate with this b, the first index is larger than
+        the last index.
+
+        Raises
+        ------
+        ValueError
+            The margin is negative.
         """
         if not margin >= 0.0:
             raise ValueError(f"margin must be >= 0, got {margin}")
@@ -201,22 +240,26 @@ class MultiEstimator(Estimator):
 
     @property
     def at_edge(self) -> tuple[str, ...]:
-        """Names of those parameters ("b", "k") whose estimate is at the edge of the grid."""
+        """Names of the parameters ("b", "k") whose estimate is at the edge of the grid.
+
+        An estimate at the edge is the smallest or the largest candidate value of the parameter.
+        """
         edges = self.edges()
         return tuple(name for name in edges if getattr(self.estimate, name) in edges[name])
 
     def edges(self) -> dict[str, tuple[float, float]]:
-        """Return the first and the last candidate value of "b" and of "k", by name."""
+        """Return the smallest and the largest candidate value of each parameter ("b", "k")."""
         axes = {"b": self.parameters.b, "k": self.parameters.k}
         return {
             name: (axis.first, axis.first + axis.last * axis.spacing) for name, axis in axes.items()
         }
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return a warning if the estimate is at the edge of the grid; None for no warning.
+        """Return a warning if the estimate of b or k is at the edge of the grid; otherwise None.
 
-        There is a warning if the present estimate is at the edge, or if the estimates of at least
-        10 % of the samples were at the edge.
+        An estimate at the edge is the smallest or the largest candidate value of the parameter.
+        There is a warning if the present estimate is at the edge, or if at least 10 % of
+        `estimates` are at the edge. `estimates` contains the estimates after each sample.
         """
         shares = {
             name: float(np.mean(np.isin(getattr(estimates, name), edges)))

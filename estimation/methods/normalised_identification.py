@@ -1,4 +1,4 @@
-"""Adaptive identification by the gradient law, with a normalised gain (NAI)."""
+"""Adaptive identification by a gradient method with a normalised gain (NAI)."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, Vector, below
 
 LEAST = 0.1
-"""Lower limit of the mean square of a regressor, relative to the square of its typical size."""
+"""Lower limit of the mean square of a regressor, divided by the typical mean square."""
 MOST = 100.0
-"""Upper limit of the square of a regressor, relative to the square of its typical size."""
+"""Upper limit of the square of a regressor, divided by the typical mean square."""
 LARGEST_SHARE = 0.1
 """Largest weight of one sample in a mean square, even after a long gap in the data."""
 
 
 @dataclass(frozen=True, slots=True)
 class NormalisedParameters(LinearGainParameters):
-    """Constant settings of the function `step`."""
+    """Constant settings of the estimator `NormalisedIdentification`."""
 
     rate: float
     """Rate at which the parameters converge [1/s]."""
     per_memory: float
-    """1 / time constant of the mean squares [1/s]."""
+    """1 / time constant of the mean squares of the regressors [1/s]."""
     per_size: tuple[float, ...]
-    """1 / typical size of each regressor, (m,)."""
+    """1 / typical root mean square of each regressor, (m,)."""
 
 
 @dataclass(slots=True)
 class NormalisedState(LinearGainState):
-    """Variables that the function `step` updates."""
+    """Variables of the estimator `NormalisedIdentification` that change at each sample."""
 
     mean_square: Vector
-    """Mean square of each regressor, relative to the square of its typical size, (m,)."""
+    """Mean square of each regressor, divided by the typical mean square, (m,)."""
 
 
 def step(
@@ -51,9 +51,14 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Integrate the gradient law (8) of the paper over one sample period, with constant phi and f.
+    """Process one sample: integrate the gradient law over the time `dt` since the last sample.
 
-    The gain is Gamma_i = rate / <phi_i^2>, where < > is a mean over time.
+    The gradient law for the parameters theta is
+
+        d theta / dt = -Gamma phi (phi' theta - f).
+
+    During `dt`, the regressors phi and the force f are taken as constant. Gamma is a diagonal
+    matrix with the elements Gamma_i = rate / <phi_i^2>, where < > is a mean over time.
     """
     per_size, mean_square, L = parameters.per_size, state.mean_square, state.L
     share = parameters.per_memory * dt
@@ -78,19 +83,26 @@ def step(
 class NormalisedIdentification(LinearGainEstimator):
     """Adaptive identification with a gain that is normalised by the mean square of each regressor.
 
-    The gradient law is equation (8) of the paper, d theta / dt = -Gamma phi (phi' theta - f). In
-    the paper, the gain Gamma must be chosen for the specimen and the depth. Here the diagonal
-    elements of Gamma are Gamma_i = rate / <phi_i^2>, where < > is a mean over time. This is the
-    normalised gradient of P. A. Ioannou and J. Sun, "Robust Adaptive Control", 1996, section 4.3,
-    but each regressor is normalised separately. So all parameters converge at the rate `rate` if
-    the regressors are uncorrelated. The rate does not depend on the units and sizes of the
+    The model of the environment is f = phi' theta, with the regressors phi and the parameters
+    theta; for example, phi = (v, x) and theta = (b, k). theta follows the gradient law
+
+        d theta / dt = -Gamma phi (phi' theta - f).
+
+    This is equation (8) of T. Yamamoto et al., "Techniques for environment parameter estimation
+    during telemanipulation", BioRob 2008. In their method, the gain Gamma must be chosen for the
+    specimen and for the depth of the indentation. Here, Gamma is a diagonal matrix with the
+    elements Gamma_i = rate / <phi_i^2>, where < > is a mean over time. This is the normalised
+    gradient method of P. A. Ioannou and J. Sun, "Robust Adaptive Control", 1996, section 4.3, but
+    each regressor is normalised separately. So all parameters converge at the rate `rate` if the
+    regressors are uncorrelated. This rate does not depend on the units or the magnitudes of the
     regressors.
 
-    The gradient law is solved exactly over a sample period. The exact solution is stable for every
-    rate and every `dt`.
+    The gradient law is solved exactly over the time `dt` between two samples. The exact solution is
+    stable for every rate and every `dt`.
 
-    A gradient method cannot converge faster than the direction of phi changes. So a rate above half
-    the angular frequency of the motion has no advantage.
+    One sample changes theta only in the direction of Gamma phi. So the convergence of theta cannot
+    be faster than the change of the direction of phi. A rate above half the angular frequency of
+    the motion therefore has no advantage.
 
     Parameters
     ----------
@@ -101,11 +113,12 @@ class NormalisedIdentification(LinearGainEstimator):
         is sufficient: the normalisation works for a mean square between 0.1 and 100 times the
         square of the typical value.
     memory
-        Time constant [s] of the mean squares.
+        Time constant [s] of the mean squares <phi_i^2>.
     model
-        Model that defines the regressors.
+        Model of the environment. It defines the regressors phi and the parameters theta.
     correlation
-        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
+        Number of samples that contain one independent value of the force noise: 1 for white noise,
+        more for filtered noise. See `LinearGainEstimator`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Exponentially weighted least squares (EWLS), with the constraint of a passive environment."""
+"""Exponentially weighted least squares (EWLS) without negative damping or stiffness."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Matrix, Regressors, Vector, below, diagonal, zeros
 
 SIGNED = ("f0",)
-"""Parameters that may be negative in a passive environment."""
+"""Parameters that may be negative in a passive environment; `f0` is a constant force."""
 ROUNDING = 1e-15
-"""When a parameter is fixed at zero, at least this fraction of each other variance remains."""
+"""When a parameter is fixed at zero, the variances of the other parameters decrease.
+
+Each variance decreases at most to this fraction of its value.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class PassiveParameters(FactoredParameters):
-    """Constant settings of the function `step`."""
+    """Constant settings of the estimator `PassiveLeastSquares`."""
 
     bounded: tuple[int, ...]
     """1 for each parameter that must not be negative, 0 for the others, (m,)."""
@@ -26,17 +29,21 @@ class PassiveParameters(FactoredParameters):
 
 @dataclass(slots=True)
 class PassiveState(FactoredState):
-    """Variables that the function `step` updates."""
+    """Variables of the estimator `PassiveLeastSquares` that change at each sample."""
 
     free: Vector
-    """Estimate without the constraint, (m,)."""
+    """Estimate without the constraint that parameters are not negative, (m,)."""
     P: Matrix
-    """Covariance of theta for noise of variance 1 N^2, given that some parameters are fixed at
-    zero, (m, m)."""
+    """Covariance of theta for force noise with a variance of 1 N^2, (m, m). If some parameters are
+    fixed at zero, this is the covariance under this condition."""
 
 
 def multiply_out(parameters: PassiveParameters, state: PassiveState) -> None:
-    """Compute the covariance P = U D U', in the units of theta."""
+    """Compute the covariance P of the parameters theta from its factors, and store it in `state`.
+
+    U and D are the factors of the covariance U D U' of the scaled parameters theta_i / s_i. s_i is
+    the square root of the initial variance. So P_ij = s_i s_j (U D U')_ij.
+    """
     s, U, D, P = parameters.s, state.U, state.D, state.P
     m = len(D)
     for i in below[m]:
@@ -55,7 +62,8 @@ def multiply_out(parameters: PassiveParameters, state: PassiveState) -> None:
 def most_negative(parameters: PassiveParameters, state: PassiveState) -> int:
     """Return the index of the negative parameter with the largest |theta_i| / (standard deviation).
 
-    Parameters that may be negative are ignored. The result is -1 if no other parameter is negative.
+    The constant force f0 is ignored, because it may be negative. The result is -1 if none of the
+    other parameters is negative.
     """
     theta, P = state.theta, state.P
     found = -1
@@ -72,7 +80,9 @@ def most_negative(parameters: PassiveParameters, state: PassiveState) -> int:
 def fix_at_zero(state: PassiveState, n: int) -> None:
     """Fix parameter n at zero, and set the other parameters to their conditional expectation.
 
-    theta <- theta - P e theta_n / P_nn,    P <- P - P e e' P / P_nn,
+    The condition is that parameter n is zero. The estimate theta and its covariance P become
+
+        theta <- theta - P e theta_n / P_nn,    P <- P - P e e' P / P_nn,
 
     where e is the n-th unit vector.
     """
@@ -97,10 +107,12 @@ def fix_at_zero(state: PassiveState, n: int) -> None:
 def step(
     parameters: PassiveParameters, state: PassiveState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Update the unconstrained estimate, and then compute the passive estimate from it.
+    """Process one sample: update the unconstrained estimate, and compute the passive estimate.
 
-    In the passive estimate, no parameter except f0 is negative. Negative parameters are set to
-    zero one after the other, see `fix_at_zero`.
+    The unconstrained estimate is that of recursive least squares. In the passive estimate, no
+    parameter is negative, except the constant force f0 if the model contains it. Negative
+    parameters are set to zero one after the other. Each time, the other parameters are corrected by
+    the function `fix_at_zero`.
     """
     theta, free, bounded = state.theta, state.free, parameters.bounded
     indices = below[len(phi)]
@@ -124,23 +136,28 @@ def step(
 class PassiveLeastSquares(FactoredEstimator):
     """Exponentially weighted least squares (EWLS) with the constraint of a passive environment.
 
-    The method is based on M. B. Colton, J. M. Hollerbach, "Identification of nonlinear passive
-    devices for haptic simulations", World Haptics, 2005, and "Reality-based haptic force models
-    of buttons and switches", IEEE Int. Conf. Robotics and Automation, 2007. Colton and Hollerbach
-    identify a passive device by EWLS,
+    The constraint is that no parameter is negative. The only exception is the parameter f0, a
+    constant force that some models contain. The method is based on M. B. Colton, J. M. Hollerbach,
+    "Identification of nonlinear passive devices for haptic simulations", World Haptics, 2005, and
+    "Reality-based haptic force models of buttons and switches", IEEE Int. Conf. Robotics and
+    Automation, 2007. Colton and Hollerbach identify a passive device by EWLS: the parameters theta
+    minimise
 
-        sum_n beta^(N-n) (f_n - phi_n' theta)^2 + beta^N theta' P0^-1 theta -> min.
+        sum_n beta^(N-n) (f_n - phi_n' theta)^2 + beta^N theta' P0^-1 theta,
 
-    In these papers, the parameters depend on position and direction, and the model has Coulomb
-    friction. Both are omitted here. The constraint is not in these papers: no parameter except f0
-    is negative.
+    where f_n is the force and phi_n contains the regressors of sample n. In their papers, the
+    parameters depend on position and direction, and the model has Coulomb friction. Both are
+    omitted here. Their papers do not contain the constraint.
 
-    The estimate is the passive theta that is nearest to the unconstrained minimum, in the metric
-    of the information matrix P^-1. Negative parameters are set to zero one after the other. The
-    first is the parameter whose ratio of magnitude to standard deviation is largest. For a model
-    with b and k only, the result is the exact constrained minimum. For more parameters, the result
-    is nearly always the exact constrained minimum. The recursion continues from the unconstrained
-    minimum. The standard deviations are those of the unconstrained minimum.
+    At each sample, the minimum theta_u without the constraint is computed recursively, with its
+    covariance P. The estimate is the theta that satisfies the constraint and for which
+    (theta - theta_u)' P^-1 (theta - theta_u) is smallest. It is computed from theta_u as follows.
+    The negative parameter with the largest ratio of magnitude to standard deviation is set to zero,
+    and the other parameters are corrected. This is repeated until no parameter is negative. For a
+    model with b and k only, the result is exact. For more parameters, it is nearly always exact.
+
+    The next sample updates theta_u, not the constrained estimate. The standard deviations are those
+    of theta_u.
 
     Parameters
     ----------
@@ -153,9 +170,10 @@ class PassiveLeastSquares(FactoredEstimator):
         Time [s] in which the weight of a past sample is multiplied by beta. Default: the weight is
         multiplied by beta at each sample, independent of `dt`.
     model
-        Model that defines the regressors.
+        Model of the environment. It defines the regressors phi and the parameters theta.
     correlation
-        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
+        Number of samples that contain one independent value of the force noise: 1 for white noise,
+        more for filtered noise. See `LinearGainEstimator`.
 
     Raises
     ------
@@ -180,7 +198,11 @@ class PassiveLeastSquares(FactoredEstimator):
         )
 
     def first_state(self, guess_variance: tuple[float, ...]) -> PassiveState:
-        """Return the state before the first sample: U D U' = I, and all estimates are zero."""
+        """Return the state before the first sample, in which all estimates are zero.
+
+        `guess_variance` contains, for each parameter, the variance of the error of the initial
+        guess zero. It has an effect only on the standard deviations.
+        """
         m = len(guess_variance)
         return PassiveState(
             **asdict(super().first_state(guess_variance)), free=zeros(m), P=diagonal(zeros(m))

@@ -1,4 +1,4 @@
-"""Fit each segment of a motion by least squares, and test whether all segments agree."""
+"""Estimate damping and stiffness in each segment of a motion; test whether they are constant."""
 
 from __future__ import annotations
 
@@ -12,49 +12,54 @@ from estimation.step import B, K, Regressors, State
 SIGNIFICANT = 3.090232306167813
 """99.9 % quantile of the standard normal distribution."""
 SMALLEST_REPORTED = 0.1
-"""`misfit` contains a parameter if its standard deviation between segments is above this value.
-
-The value is relative to the root mean square of the parameter over the segments.
-"""
+"""`misfit` contains a parameter if its standard deviation between segments is above this fraction
+of its root mean square over the segments."""
 FEWEST = 8
 """Smallest number of samples in a complete segment."""
 
 
 @dataclass(frozen=True, slots=True)
 class SegmentParameters:
-    """Constant settings of the function `step`."""
+    """Constant settings of the estimator `PooledSegments`."""
 
     length: float
-    """Length of a segment [s]."""
+    """Duration of a segment of the motion [s]."""
     correlation: float
-    """Number of samples per independent value of the force noise, >= 1."""
+    """Number of samples that contain one independent value of the force noise, >= 1; 1 for white
+    noise."""
 
 
 @dataclass(slots=True)
 class Pool:
-    """Statistics of one parameter over all segments that were fitted."""
+    """Statistics of one parameter (b or k) over all segments of the motion.
+
+    A segment is a time interval. In each segment, a least-squares fit gives an estimate of the
+    parameter and the variance of this estimate.
+    """
 
     count: int
-    """Number of segments."""
+    """Number of segments with a fit."""
     weights: float
     """Sum of the weights of the segments. A weight is 1 / variance."""
     weighted_mean: float
-    """Weighted mean of the parameter."""
+    """Weighted mean of the estimates of the parameter."""
     Q: float
     """Cochran's Q, the weighted sum of the squared deviations from the weighted mean."""
     mean: float
-    """Unweighted mean of the parameter."""
+    """Unweighted mean of the estimates of the parameter."""
     squares: float
-    """Sum of the squared deviations from the unweighted mean."""
+    """Unweighted sum of the squared deviations from the unweighted mean."""
     variance: float
     """Mean of the variances that the least-squares fits of the segments give."""
 
 
 @dataclass(slots=True)
 class SegmentState(State):
-    """Sums of products of f, v and x over the present segment, and statistics of earlier segments.
+    """State of the estimator `PooledSegments`.
 
-    The name of each sum is the product that is summed.
+    The state contains sums of products of f, v and x over the samples of the present segment. The
+    name of each sum is the product that is summed. For example, `fv` is the sum of f v. The
+    statistics `b` and `k` contain the estimates of all earlier segments.
     """
 
     ff: float
@@ -64,8 +69,9 @@ class SegmentState(State):
     vx: float
     xx: float
     samples: int
+    """Number of samples in the present segment."""
     elapsed: float
-    """Time since the segment began [s]."""
+    """Time since the present segment began [s]."""
     b: Pool
     k: Pool
 
@@ -73,7 +79,12 @@ class SegmentState(State):
 def step(
     parameters: SegmentParameters, state: SegmentState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Add the sample to the present segment, and end the segment when it is long enough."""
+    """Add a sample to the present segment, and fit b and k when the segment is complete.
+
+    A segment is a time interval of the motion. It is complete when it has the duration `length` and
+    at least `FEWEST` samples. If the time `dt` since the previous sample is longer than `length`,
+    the samples of the present segment are discarded, and a new segment starts.
+    """
     v, x = phi
     if dt > parameters.length:
         begin(state)
@@ -93,16 +104,17 @@ def step(
 
 
 def begin(state: SegmentState) -> None:
-    """Start a new segment."""
+    """Start a new segment: set the sums, the number of samples and the elapsed time to zero."""
     state.ff = state.fv = state.fx = state.vv = state.vx = state.xx = 0.0
     state.samples = 0
     state.elapsed = 0.0
 
 
 def end(parameters: SegmentParameters, state: SegmentState) -> None:
-    """Fit the segment by least squares, and add the estimates to the statistics of b and k.
+    """Fit b and k to the present segment by least squares, and add them to the statistics.
 
-    The segment is ignored if its motion is not sufficient to distinguish b and k.
+    The new estimates are the weighted means of b and of k over all segments. The segment is ignored
+    if v and x are nearly proportional, because b and k can then not be distinguished.
     """
     ff, fv, fx, vv, vx, xx = state.ff, state.fv, state.fx, state.vv, state.vx, state.xx
     determinant = vv * xx - vx * vx
@@ -118,7 +130,11 @@ def end(parameters: SegmentParameters, state: SegmentState) -> None:
 
 
 def add(pool: Pool, value: float, variance: float) -> None:
-    """Add a segment to the statistics of one parameter: the estimated value and its variance."""
+    """Add the result of one segment to the statistics `pool` of a parameter (b or k).
+
+    `value` is the least-squares estimate of the parameter in this segment, and `variance` is the
+    variance of this estimate.
+    """
     weight = 1.0 / (variance + 1e-300)
     pool.count += 1
     pool.weights += weight
@@ -132,10 +148,11 @@ def add(pool: Pool, value: float, variance: float) -> None:
 
 
 def pooled(pool: Pool) -> tuple[float, float]:
-    """Return the weighted mean of a parameter, and the standard deviation of this mean.
+    """Return the weighted mean of a parameter over the segments, and its standard deviation.
 
-    The standard deviation contains the effect of noise. If the segments disagree, the standard
-    deviation also contains the variance between the segments.
+    The standard deviation contains the effect of noise. If the values of the parameter in the
+    segments are significantly different, the standard deviation also contains the variance between
+    the segments.
     """
     variance = 1.0 / pool.weights
     if disagree(pool):
@@ -144,10 +161,12 @@ def pooled(pool: Pool) -> tuple[float, float]:
 
 
 def disagree(pool: Pool) -> bool:
-    """Return True if the segments have significantly different values of a parameter.
+    """Return True if the values of a parameter in the segments of the motion differ significantly.
 
-    The difference is significant if Cochran's Q exceeds the 99.9 % quantile of the chi-squared
-    distribution. The quantile is computed by the approximation of Wilson and Hilferty.
+    `pool` contains the statistics of the parameter (b or k). The difference is significant if
+    Cochran's Q exceeds the 99.9 % quantile of the chi-squared distribution. Q is the weighted sum
+    of the squared deviations from the weighted mean. The quantile is computed by the approximation
+    of Wilson and Hilferty.
     """
     freedom = pool.count - 1
     if freedom < 1:
@@ -158,9 +177,10 @@ def disagree(pool: Pool) -> bool:
 
 
 def spread(pool: Pool) -> float:
-    """Return the variance of a parameter between the segments, >= 0.
+    """Return the variance of the true value of a parameter between segments of the motion, >= 0.
 
-    This is the variance of the estimates of the segments, minus the mean variance due to noise.
+    The estimates in the segments differ for two reasons: the true values differ, and noise causes
+    errors. So the result is the variance of the estimates, minus the mean variance due to noise.
     """
     if pool.count < 2:
         return 0.0
@@ -168,24 +188,30 @@ def spread(pool: Pool) -> float:
 
 
 class PooledSegments(Estimator):
-    """Least squares for each segment of the motion, with a test whether the segments agree.
+    """Estimate b and k in each segment of the motion, and test whether b and k are constant.
 
-    A fit to each segment gives b and k with their variances. The estimate is the weighted mean of
-    all segments. If the environment is a Kelvin-Voigt body, the segments differ only by noise. Then
-    Cochran's Q, the weighted sum of the squared deviations from the mean, has a chi-squared
-    distribution. If Q exceeds the 99.9 % quantile of this distribution, the segments do not have
-    the same b or k. The standard deviation of the estimate then includes the variance between the
-    segments. If the relative standard deviation between the segments is then also above 10 %, it is
-    included in the property `misfit`.
+    A segment is a time interval of the motion. A least-squares fit to the samples of each segment
+    gives b and k with their variances. The estimate is the weighted mean over all segments.
 
-    A segment is ignored if its motion is not sufficient to distinguish b and k.
+    If the environment is a Kelvin-Voigt body (f = b v + k x), the results of the segments differ
+    only by noise. Cochran's Q is the weighted sum of the squared deviations from the weighted mean.
+    In this case, Q has a chi-squared distribution. If Q exceeds the 99.9 % quantile of this
+    distribution, the parameter is not the same in all segments. This has two effects:
+
+    - The standard deviation of the estimate includes the variance between the segments.
+    - The property `misfit` contains the relative standard deviation between the segments, if this
+      is above 10 %.
+
+    A segment is ignored if v and x are nearly proportional, because b and k can then not be
+    distinguished.
 
     Parameters
     ----------
     length
-        Length of a segment [s]. A suitable length is about one period of the motion.
+        Duration of a segment [s]. A suitable duration is about one period of the motion.
     correlation
-        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
+        Number of samples that contain one independent value of the force noise: 1 for white noise,
+        more for filtered noise. See `LinearGainEstimator`.
 
     Raises
     ------
@@ -216,9 +242,10 @@ class PooledSegments(Estimator):
 
     @property
     def correlation(self) -> float:
-        """Number of samples per independent value of the force noise, >= 1.
+        """Number of samples that contain one independent value of the force noise, >= 1.
 
-        A new value applies from the next sample on.
+        The value is 1 for white noise. A new value is used for the segments of the motion that end
+        after the change.
 
         Raises
         ------
@@ -234,15 +261,17 @@ class PooledSegments(Estimator):
 
     @property
     def segments(self) -> int:
-        """Number of segments that were fitted."""
+        """Number of segments of the motion in which b and k were estimated."""
         return self.state.b.count
 
     @property
     def misfit(self) -> dict[str, float]:
-        """Relative standard deviation between segments, by name of the parameter.
+        """Relative standard deviation of b and of k between the segments of the motion.
 
-        A parameter is included only if the segments disagree on its value, and if the relative
-        standard deviation is above `SMALLEST_REPORTED`.
+        The keys are "b" and "k". A value is the standard deviation of the parameter between the
+        segments, divided by the root mean square of the parameter. A parameter is included only if
+        it differs significantly between the segments, and if the value is above 0.1
+        (`SMALLEST_REPORTED`). So the dictionary is empty if the parameters do not vary.
         """
         found = {}
         for name, pool in (("b", self.state.b), ("k", self.state.k)):
@@ -254,7 +283,10 @@ class PooledSegments(Estimator):
         return found
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return a note that names the parameters on which the segments disagree, or None."""
+        """Return a warning if b or k differs between the segments of the motion; otherwise None.
+
+        The warning contains the parameters that are in the property `misfit`, with their values.
+        """
         misfits = [f"{name} varies by {share:.0%}" for name, share in self.misfit.items()]
         if misfits:
             return (

@@ -17,9 +17,15 @@ from estimation.step import Regressors, below
 def step(
     parameters: FactoredParameters, state: FactoredState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Update theta by (3)-(4) of the paper: L = P z / (beta + z' P z), P <- (P - L z' P) / beta.
+    """Process one sample with the equations of recursive least squares.
 
-    z contains the scaled regressors (`ud_factors`).
+    With the forgetting factor beta for the time `dt`, the gain L and the covariance P are
+
+        L = P z / (beta + z' P z),    P <- (P - L z' P) / beta.
+
+    Then the parameters theta are corrected with L and the force error f - phi' theta. P is the
+    covariance of the scaled parameters theta_i / s_i, and z contains the scaled regressors
+    s_i phi_i. s_i is the square root of the initial variance of parameter i.
     """
     update_and_forget(parameters, state, phi, f, dt, forgetting_factor(parameters, state, dt))
 
@@ -32,7 +38,16 @@ def update_and_forget(
     dt: float,
     beta: float,
 ) -> None:
-    """Update theta and P by (3)-(4) of the paper, with the forgetting factor beta."""
+    """Update the parameters theta and their covariance P with a sample, by recursive least squares.
+
+    `beta` is the forgetting factor. With z_i = s_i phi_i, the equations are
+
+        L = P z / (beta + z' P z),    P <- (P - L z' P) / beta,
+        theta_i <- theta_i + s_i L_i (f - phi' theta).
+
+    P is the covariance of the scaled parameters theta_i / s_i. s_i is the square root of the
+    initial variance of parameter i. P is stored as U-D factors.
+    """
     D = state.D
     spread = update_covariance(parameters, state, phi, beta)
     growth = 1.0 / beta
@@ -42,17 +57,22 @@ def update_and_forget(
 
 
 class RecursiveLeastSquares(FactoredEstimator):
-    """Recursive least squares with exponential forgetting, equations (3) and (4) of the paper.
+    """Recursive least squares with exponential forgetting.
 
-    After N samples, the estimate minimises
+    The method is given by equations (3) and (4) of T. Yamamoto et al., "Techniques for environment
+    parameter estimation during telemanipulation", BioRob 2008. After N samples, the estimate theta
+    minimises
 
-        sum_n beta^(N-n) (f_n - phi_n' theta)^2 + beta^N theta' P0^-1 theta.
+        sum_n beta^(N-n) (f_n - phi_n' theta)^2 + beta^N theta' P0^-1 theta,
 
-    Without motion, old information is forgotten but no information is added. The covariance then
-    increases by the factor 1/beta per sample. Over a gap in the data, the whole increase occurs in
-    one step. The increase ends when a variance is `WINDUP` times its initial value. In recordings
-    with motion, the variances remain below this limit. The covariance is stored as U-D factors, so
-    that it remains positive definite and its rounding errors are small.
+    where f_n is the force and phi_n contains the regressors of sample n.
+
+    Without motion, old information is forgotten but no information is added. The covariance P then
+    increases by the factor 1/beta per sample. If `sample_period` is given and samples are missing,
+    the whole increase for the missing time occurs at the next sample. The increase ends when a
+    variance is 10^10 times its initial value (`WINDUP`). In recordings with motion, the variances
+    remain below this limit. P is stored as U-D factors, P = U D U', so that P remains positive
+    definite and its rounding errors are small.
 
     Parameters
     ----------
@@ -65,13 +85,15 @@ class RecursiveLeastSquares(FactoredEstimator):
         Time [s] in which the weight of a past sample is multiplied by beta. Forgetting then depends
         on `dt`. Default: the weight is multiplied by beta at each sample, independent of `dt`.
     model
-        Model that defines the regressors.
+        Model of the environment. It defines the regressors phi and the parameters theta.
     correlation
-        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
+        Number of samples that contain one independent value of the force noise: 1 for white noise,
+        more for filtered noise. See `LinearGainEstimator`.
     guess_variance
-        Variances of the error of the initial guess theta = 0, in the units of the initial
-        covariance. They have an effect only on the standard deviations. Give these variances if
-        they are larger than the initial covariance. Default: the initial covariance.
+        Variances of the error of the initial guess theta = 0, in the units of
+        `initial_covariance`. They have an effect only on the standard deviations of the estimates.
+        Give these variances if they are larger than `initial_covariance`. Default:
+        `initial_covariance`.
 
     Raises
     ------

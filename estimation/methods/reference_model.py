@@ -1,4 +1,4 @@
-"""Model-reference adaptive estimator (MRAE)."""
+"""Model-reference adaptive estimator (MRAE): adapt the parameters by a filtered force error."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from estimation.step import Regressors, State, below, zeros
 
 @dataclass(frozen=True, slots=True)
 class ReferenceParameters:
-    """Constant settings of the function `step`."""
+    """Constant settings of the estimator `ReferenceModel`."""
 
     rate: float
     """Rate at which the force error decays [1/s]."""
     bandwidth: float
-    """Bandwidth a of the reference and of the model [1/s]."""
+    """Bandwidth a of the low-pass filter of the force error [1/s]."""
     floor: float
     """The rate is halved at this value of s' s, with s_i = phi_i / size_i."""
     per_size: tuple[float, ...]
-    """1 / typical size of each regressor, (m,)."""
+    """1 / size_i, with the typical root mean square size_i of each regressor, (m,)."""
 
 
 @dataclass(slots=True)
 class ReferenceState(State):
-    """Variables that the function `step` updates."""
+    """Variables of the estimator `ReferenceModel` that change at each sample."""
 
     e: float
-    """Output error e [N]: the output of the reference minus the output of the model."""
+    """Output error e [N]: the low-pass filtered and normalised force error."""
 
 
 def step(
@@ -40,12 +40,16 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Integrate e and theta over one sample period by the implicit Euler method.
+    """Process one sample: integrate two differential equations over the time `dt`.
 
-    e is the output error, and a is the bandwidth, see `ReferenceModel`. With s_i = phi_i / size_i,
-    G = diag(1 / size_i^2) and n^2 = floor + s' s, the equations are
+    The equations are those of the output error e and of the parameters theta:
 
         de/dt = -a e + a (f - phi' theta) / n,    d theta / dt = rate G phi e / n.
+
+    So e is the low-pass filtered force error with the bandwidth a, divided by n. The number n
+    normalises the regressors phi: n^2 = floor + s' s with s_i = phi_i / size_i. G is the diagonal
+    matrix with the elements 1 / size_i^2. The equations are integrated by the implicit Euler
+    method.
     """
     theta, per_size = state.theta, parameters.per_size
     square = 0.0
@@ -64,30 +68,36 @@ def step(
 
 
 class ReferenceModel(Estimator):
-    """Model-reference adaptive estimator. theta is adapted by the output error of a model.
+    """Model-reference adaptive estimator: adapt the parameters theta by a filtered force error.
 
     The method is based on S. K. Singh and D. O. Popa, "An analysis of some fundamental problems
     in adaptive control of force and impedance behavior: theory and experiments", IEEE
     Transactions on Robotics and Automation, 1995. In their paper, the parameters are adapted by the
-    tracking error between a force loop and a reference model. An estimator alone has no force loop.
-    This class has the structure of the estimator in their paper, but other regressors.
+    tracking error between a force control loop and a reference model. An estimator alone has no
+    force control loop. This class has the structure of the estimator in their paper, but other
+    regressors.
 
-    The reference is a first-order lag with the bandwidth a and the input f / n. The model is the
-    same lag with the input phi' theta / n. The error e is the output of the reference minus the
-    output of the model. theta is adapted by e:
+    Two first-order low-pass filters have the same bandwidth a. The input of the first filter, the
+    reference, is f / n with the measured force f. The input of the second filter is phi' theta / n
+    with the regressors phi. The output error e is the output of the first filter minus that of the
+    second filter. e follows the first of these equations, and theta is adapted by the second:
 
         de/dt = -a e + a (f - phi' theta) / n,    d theta / dt = rate G phi e / n,
 
-    where G = diag(1 / size_i^2), and n^2 = floor + s' s with s_i = phi_i / size_i. n increases with
-    the magnitude of phi. So one rate is suitable for every depth and every specimen.
+    where G = diag(1 / size_i^2), and n^2 = floor + s' s with s_i = phi_i / size_i. size_i is the
+    typical root mean square of phi_i, see `sizes`. n increases with the magnitude of phi. So one
+    rate is suitable for every depth and every specimen.
 
-    Let the true parameters theta_0 be constant. Then the Lyapunov function V never increases:
+    Let the true parameters theta_0 be constant, and let f be phi' theta_0. Then the Lyapunov
+    function V never increases:
 
         V = e^2 + a (theta - theta_0)' G^-1 (theta - theta_0) / rate,    dV/dt = -2 a e^2.
 
-    The implicit Euler method has the same property for every rate and every `dt`.
+    The equations are integrated by the implicit Euler method. V then never increases, for every
+    rate and every `dt`.
 
-    There are no standard deviations, because the lag makes the noise correlated.
+    Standard deviations are not computed (NaN), because the low-pass filter makes the noise of e
+    correlated.
 
     Parameters
     ----------
@@ -98,12 +108,13 @@ class ReferenceModel(Estimator):
         Typical root mean square of each regressor, [m/s] for v, [m] for x. The ratios of these
         values determine the relative adaptation gains of the parameters.
     bandwidth
-        Bandwidth a [1/s] of the reference and of the model. If the bandwidth is below four times
-        the rate, e oscillates.
+        Bandwidth a [1/s] of the two low-pass filters. If the bandwidth is below four times the
+        rate, e oscillates.
     floor
-        The rate is halved at this value of s' s. Samples with a smaller s' s have little effect.
+        Value of s' s at which the adaptation is half as fast as `rate`. Samples with a much
+        smaller s' s have little effect.
     model
-        Model that defines the regressors.
+        Model of the environment. It defines the regressors phi and the parameters theta.
 
     Raises
     ------

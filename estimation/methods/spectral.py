@@ -1,6 +1,6 @@
 """Estimate damping and stiffness from the frequency response at the frequency of the motion.
 
-This is the signal processing method (SPM), see `SpectralRatio`.
+This is the signal processing method (SPM). The class `SpectralRatio` describes the method.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ FASTEST = 500.0
 SLOWEST = 0.5
 """Smallest angular frequency of a motion [rad/s]."""
 DISTINCT = 0.3
-"""The equations F = b V + k X are solved only if their determinant is above this fraction of the
-determinant for a sine."""
+"""The two equations for b and k are solved only if their determinant is above this fraction of the
+determinant for a sinusoidal motion, see `sine_determinant`."""
 
 
 @dataclass(frozen=True, slots=True)
 class SpectralParameters:
-    """Constant settings of the function `step`."""
+    """Constant settings of the estimator `SpectralRatio`."""
 
     angle: float
-    """Time constant of the window, as a phase angle of the motion [rad]."""
+    """Phase angle by which the motion advances in one time constant of the window [rad]."""
     per_memory: float
     """1 / time constant of the frequency estimate [1/s]."""
     frequency: float
@@ -33,29 +33,32 @@ class SpectralParameters:
     least_variance: float
     """The estimate does not change if the variance of x is below this value [m^2]."""
     least_determinant: float
-    """The estimate does not change if the determinant, divided by the root mean squares of v and
-    x, is below this value."""
+    """Lower limit of the determinant of the two equations for b and k, divided by the root mean
+    squares of v and x. Below this limit, the estimate does not change."""
 
 
 @dataclass(slots=True)
 class Spectrum:
-    """Means <s> and <e s> of a signal s over the window, with e = exp(j w (t_0 - t)).
+    """Weighted means <s> and <e s> of a signal s, with e = exp(j w (t_0 - t)).
 
-    w is the angular frequency of the motion, and t_0 is the present time. `mean` is <s>. `re` and
-    `im` are the real and the imaginary part of <e s>.
+    w is the angular frequency of the motion, t is the time of a sample, and t_0 is the present
+    time. < > is a mean over all past samples. The weights decrease exponentially with t_0 - t.
     """
 
     mean: float
+    """Mean <s>."""
     re: float
+    """Real part of <e s>."""
     im: float
+    """Imaginary part of <e s>."""
 
 
 @dataclass(slots=True)
 class SpectralState(State):
-    """Variables that the function `step` updates."""
+    """Variables of the estimator `SpectralRatio` that change at each sample."""
 
     filled: float
-    """Sum of the weights in `x_mean`, `x_variance` and `v_square`, from 0 to 1."""
+    """Sum of the weights in the means `x_mean`, `x_variance` and `v_square`, from 0 to 1."""
     x_mean: float
     """Mean of x, with the time constant of the frequency estimate [m]."""
     x_variance: float
@@ -63,21 +66,26 @@ class SpectralState(State):
     v_square: float
     """Mean square of v, with the time constant of the frequency estimate [m^2/s^2]."""
     window_filled: float
-    """Sum of the weights in the window, from 0 to 1."""
+    """Sum of the weights in the means `one`, `x`, `v` and `f`, from 0 to 1."""
     one: Spectrum
-    """Means of the constant signal 1, and then of x, v and f."""
+    """Means of the constant signal 1."""
     x: Spectrum
+    """Means of the displacement x."""
     v: Spectrum
+    """Means of the velocity v."""
     f: Spectrum
+    """Means of the force f."""
 
 
 def step(
     parameters: SpectralParameters, state: SpectralState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Find the frequency of the motion, add the sample to the window, and solve F = b V + k X.
+    """Process one sample: update the spectra of x, v and f, and compute b and k from them.
 
-    X, V and F are the spectra of x, v and f at this frequency, see `SpectralRatio`. The solution is
-    the estimate of b and k.
+    X, V and F are the values of the spectra at the frequency of the motion, see `SpectralRatio`.
+    The real and the imaginary part of F = b V + k X are two equations. Their solution is the
+    estimate of b and k. If the motion is too small, or does not distinguish b and k, the estimate
+    does not change.
     """
     v, x = phi
     frequency = find_frequency(parameters, state, v, x, dt)
@@ -103,8 +111,9 @@ def find_frequency(
 ) -> float:
     """Return the angular frequency w of the motion [rad/s].
 
-    This is the setting `frequency` if it is positive. Otherwise, w is estimated from
-    w^2 = <v^2> / <(x - <x>)^2>, where < > is a mean over time.
+    If the setting `frequency` is positive, the result is this setting. Otherwise, w is estimated
+    from w^2 = <v^2> / <(x - <x>)^2>, where < > is a mean over time. The means are updated with the
+    new sample v [m/s], x [m]. `dt` is the time since the previous sample [s].
     """
     share = parameters.per_memory * dt
     share /= 1.0 + share
@@ -129,9 +138,11 @@ def slide(
     f: float,
     angle: float,
 ) -> None:
-    """Add a sample to the exponential window, and reduce the weights of the older samples.
+    """Add a sample to the means from which the spectra of x, v and f are computed.
 
-    `angle` is the phase angle w dt [rad] by which the excitation has advanced.
+    The weights of the older samples are reduced, so that a weight decreases exponentially with the
+    age of the sample. `angle` is w dt [rad], the phase angle by which the sinusoidal motion has
+    advanced since the previous sample. w is the angular frequency, and dt is the sample period.
     """
     share = -math.expm1(-angle / parameters.angle)
     state.window_filled += share * (1.0 - state.window_filled)
@@ -148,11 +159,22 @@ def slide(
 
 
 def update(spectrum: Spectrum, value: float, share: float, cos: float, sin: float) -> None:
-    """Rotate <e s> in the complex plane, and add a sample to the means.
+    """Add a sample of a signal s to the means <s> and <e s>, with e = exp(j w (t_0 - t)).
 
-    `share` is the weight of the sample. `cos` and `sin` are the cosine and the sine of the angle of
-    rotation, each multiplied by 1 - share. This angle is approximately the phase angle by which the
-    excitation has advanced since the previous sample.
+    w is the angular frequency of the motion, t is the time of a sample, and t_0 is the present
+    time. Since the previous sample, t_0 has increased by the sample period dt. So the earlier value
+    of <e s> is first rotated in the complex plane by an angle of about w dt.
+
+    Parameters
+    ----------
+    spectrum
+        The means <s> and <e s>, which are updated in place.
+    value
+        Value of s.
+    share
+        Weight of the sample, from 0 to 1. The earlier value of each mean has the weight 1 - share.
+    cos, sin
+        Cosine and sine of the angle of the rotation, each multiplied by 1 - share.
     """
     re, im = spectrum.re, spectrum.im
     spectrum.mean += share * (value - spectrum.mean)
@@ -161,9 +183,11 @@ def update(spectrum: Spectrum, value: float, share: float, cos: float, sin: floa
 
 
 def coefficient(state: SpectralState, signal: Spectrum) -> tuple[float, float]:
-    """Return the real and the imaginary part of <e s> - <e> <s> for a signal s.
+    """Return the spectrum of a signal s at the frequency of the motion: real and imaginary part.
 
-    `Spectrum` defines e and < >.
+    The spectrum is <e s> - <e> <s> with e = exp(j w (t_0 - t)). w is the angular frequency, and t_0
+    is the present time. < > is a mean over time with exponentially decreasing weights. The
+    second term removes the effect of a constant in s.
     """
     return signal.re - signal.mean * state.one.re, signal.im - signal.mean * state.one.im
 
@@ -171,40 +195,43 @@ def coefficient(state: SpectralState, signal: Spectrum) -> tuple[float, float]:
 class SpectralRatio(Estimator):
     """Estimator of damping and stiffness from the ratio of two spectra, k + j w b = F / X.
 
-    The method is based on the signal processing method of D. Erickson, M. Weber and I. Sharf,
-    "Contact stiffness and damping estimation for robotic systems", International Journal of
-    Robotics Research, 2003. Their method is offline. It uses the mass of a robot in contact, and
-    the frequency of the contact force from a Fourier transform. The present method is recursive
-    and does not need a mass. Let < > be a mean over an exponential window that ends at the present
-    time t_0, and let e = exp(j w (t_0 - t)). Then
+    F and X are the spectra of the force and the displacement at the angular frequency w of the
+    motion. The method is based on the signal processing method of D. Erickson, M. Weber and
+    I. Sharf, "Contact stiffness and damping estimation for robotic systems", International Journal
+    of Robotics Research, 2003. Their method is offline. It uses the mass of a robot in contact, and
+    computes the frequency of the contact force by a Fourier transform. The present method is
+    recursive and does not need a mass.
 
-        X = <e x> - <e> <x>,    V = <e v> - <e> <v>,    F = <e f> - <e> <f>,
-        F = b V + k X.
+    Let t_0 be the present time, and let < > be a weighted mean over past times t. The weights
+    decrease exponentially with t_0 - t. This is called an exponential window. With
+    e = exp(j w (t_0 - t)), the spectra X, V and F of x, v and f are
 
-    The real and the imaginary part of the last equation are two equations for b and k. For a
-    steady oscillation and a long window V is j w X, and the result is the ratio F / X. For a short
-    window V is not j w X, but the equations are still exact for every motion and every angular
-    frequency w. The value of w only selects a part of the spectrum. A constant force has no effect.
+        X = <e x> - <e> <x>,    V = <e v> - <e> <v>,    F = <e f> - <e> <f>.
+
+    From f = b v + k x follows F = b V + k X. The real and the imaginary part of this equation are
+    two equations for b and k. They are exact for every motion, every window and every w. The value
+    of w only selects a part of the spectrum. For a steady oscillation and a long window, V is
+    j w X, and the result is the ratio F / X. A constant force has no effect.
 
     If `frequency` is not given, w is estimated from w^2 = <v^2> / <(x - <x>)^2>. These means have
-    the time constant `memory`. The estimate of b and k changes only if the motion in the window is
-    sufficient to distinguish b and k.
+    the time constant `memory`. The estimate of b and k changes only if the motion is sufficient to
+    distinguish b and k.
 
-    There are no standard deviations.
+    Standard deviations are not computed (NaN).
 
     Parameters
     ----------
     periods
         Time constant of the window, in periods of the motion. With a short window, the estimate
         follows changes faster. With a long window, the estimate has less noise. For short windows,
-        the noise depends strongly on `periods`, because the determinant of the equations is
+        the noise depends strongly on `periods`, because the determinant of the two equations is
         proportional to the sixth power of `periods`.
     frequency
         Frequency of the motion [Hz]. Default: estimated from the motion.
     motion
         Standard deviation of the displacement [m] below which the estimate does not change.
     memory
-        Time constant of the frequency estimate [s].
+        Time constant [s] of the means from which the frequency of the motion is estimated.
 
     Raises
     ------
@@ -250,9 +277,10 @@ class SpectralRatio(Estimator):
 
 
 def sine_determinant(angle: float) -> float:
-    """Return the determinant of the equations F = b V + k X for a sinusoidal motion.
+    """Return the determinant of the equations for b and k if the motion is sinusoidal.
 
-    The determinant is |Re V Im X - Im V Re X|, divided by the root mean squares of v and x. `angle`
-    is the time constant of the window, as a phase angle of the motion [rad].
+    The two equations are the real and the imaginary part of F = b V + k X, see `SpectralRatio`. The
+    result is |Re V Im X - Im V Re X|, divided by the root mean squares of v and x. `angle` is the
+    phase angle [rad] by which the motion advances in one time constant of the exponential window.
     """
     return 2.0 * angle**6 / ((1.0 + angle**2) ** 2 * (1.0 + 4.0 * angle**2))

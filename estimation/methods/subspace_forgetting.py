@@ -1,4 +1,4 @@
-"""Recursive least squares with forgetting in the subspace of new information (SIFt-RLS)."""
+"""Recursive least squares that forgets only in the subspace of new information (SIFt-RLS)."""
 
 from __future__ import annotations
 
@@ -18,19 +18,23 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, below
 
 LEAST = 1e-100
-"""Lower limit of epsilon, the square of the threshold."""
+"""Lower limit of `SubspaceParameters.epsilon`."""
 
 
 @dataclass(frozen=True, slots=True)
 class SubspaceParameters(FactoredParameters):
-    """Constant settings of the function `step`."""
+    """Constant settings of the estimator `SubspaceForgetting`."""
 
     epsilon: float
-    """A sample is used if z' z is not below this value, with the scaled regressors z."""
+    """Square of the setting `threshold`. A sample is used if z' z is at least this value, with the
+    scaled regressors z."""
 
 
 def scale(parameters: SubspaceParameters, state: FactoredState, phi: Regressors) -> float:
-    """Store the scaled regressors z_i = s_i phi_i in the field y of the state; return z' z."""
+    """Compute the scaled regressors z_i = s_i phi_i, store them in `state.y`, and return z' z.
+
+    s_i is the square root of the initial variance of parameter i.
+    """
     s, y = parameters.s, state.y
     square = 0.0
     for i in below[len(phi)]:
@@ -41,9 +45,10 @@ def scale(parameters: SubspaceParameters, state: FactoredState, phi: Regressors)
 
 
 def information(state: FactoredState) -> float:
-    """Return z' P^-1 z = |D^-1/2 U^-1 z|^2, where z is the vector in the field y of the state.
+    """Return z' P^-1 z, where z is the vector of scaled regressors in `state.y`.
 
-    The field L of the state is overwritten.
+    P is the covariance of the scaled parameters. It is stored as factors, P = U D U'. So the result
+    is computed as |D^-1/2 U^-1 z|^2. The function uses `state.L` as work space.
     """
     U, D, y, L = state.U, state.D, state.y, state.L
     m = len(D)
@@ -62,13 +67,20 @@ def information(state: FactoredState) -> float:
 def step(
     parameters: SubspaceParameters, state: FactoredState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Set R <- R - (1 - beta) R z z' R / (z' R z) + z z' with R = P^-1, and update theta.
+    """Process one sample: forget old information, add the new information, and update theta.
 
-    z contains the scaled regressors (`ud_factors`), and beta is the forgetting factor. The update
-    has two parts. First, old information is forgotten: R <- R - (1 - beta) R z z' R / (z' R z). For
-    P, this is P <- P + (1 - beta) / beta z z' / (z' R z). Second, the information z z' of the
-    sample is added. The gain is P z, with P after both parts. If |z| is below the threshold, theta
-    and P do not change.
+    P is the covariance of the scaled parameters theta_i / s_i, and R = P^-1 is the information
+    matrix. z contains the scaled regressors s_i phi_i. s_i is the square root of the initial
+    variance of parameter i. There are three operations:
+
+    1. Old information is forgotten in the direction of z, with the forgetting factor beta:
+       R <- R - (1 - beta) R z z' R / (z' R z). For P, this is
+       P <- P + ((1 - beta) / beta) z z' / (z' R z).
+    2. The information of the sample is added: R <- R + z z'.
+    3. theta is corrected with the gain P z and the force error f - phi' theta. P is the covariance
+       after the second operation.
+
+    If |z| is below the threshold, theta and P do not change.
     """
     if scale(parameters, state, phi) < parameters.epsilon:
         state.held = True
@@ -80,12 +92,15 @@ def step(
 
 
 class SubspaceForgetting(FactoredEstimator):
-    """Recursive least squares with forgetting in the subspace of the new information, SIFt-RLS.
+    """Recursive least squares that forgets only in the subspace of new information (SIFt-RLS).
 
-    Information in a direction is forgotten only when a sample contains new information in this
-    direction. Samples with small regressors are ignored, see `threshold`. For every motion, P has a
-    positive lower bound and an upper bound. The upper bound is P0 multiplied by 1 or by
-    (1 - beta) / threshold^2, whichever is larger.
+    The regressors phi of a sample are a vector. A sample contains information about the parameters
+    theta only in the direction of phi. So old information is forgotten only in this direction.
+    Samples with small regressors are ignored, see `threshold`.
+
+    For every motion, the covariance P of theta has a positive lower bound and an upper bound. The
+    upper bound is P0, the initial value of P, multiplied by 1 or by (1 - beta) / threshold^2,
+    whichever is larger.
 
     The method is Algorithm 1 of B. Lai and D. S. Bernstein, "SIFt-RLS: Subspace of Information
     Forgetting Recursive Least Squares", arXiv:2404.10844, 2024, for one measurement per sample. The
@@ -104,13 +119,14 @@ class SubspaceForgetting(FactoredEstimator):
         the forgetting does not depend on the sampling rate. Default: the information is multiplied
         by beta at each sample, independent of `dt`.
     threshold
-        A sample is used if sqrt(phi' P0 phi) is at least this threshold. sqrt(phi' P0 phi) is the
-        standard deviation of the force predicted with P0, divided by the standard deviation of the
-        noise. Lai and Bernstein call the threshold sqrt(epsilon).
+        A sample is used if sqrt(phi' P0 phi) is at least this threshold. This root is the standard
+        deviation of the force phi' theta for a theta with the covariance P0, divided by the
+        standard deviation of the noise. Lai and Bernstein call the threshold sqrt(epsilon).
     model
-        Model that defines the regressors.
+        Model of the environment. It defines the regressors phi and the parameters theta.
     correlation
-        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
+        Number of samples that contain one independent value of the force noise: 1 for white noise,
+        more for filtered noise. See `LinearGainEstimator`.
 
     Raises
     ------

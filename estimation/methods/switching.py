@@ -1,4 +1,7 @@
-"""Multi-estimator with supervisory switching, so that the selected candidate changes less often."""
+"""Multi-estimator whose estimate changes less often, due to a hysteresis and a dwell time.
+
+A multi-estimator selects its estimate from a grid of candidates (b, k).
+"""
 
 from __future__ import annotations
 
@@ -25,20 +28,20 @@ from estimation.step import B, K, Regressors
 
 @dataclass(frozen=True, slots=True)
 class SwitchingParameters(MultiEstimatorParameters):
-    """Constant settings of the function `step`."""
+    """Constant settings of the switching multi-estimator."""
 
     factor: float
-    """1 + h, where h is the hysteresis."""
+    """1 + h, with the hysteresis h of `SwitchingMultiEstimator`."""
     dwell: float
-    """Minimum time between switches [s]."""
+    """Minimum time between two changes of the selected candidate [s]."""
 
 
 @dataclass(slots=True)
 class SwitchingState(MonitoringState):
-    """Variables that the function `step` updates."""
+    """Variables of the switching multi-estimator that change at each sample."""
 
     since: float
-    """Time since the last switch [s]."""
+    """Time since the last change of the selected candidate [s]."""
     switches: int
     """Number of changes of the selected candidate."""
 
@@ -50,9 +53,10 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Update the sums as in the multi-estimator, and select a candidate.
+    """Process one sample: update the sums of products of f, v and x, and select a candidate (b, k).
 
-    The selected candidate changes only if the hysteresis and the dwell time permit it.
+    The sums are those of `MultiEstimator`. The selected candidate changes only if the hysteresis
+    and the dwell time permit it, see `SwitchingMultiEstimator`.
     """
     v, x = phi
     theta, b_axis, k_axis = state.theta, parameters.b, parameters.k
@@ -73,19 +77,20 @@ def step(
 
 
 class SwitchingMultiEstimator(MultiEstimator):
-    """Multi-estimator with scale-independent hysteresis switching.
+    """Multi-estimator whose estimate changes less often, due to a hysteresis and a dwell time.
 
-    Let mu_p be the monitoring signal of candidate p, equation (11) of the paper. Let sigma be the
-    selected candidate. The estimate is the (b, k) of sigma. There are two rules:
+    A multi-estimator selects its estimate from a grid of candidates (b, k). The monitoring signal
+    mu_p of candidate p is a weighted integral of its squared force error, equation (11) of the
+    paper. Let sigma be the selected candidate. There are two rules:
 
-    - sigma does not change while mu_sigma <= (1 + h) min_p mu_p, or during the dwell time after a
-      switch;
-    - otherwise sigma becomes arg min_p mu_p.
+    - sigma does not change while mu_sigma <= (1 + h) min_p mu_p, or during the dwell time after the
+      last change;
+    - otherwise sigma becomes the candidate with the smallest monitoring signal, arg min_p mu_p.
 
-    A common factor of all signals, such as the forgetting factor, has no effect. Noise does not
-    cause chattering, and the number of switches per time is bounded. The selected candidate may
-    differ from the (b, k) with the smallest signal. The standard deviations include this
-    difference.
+    So noise does not cause frequent changes (chattering), and the number of changes per time is
+    bounded. If all signals are multiplied by the same factor, sigma does not change. The selected
+    candidate may differ from the (b, k) with the smallest signal. The standard deviations include
+    this difference.
 
     References
     ----------
@@ -98,14 +103,20 @@ class SwitchingMultiEstimator(MultiEstimator):
 
     Parameters
     ----------
-    grid, forgetting_rate, correlation
-        As in `MultiEstimator`.
+    grid
+        The candidates.
+    forgetting_rate
+        lambda in equation (11) [1/s], >= 0. The weight of a squared error decays as
+        e^(-2 lambda t).
     hysteresis
-        Hysteresis h, >= 0. Let the force differ from the model only by noise, and let the memory be
-        N samples. Then sigma does not change while its distance from the minimum is at most about
-        sqrt(h N) standard deviations.
+        Hysteresis h, >= 0. For example, let the force differ from the model only by white noise,
+        and let the estimate use N recent samples. Then sigma does not change while the selected
+        (b, k) differs from the (b, k) with the smallest signal by at most about sqrt(h N) standard
+        deviations.
     dwell
-        Minimum time [s] between switches, >= 0.
+        Dwell time: minimum time between two changes of sigma [s], >= 0.
+    correlation
+        Number of samples per independent value of the force noise; 1 for white noise.
 
     Raises
     ------
@@ -134,25 +145,31 @@ class SwitchingMultiEstimator(MultiEstimator):
         super().__init__(grid, forgetting_rate, correlation, factor=1.0 + hysteresis, dwell=dwell)
 
     def first_state(self, parameters: SwitchingParameters) -> SwitchingState:
-        """Return the state before the first sample. The first switch needs no dwell time."""
+        """Return the state before the first sample.
+
+        The selected candidate can change at the first sample, without waiting for the dwell time.
+        """
         return SwitchingState(
             **asdict(super().first_state(parameters)), since=parameters.dwell, switches=0
         )
 
     @property
     def sigma(self) -> tuple[int, int]:
-        """Switching signal: the indices of the selected b and k on the axes of the grid."""
+        """Selected candidate: indices of its b and its k in the values of the grid, from 0."""
         b, k = self.grid.b, self.grid.k
         i = round((self.state.theta[B] - b.first) / b.spacing)
         return i, round((self.state.theta[K] - k.first) / k.spacing)
 
     @property
     def switches(self) -> int:
-        """Number of changes of sigma. A change at the first sample is also counted."""
+        """Number of changes of the selected candidate, including a change at the first sample."""
         return self.state.switches
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return the number of switches, the value of sigma, and the note of `MultiEstimator`."""
+        """Return a text: number of changes of the candidate, its indices, and possibly a warning.
+
+        The warning is that of `MultiEstimator`: the estimate is at the edge of the grid.
+        """
         switching = f"{self.switches} switches, at candidate {self.sigma}"
         edge = super().note(estimates)
         return f"{switching}; {edge}" if edge else switching

@@ -1,10 +1,9 @@
 """Store a covariance as U-D factors, P = U D U', with U unit upper triangular and D diagonal.
 
-P then remains positive definite in spite of rounding errors. The precision is that of a square-root
-filter (G. J. Bierman, "Factorization Methods for Discrete Sequential Estimation", 1977).
-
-P is the covariance of the scaled parameters theta_i / s_i, where s_i is the standard deviation of
-the initial guess. The scaled regressors are z_i = s_i phi_i. So P is I at the start.
+With these factors, P remains positive definite in spite of rounding errors (G. J. Bierman,
+"Factorization Methods for Discrete Sequential Estimation", 1977). P is the covariance of the scaled
+parameters theta_i / s_i, for a noise variance of 1 N^2. s_i is the initial standard deviation of
+theta_i, so P is the identity matrix I at the start. The scaled regressors are z_i = s_i phi_i.
 """
 
 from __future__ import annotations
@@ -30,45 +29,42 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Matrix, Regressors, Vector, below, diagonal, zeros
 
 WINDUP = 1e10
-"""Largest variance that forgetting may cause, relative to the initial variance."""
+"""Upper limit of each variance during forgetting, relative to the initial variance."""
 
 
 @dataclass(frozen=True, slots=True)
 class FactoredParameters(LinearGainParameters):
-    """Constant settings of the functions in this file."""
+    """Constant settings of the functions that update the covariance P and its factors U and D."""
 
     s: tuple[float, ...]
-    """Standard deviation of the initial guess of each parameter, (m,)."""
+    """Initial standard deviation of each of the m parameters, shape (m,)."""
     beta: float
-    """Forgetting factor per sample. It is used if `rate` is 0."""
     rate: float
-    """Rate of forgetting [1/s]; the forgetting factor of a sample is exp(-rate dt)."""
+    """Forgetting rate [1/s]. The forgetting factor is exp(-rate dt), or `beta` if `rate` is 0."""
 
 
 @dataclass(slots=True)
 class FactoredState(LinearGainState):
-    """State of a `LinearGainEstimator`, with the factors of P."""
+    """Variables that change at each sample, including the factors U and D of the covariance P."""
 
     U: Matrix
-    """Factor U, stored by columns, (m, m). The element U_ij with i < j is U[j][i]."""
     D: Vector
-    """Diagonal of D, (m,)."""
+    """Factors of P. U is stored by columns: U_ij is `U[j][i]`. D is stored as its diagonal."""
     y: Vector
-    """Work space of `add`, (m,)."""
+    """Vector y of the function `add`, shape (m,)."""
     bound: float
     """Upper bound of the trace of P."""
     dt: float
-    """Time between the last two samples [s]; 0 before the second sample."""
     beta: float
-    """Forgetting factor for a sample after the time `dt`."""
+    """Forgetting factor for a sample that follows the previous sample after the time `dt` [s]."""
 
 
 def forgetting_factor(parameters: FactoredParameters, state: FactoredState, dt: float) -> float:
-    """Return beta for a sample, or a larger factor if a variance would exceed its limit.
+    """Return the forgetting factor of a sample, such that no variance exceeds its limit.
 
-    The limit is `WINDUP` times the initial variance. Forgetting increases a variance by at most the
-    factor 1/beta. To save time, the variances are computed only if `bound` exceeds the limit.
-    `bound` is an upper bound of the trace of P, and so of every variance.
+    The limit is `WINDUP` times the initial variance. Forgetting increases a variance to at most
+    variance / factor. So if a variance is near its limit, a factor closer to 1 is returned. To save
+    time, the variances are computed only if an upper bound of their sum exceeds the limit.
     """
     if dt != state.dt:  # usually the sample period is constant
         state.dt = dt
@@ -85,7 +81,7 @@ def forgetting_factor(parameters: FactoredParameters, state: FactoredState, dt: 
 
 
 def trace(state: FactoredState) -> float:
-    """Return the trace of P."""
+    """Return the trace of P, which is the sum of the variances of the scaled parameters."""
     U, D = state.U, state.D
     total = 0.0
     for j in below[len(D)]:
@@ -98,7 +94,7 @@ def trace(state: FactoredState) -> float:
 
 
 def variance(state: FactoredState, i: int) -> float:
-    """Return P_ii = D_i + sum_j U_ij^2 D_j, where the sum is over j > i."""
+    """Return the variance P_ii of scaled parameter i: D_i + the sum of U_ij^2 D_j over j > i."""
     U, D = state.U, state.D
     total = D[i]
     for n in below[len(D) - 1 - i]:
@@ -110,7 +106,7 @@ def variance(state: FactoredState, i: int) -> float:
 def predicted_variance(
     parameters: FactoredParameters, state: FactoredState, phi: Regressors
 ) -> float:
-    """Return z' P z = |D^1/2 U' z|^2, the variance of phi' theta relative to that of the noise."""
+    """Return the variance of the predicted force phi' theta [N^2], for a noise variance of 1."""
     s, U, D = parameters.s, state.U, state.D
     m = len(phi)
     total = 0.0
@@ -120,17 +116,18 @@ def predicted_variance(
         y = s[j] * phi[j]
         for i in below[j]:
             y += column[i] * (s[i] * phi[i])
-        total += y * y * D[j]
+        total += y * y * D[j]  # the sum is z' P z, with y = U' z
     return total
 
 
 def update_covariance(
     parameters: FactoredParameters, state: FactoredState, phi: Regressors, noise: float
 ) -> float:
-    """Set P <- P - P z z' P / (noise + z' P z), and return the denominator.
+    """Update the covariance P with one sample: set P <- P - P z z' P / d, and return d.
 
-    P z, with P before the update, is stored in the gain L. This is the update of Bierman (1977,
-    chapter V), with y = U' z.
+    z contains the scaled regressors z_i = s_i phi_i, and d is `noise` + z' P z. `noise` is the
+    assumed variance of the force noise [N^2]. P z, with P before the update, is stored in
+    `state.L`. The algorithm is from Bierman (1977, chapter V). Its vector y is U' z.
     """
     s, U, D, L = parameters.s, state.U, state.D, state.L
     now = noise
@@ -153,10 +150,11 @@ def update_covariance(
 
 
 def add(state: FactoredState, weight: float, columns: int) -> None:
-    """Set P <- P + weight y y' for weight >= 0. The first `columns` elements of y are used.
+    """Set P <- P + weight y y', with weight >= 0. y is `state.y`, and is overwritten.
 
-    y is overwritten. Source: W. S. Agee and R. H. Turner, "Triangular decomposition of a positive
-    definite matrix plus a symmetric dyad", White Sands Missile Range, technical report 38, 1972.
+    All elements of y after the first `columns` elements are treated as zero. Source: W. S. Agee and
+    R. H. Turner, "Triangular decomposition of a positive definite matrix plus a symmetric dyad",
+    White Sands Missile Range, technical report 38, 1972.
     """
     U, D, y = state.U, state.D, state.y
     left = weight
@@ -177,7 +175,7 @@ def add(state: FactoredState, weight: float, columns: int) -> None:
 
 
 def add_variance(state: FactoredState, i: int, weight: float) -> None:
-    """Add `weight` to the variance P_ii. The result is that of `add` if y is the unit vector i."""
+    """Add `weight` >= 0 to the variance P_ii of the scaled parameter i. The rest of P is kept."""
     D, column, y = state.D, state.U[i], state.y
     former = D[i]
     D[i] = former + weight
@@ -197,7 +195,10 @@ def correct_with_gain(
     dt: float,
     spread: float,
 ) -> None:
-    """Call `correct` with the gain P z / spread. `update_covariance` must have stored P z in L."""
+    """Update the estimate theta with the gain L_i = s_i (P z)_i / spread, where z_i = s_i phi_i.
+
+    Call `update_covariance` before. It stores the vector P z in `state.L`, and returns `spread`.
+    """
     s, L = parameters.s, state.L
     certainty = 1.0 / spread
     for i in below[len(phi)]:
@@ -226,21 +227,20 @@ class FactoredEstimator(LinearGainEstimator):
     Parameters
     ----------
     forgetting
-        The forgetting factor beta, 0 < beta <= 1.
+        Factor beta by which the weights of past samples decay, 0 < beta <= 1.
     initial_covariance
         Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
         parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
-        Time [s] in which the weight of a past sample is multiplied by beta. None: the weight is
-        multiplied by beta at each sample, independent of `dt`.
+        Time [s] of one decay by the factor beta. None: one decay per sample, for every `dt`.
     model
         Model that defines the regressors.
     correlation
         Number of samples per independent value of the force noise, see `LinearGainEstimator`.
     guess_variance
-        Variances of the error of the initial guess. Default: the initial covariance.
+        Variance of the initial error of each parameter. Default: the initial covariance.
     own
-        Additional settings of the method, by name.
+        Additional settings of a derived class, by name.
 
     Raises
     ------
@@ -269,7 +269,7 @@ class FactoredEstimator(LinearGainEstimator):
         super().__init__(parameters, self.first_state(guess_variance or p0), model)
 
     def first_state(self, guess_variance: tuple[float, ...]) -> FactoredState:
-        """Return the state before the first sample: P = I."""
+        """Return the state before the first sample: theta is zero, P is the identity matrix I."""
         m = len(guess_variance)
         return FactoredState(
             **linear_gain_state(guess_variance),
@@ -284,17 +284,17 @@ class FactoredEstimator(LinearGainEstimator):
     @staticmethod
     @abstractmethod
     def step(parameters: Any, state: Any, phi: Regressors, f: float, dt: float) -> None:
-        """Update U and D, and call `correct_with_gain`."""
+        """Process one sample: update the factors of P, then theta with `correct_with_gain`."""
 
     @property
     def scaled_covariance(self) -> Floats:
-        """Covariance P of the scaled parameters theta_i / s_i, shape (m, m)."""
+        """Covariance P of theta_i / s_i, with the initial standard deviations s_i, shape (m, m)."""
         U = np.array(self.state.U).T
         p: Floats = U * self.state.D @ U.T
         return p
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return a warning if a variance is near its limit `WINDUP`; otherwise None."""
+        """Return a warning if a variance in P is above 0.5 times its limit `WINDUP`, or None."""
         if np.any(np.diag(self.scaled_covariance) > 0.5 * WINDUP):
             return "too little motion: the covariance is at its limit and forgetting is suspended"
         return None
