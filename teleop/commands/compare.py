@@ -25,7 +25,7 @@ def compare(
     estimators: str | None = None,
     model: ModelName | None = None,
     preset: PresetName | None = None,
-    cube: CubeName = "soft",
+    cube: CubeName | None = None,
     conditioning: ConditioningName | None = None,
     bandwidth: Hertz | None = None,
     force_lag: Seconds | None = None,
@@ -66,7 +66,8 @@ def compare(
         Settings of the estimators: scaled from the data (scaled), or the paper's (paper).
         Default: the settings of the run for a recording, and scaled for a file of another program.
     cube
-        Cube of the paper whose adaptation gain is used. Only with the paper's settings.
+        Cube of the paper whose adaptation gain is used. Only with the paper's settings. Default:
+        the cube of the run for a recording, and soft for other files.
     conditioning
         How velocity is computed from position: see `teleop run --help`.
     bandwidth
@@ -130,6 +131,7 @@ def compare(
     check_outputs(out, effects_file, pictures=(plot,), sources=inputs, overwrite=overwrite)
     given = {
         "preset": preset,
+        "cube": cube,
         "conditioning": conditioning,
         "bandwidth": bandwidth,
         "force_lag": force_lag,
@@ -141,7 +143,7 @@ def compare(
     for source in found:
         try:
             samples, recording = columns.read(source.path, is_replayed)
-            settings = chosen(recording, columns.datum, cube, given)
+            settings = chosen(recording, columns.datum, given)
             evaluation = evaluate(samples, settings, KEPT)
         except InputError as error:
             text = str(error).removeprefix(f"{source.path}: ").replace("\n", "; ")
@@ -205,22 +207,33 @@ def compare(
 def effects_of(
     rows: list[Compared], factors: list[str], planned: list[str], response: str
 ) -> tuple[list[dict[str, Any]], str]:
-    """Compute the analysis of variance of a response.
+    """Compute the analysis of variance of one result of the estimators.
 
     Parameters
     ----------
     rows
-        The evaluated recordings.
+        Results of the evaluated recordings.
     factors
         Names of the factors by which the recordings are grouped.
     planned
-        Names of all factors of the series to which the recordings belong, including `repetition`.
+        Names of all factors of the series (planned trials) to which the recordings belong,
+        including `repetition`; empty if the recordings belong to no series.
     response
-        Result of the estimators that is analysed: k, b, e_f or rise_time_s.
+        Result that is analysed: average stiffness (`k`), damping (`b`) or force error (`e_f`), or
+        rise time (`rise_time_s`).
 
     Returns
     -------
-    One dictionary per effect, and a text that states the design.
+    effects
+        One dictionary for each factor and each interaction of factors, see `Effect`.
+    design
+        Text that states which factor is random, and against which variance the effects are tested.
+        It can also contain a warning about different depths of palpation.
+
+    Raises
+    ------
+    InputError
+        The analysis is not possible, for example because there are too few recordings.
     """
     from teleop.evaluation.comparison import SUBJECT
     from teleop.studies.anova import ESTIMATOR, analysis_of_variance, design_text

@@ -28,7 +28,7 @@ def estimate(
     estimators: str | None = None,
     model: ModelName | None = None,
     preset: PresetName | None = None,
-    cube: CubeName = "soft",
+    cube: CubeName | None = None,
     conditioning: ConditioningName | None = None,
     bandwidth: Hertz | None = None,
     force_lag: Seconds | None = None,
@@ -53,8 +53,8 @@ def estimate(
     exactly those of the run. An option such as --bandwidth changes one of the settings.
 
     First, the result is printed: stiffness and damping with 95 % intervals, or the reasons why the
-    data are not sufficient. Then the fits of the batch models and the estimates of the online
-    estimators are printed.
+    data are not sufficient. Then the fits of the batch models, which use all samples at once, are
+    printed, and the estimates of the online estimators, which use one sample after another.
 
     Several files are evaluated one after another. Then a test shows whether a Kelvin-Voigt model
     with the same stiffness and damping fits all files, and the complex modulus of each file is
@@ -81,7 +81,8 @@ def estimate(
         Settings of the estimators: scaled from the data (scaled), or the paper's (paper).
         Default: the settings of the run for a recording, and scaled for other files.
     cube
-        Cube of the paper whose adaptation gain is used. Only with the paper's settings.
+        Cube of the paper whose adaptation gain is used. Only with the paper's settings. Default:
+        the cube of the run for a recording, and soft for other files.
     conditioning
         How velocity is computed from position: see `teleop run --help`. Default: the conditioning
         of the run for a recording, and matched for other files.
@@ -156,6 +157,7 @@ def estimate(
             raise InputError(f"{path} is given twice: expected different recordings")
     given = {
         "preset": preset,
+        "cube": cube,
         "conditioning": conditioning,
         "bandwidth": bandwidth,
         "force_lag": force_lag,
@@ -168,7 +170,7 @@ def estimate(
     for path in (file, *more):
         samples, recording = columns.read(path, is_replayed)
         signals = samples.signals
-        settings = chosen(recording, columns.datum, cube, given)
+        settings = chosen(recording, columns.datum, given)
         try:
             with new_file(out, overwrite) if out else nullcontext() as table:
                 write = TableFile(table).write if table else None
@@ -227,20 +229,22 @@ def estimate(
     return 0
 
 
-def chosen(
-    recording: Recording | None, datum: str, cube: str, given: Mapping[str, Any]
-) -> EstimateSettings:
-    """Return the settings of an evaluation, changed by the options that were given.
+def chosen(recording: Recording | None, datum: str, given: Mapping[str, Any]) -> EstimateSettings:
+    """Return the settings with which a file is evaluated.
+
+    The settings are those of the recorded trial, or the default settings. They are then changed by
+    the options of the command.
 
     Parameters
     ----------
     recording
-        Recorded trial whose settings are changed; None to change the default settings.
-    datum, cube
-        Values of the options --datum and --cube.
+        The recorded trial; None for a file of another program, which has the default settings.
+    datum
+        Value of the option --datum, which defines the zeros of position and force. With `auto`,
+        the setting is not changed.
     given
-        Values of further options, by the name of the setting. The value is None for an option that
-        was not given.
+        Values of the other options, by the name of the setting. An option that was not given has
+        the value None, which does not change the setting.
     """
     from teleop.evaluation.estimate_settings import EstimateSettings
     from teleop.evaluation.replay import recorded_settings
@@ -252,4 +256,4 @@ def chosen(
     if datum != "auto":
         settings = replace(settings, datum=datum)
     changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
-    return replace(settings, cube=cube, **changes)
+    return replace(settings, **changes)

@@ -23,17 +23,18 @@ def report(
     estimators: str | None = None,
     model: ModelName | None = None,
     preset: PresetName | None = None,
-    cube: CubeName = "soft",
+    cube: CubeName | None = None,
     force_lag: Seconds | None = None,
     overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Write the results and figures of a recording to one HTML page that can be read offline.
 
-    The page contains the result, the estimates, the figures, the safety events, all settings, and
-    a link to the recording. A figure shows the values of k and b that fit the data about equally
-    well. If a safety stop ended the run, the page also contains the fault, and the channels before
-    and after the fault.
+    The page contains the result (stiffness and damping with 95 % intervals), the estimates of each
+    estimator, figures, and a link to the recording. One figure shows over time which values of
+    stiffness and damping fit the data about equally well. For a recording of teleop run, the page
+    also contains the safety events and the settings of the trial. If a fault stopped the trial, the
+    page describes the fault, and a figure shows the measured signals before and after the fault.
 
     Example: `teleop report run.mcap --out run.html`
 
@@ -55,7 +56,8 @@ def report(
         Settings of the estimators: scaled from the data (scaled), or the paper's (paper).
         Default: the settings of the run for a recording, and scaled for a file of another program.
     cube
-        Cube of the paper whose adaptation gain is used. Only with the paper's settings.
+        Cube of the paper whose adaptation gain is used. Only with the paper's settings. Default:
+        the cube of the run for a recording, and soft for other files.
     force_lag
         Lag of the force channel [s], which is compensated.
     json
@@ -79,13 +81,14 @@ def report(
     check_outputs(page, sources=(file,), overwrite=overwrite)
     given = {
         "preset": preset,
+        "cube": cube,
         "force_lag": force_lag,
         "estimators": None if estimators is None else choose_estimators(estimators),
         "model": choose_model(model) if model else None,
     }
     samples, recording = columns.read(file, is_reported)
     evaluation = summary = None
-    settings = chosen(recording, columns.datum, cube, given)
+    settings = chosen(recording, columns.datum, given)
     few = settings.averaged.contains(samples.signals.t).sum() < FEWEST
     if not (recording and recording.fault and few):
         evaluation = evaluate(samples, settings, KEPT)
