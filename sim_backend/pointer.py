@@ -17,12 +17,12 @@ from sim_backend.plant import Intention
 BANDWIDTH = 10.0
 """Natural frequency of the filter [Hz]."""
 Pointer = Callable[[], tuple[float, bool]]
-"""Function that returns the wanted position of the hand [m], and whether the hand holds the
-handle."""
+"""Function that returns two values: the wanted position of the hand [m], and whether the hand holds
+the handle."""
 
 
 class PointerOperator(Hand):
-    """Intended motion of a hand that follows a pointer.
+    """Operator whose hand follows a pointer, such as a mouse.
 
     When the hand grips the handle, the intended motion begins at the position and with the velocity
     of the handle, so that the force begins at zero.
@@ -30,15 +30,16 @@ class PointerOperator(Hand):
     Parameters
     ----------
     pointer
-        The pointer, which is read once per tick while the drives are in operation.
+        Function that returns the position of the pointer [m], and whether the hand holds the
+        handle. It is called once per control period while the drives are enabled.
 
     Attributes
     ----------
     time
-        Time at which the pointer was last read [s]. The time is zero when the drives are enabled.
-        Before the first reading, the value is NaN.
+        Time at which the pointer was last read, since the drives were enabled [s]. Before the
+        first reading, the value is NaN.
     depth
-        Position of the pointer at `time` [m].
+        Position of the pointer at `time` [m]. This is the wanted position of the hand.
     grip
         Whether the hand held the handle at `time`.
     """
@@ -50,13 +51,17 @@ class PointerOperator(Hand):
         self._position = self._velocity = 0.0
 
     def intention(self, t: float) -> Intention | None:
-        """Return the filtered motion of the pointer; None if the hand does not hold the handle."""
+        """Return the intended motion at t [s] after the drives were enabled.
+
+        The intended motion is the filtered motion of the pointer. The result is None if the hand
+        does not hold the handle.
+        """
         held, last = self.grip, self.time
         self.time = t
         self.depth, self.grip = self._pointer()
         if not self.grip:
             return None
-        if not held:
+        if not held or t < last:
             handle = self.handle
             self._position, self._velocity = (handle.x, handle.v) if handle else (0.0, 0.0)
         else:
@@ -64,10 +69,11 @@ class PointerOperator(Hand):
         return Intention(self._position, self._velocity)
 
     def _follow(self, target: float, dt: float) -> None:
-        """Advance the filter by dt [s] with a constant target u [m]; the solution is exact.
+        """Advance the filter by the time `dt` [s], in which the wanted position is constant.
 
-        y is the intended position, e = y - u the error, and w the natural angular frequency. The
-        filter has the equation e'' + 2 w e' + w^2 e = 0.
+        `target` is the wanted position [m]. The error e is the intended position minus `target`,
+        and w is the natural angular frequency of the filter. The equation of the filter,
+        e'' + 2 w e' + w^2 e = 0, is solved exactly.
         """
         omega = 2.0 * math.pi * BANDWIDTH
         error, rate = self._position - target, self._velocity

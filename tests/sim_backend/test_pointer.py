@@ -44,6 +44,17 @@ def test_the_motion_is_that_of_a_critically_damped_filter():
     assert found == pytest.approx(np.interp(t, fine, expected), abs=2e-6)
 
 
+@pytest.mark.parametrize("last", [0.01, 20.0])
+def test_a_hand_that_holds_on_while_the_drives_are_enabled_again_takes_hold_anew(last):
+    script = Script()
+    operator = PointerOperator(script)
+    script.depth, script.grip = 5e-3, True
+    for now in (0.0, last):
+        assert operator.intention(now)
+    anew = operator.intention(0.0)
+    assert (anew.position, anew.velocity) == (0.0, 0.0)  # no handle is known in this test
+
+
 @pytest.fixture
 def held():
     """A rig in operation whose handle is at 5 mm, its pointer, and a function for a step."""
