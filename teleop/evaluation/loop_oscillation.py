@@ -1,32 +1,34 @@
 """Detect oscillations of the control loop in a recorded trial with force feedback.
 
 Tremor and an oscillation of the loop have similar frequencies, but the energy flows in opposite
-directions. Let F be the Fourier transform of the force of the hand on the virtual mass, and V that
-of the velocity. At one frequency, the mean power from the hand to the virtual mass and the
-environment is proportional to
+directions. The hand moves a virtual mass, on which the feedback force acts. The source of this
+force is called the displayed environment. Let F be the Fourier transform of the force of the hand
+on the virtual mass, and V that of the velocity of this mass. At one frequency, the mean power from
+the hand to the mass and the environment is proportional to
 
     Re{F V*} = Re{Z} |V|^2,
 
-where Z is the displayed impedance. In tremor, the hand moves a passive impedance. A passive linear
-port has Re{Z} >= 0 at each frequency [1]. The power is therefore not negative. In a pure
-oscillation of the loop, the muscles of the hand cause no motion. Then F = -Z_a V, where Z_a is the
-impedance of the arm. The arm dissipates energy, and the displayed environment supplies this energy.
-The power is therefore -Re{Z_a} |V|^2 < 0. For this reason, an oscillation of the loop is a motion
-at frequencies at which the hand receives energy.
+where Z = F / V is the displayed impedance, and V* is the complex conjugate of V.
 
-If -Re{Z_a} < Re{Z} < 0, the environment amplifies the tremor, but the loop is stable because of the
-arm. Motion is therefore counted as an oscillation only at frequencies at which -Re{Z} is above a
-threshold:
+- Tremor: the muscles of the hand cause the motion. If Z is passive, Re{Z} >= 0 at each
+  frequency [1]. The power is then not negative.
+- Oscillation of the loop without tremor: the muscles cause no motion, and the arm follows the mass.
+  Then F = -Z_a V, where Z_a is the impedance of the arm. The power is -Re{Z_a} |V|^2 < 0: the
+  displayed environment supplies energy, and the arm dissipates it.
 
-- On a hardware rig, the damping of the arm is not known. The threshold is `LEAST_DAMPING`, the
-  smallest damping of any arm. If the real damping is larger, a stable trial can be counted as not
-  stable.
-- On the simulated rig, the damping Re{Z_a} of the arm is known. The threshold is the product of
-  `SUSTAINING` and Re{Z_a}. If this product is below `LEAST_DAMPING`, the threshold is
-  `LEAST_DAMPING`.
+Therefore, motion is an oscillation of the loop only at frequencies at which Re{Z} is negative. This
+is not sufficient: if -Re{Z_a} < Re{Z} < 0, the environment amplifies the tremor, but the damping of
+the arm keeps the loop stable. Motion is therefore counted as an oscillation only at frequencies at
+which -Re{Z} is above a threshold:
 
-Far from a resonance, a loop with -Re{Z} > Re{Z_a} can be stable too. If tremor moves such a loop,
-the trial is counted as not stable.
+- On a hardware rig, the damping of the arm is not known. The threshold is `LEAST_DAMPING`. The
+  damping of any arm is at least this value. If the damping of the arm is larger, a stable trial can
+  be counted as not stable.
+- On the simulated rig, the damping Re{Z_a} of the arm is known. The threshold is `SUSTAINING` times
+  Re{Z_a}, but at least `LEAST_DAMPING`.
+
+A loop with -Re{Z} > Re{Z_a} can be stable too, at frequencies far from a resonance of arm and
+environment. If tremor moves such a loop, a stable trial is counted as not stable.
 
 [1] J. E. Colgate, N. Hogan, Int. J. Control 48(1), 1988, 65-88.
 """
@@ -41,35 +43,38 @@ from numpy.lib.stride_tricks import sliding_window_view
 from estimation.compiled import Floats
 
 ArmDamping = Callable[[Floats], Floats]
+"""Function that takes frequencies [Hz], and returns the damping of the arm at these [N s/m]."""
 FASTEST = 4.0
 """Frequency above which motion is not voluntary, but tremor or an oscillation of the loop [Hz]."""
 LEAST_DAMPING = 2.0
 """Damping that any arm has at least [N s/m]."""
 SUSTAINING = 0.75
-"""Ratio r of -Re{Z} to the damping Re{Z_a} of a known arm above which the motion is counted as an
+"""Smallest ratio r of -Re{Z} to the damping Re{Z_a} of a known arm at which motion is counted as an
 oscillation of the loop. In an oscillation without tremor, r is 1. At a resonance of arm and
-environment, the velocity that tremor causes is 1 / (1 - r) times that with an environment with
-Re{Z} = 0, here 4 times."""
+environment, the environment multiplies the velocity of the tremor by 1 / (1 - r), compared with an
+environment with Re{Z} = 0."""
 MOST_SUSTAINED = 0.8
-"""Greatest share of the power of the velocity in a stable trial that is above `FASTEST`, at
-frequencies at which -Re{Z} is above the threshold."""
+"""Limit of the share of the power of the velocity that is in an oscillation of the loop (see
+`RunningSpectra.sustained_share`). A trial with a smaller share is stable."""
 SEGMENT = 1.0
-"""Duration of the segments of the motion of which the spectra are averaged [s]."""
+"""Duration of a segment [s]. The spectra of all segments of a trial are averaged."""
 FIRST = 1 << 14
-"""Number of samples whose mean period gives the number of samples in a segment."""
+"""Smallest number of samples that are processed together. The mean period of the samples that are
+processed first gives the number of samples in a segment."""
 
 
 class RunningSpectra:
-    """Spectra of velocity and force, from which oscillations of the loop are detected.
+    """Spectra of velocity and force of a trial, from which oscillations of the loop are detected.
 
-    The spectra are averages over overlapping segments (P. D. Welch, IEEE Trans. Audio
-    Electroacoust. 15(2), 1967). The spectra are computed with a constant sample period. This is the
-    mean period of about the first `FIRST` samples.
+    The samples can arrive in blocks. The spectra are averages over overlapping segments (P. D.
+    Welch, IEEE Trans. Audio Electroacoust. 15(2), 1967). The sample period is treated as constant:
+    it is the mean period of the samples that are processed first, about `FIRST` samples.
 
     Parameters
     ----------
     arm_damping
-        Damping of the arm [N s/m] at frequencies [Hz], if the arm is known.
+        Function that returns the damping of the arm [N s/m] at given frequencies [Hz]; None if the
+        damping of the arm is not known.
     """
 
     def __init__(self, arm_damping: ArmDamping | None = None) -> None:
@@ -81,16 +86,16 @@ class RunningSpectra:
         self._from_hand: Floats = np.empty(0)
 
     def add(self, velocity: Floats, force: Floats, dt: Floats) -> None:
-        """Add samples.
+        """Add the next samples of the trial.
 
         Parameters
         ----------
         velocity
-            Velocity of the virtual mass [m/s].
+            Velocity of the virtual mass that the hand moves [m/s], shape (n,).
         force
-            Force of the hand on the virtual mass [N].
+            Force of the hand on the virtual mass [N], shape (n,).
         dt
-            Time step of each sample [s].
+            Time since the previous sample [s], shape (n,).
         """
         self._pending = np.concatenate((self._pending, (velocity, force, dt)), axis=1)
         if self._pending.shape[1] >= FIRST:
@@ -99,14 +104,14 @@ class RunningSpectra:
     def sustained_share(self) -> float:
         """Return the share of the power of the motion that is in an oscillation of the loop.
 
-        The power of the velocity is summed over the frequencies above `FASTEST` at which -Re{Z} is
-        above the threshold (see the documentation of the module). The result is this sum divided by
-        the power of the velocity at all frequencies.
+        Let Z be the impedance that the hand feels. The power of the velocity is summed over the
+        frequencies above `FASTEST` at which -Re{Z} is above a threshold (see the documentation of
+        the module). The result is this sum divided by the power of the velocity at all frequencies.
         """
-        if not self._length:
-            if not self._pending.shape[1]:
-                return 0.0
+        if self._pending.shape[1]:
             self._add_segments()
+        if not self._length:
+            return 0.0
         frequency = np.fft.rfftfreq(self._length, self._step).astype(np.float64)
         threshold = np.full(len(frequency), LEAST_DAMPING)
         if self._arm_damping:
@@ -138,7 +143,20 @@ class RunningSpectra:
 def sustained_share(
     velocity: Floats, force: Floats, dt: Floats, arm_damping: ArmDamping | None = None
 ) -> float:
-    """Return the share of a motion's power that is in an oscillation (see `RunningSpectra`)."""
+    """Return the share of the power of a motion that is in an oscillation of the control loop.
+
+    Parameters
+    ----------
+    velocity
+        Velocity of the virtual mass that the hand moves [m/s], shape (n,).
+    force
+        Force of the hand on the virtual mass [N], shape (n,).
+    dt
+        Time since the previous sample [s], shape (n,).
+    arm_damping
+        Function that returns the damping of the arm [N s/m] at given frequencies [Hz]; None if the
+        damping of the arm is not known.
+    """
     spectra = RunningSpectra(arm_damping)
     spectra.add(velocity, force, dt)
     return spectra.sustained_share()

@@ -1,1 +1,1 @@
-"""Read measurement files, with one module for each format."""
+"""Read measurement files. There is one module for each file format."""

@@ -1,4 +1,4 @@
-"""Build tables from named arrays, which are the content of all binary formats."""
+"""Build tables from the named arrays in a file of a binary format, such as HDF5 or MATLAB."""
 
 from __future__ import annotations
 
@@ -20,10 +20,12 @@ WIDEST = 1000
 
 
 def vectors(name: str, value: Any, by_rows: bool = False) -> dict[str, Floats]:
-    """Return the columns of an array, by name.
+    """Split an array into columns of samples, and return the columns by name.
 
-    A vector is one column, and a matrix has several columns. The result is empty if the array
-    cannot contain samples, for example because it contains text or too few values.
+    A vector is one column, with the name of the array. The columns of a matrix have the names
+    `name[1]`, `name[2]`, and so on. The result is empty if the array cannot contain samples, for
+    example because it contains text or too few values. Dates are converted to the time since the
+    first sample [s].
 
     Parameters
     ----------
@@ -32,7 +34,8 @@ def vectors(name: str, value: Any, by_rows: bool = False) -> dict[str, Floats]:
     value
         The array, with elements of any type.
     by_rows
-        Whether a matrix is stored transposed, as in the HDF5 files of MATLAB.
+        Whether the samples of one signal are a row of the matrix, as in the HDF5 files of MATLAB.
+        Otherwise they are a column.
     """
     array = np.asarray(value)
     if array.dtype.kind == "M":
@@ -53,7 +56,16 @@ def vectors(name: str, value: Any, by_rows: bool = False) -> dict[str, Floats]:
 
 
 def heading(name: str, unit: Any = None) -> Heading:
-    """Return the heading of an array; if `unit` is None, the unit is taken from the name."""
+    """Return the heading of a column: its name and its unit.
+
+    Parameters
+    ----------
+    name
+        Name of the array from which the column is made, such as `Force` or `Force [N]`.
+    unit
+        Unit that the file states for the array. If it is missing, empty or `-`, the unit is taken
+        from the name.
+    """
     if isinstance(unit, bytes):
         unit = unit.decode(errors="replace")
     if isinstance(unit, str) and unit.strip() not in ("", "-"):
@@ -77,13 +89,13 @@ def table_of(
     path
         The file.
     where
-        File and place of the table, for messages.
+        Name of the file and place of the table in it, for error messages.
     columns
         Arrays by name, each of shape (n,).
     pick
-        Function that chooses the columns to load.
+        Function that takes the headings and returns the indices of the columns to load.
     units
-        Unit of each column that has one.
+        Units by the name of the array, for the arrays whose unit the file states.
     title, about
         See `Table`.
     """
@@ -109,7 +121,10 @@ def tables_by_length(
     units: Mapping[str, Any],
     about: Mapping[str, str] | None = None,
 ) -> list[Table]:
-    """Build one table for each length, from all arrays of this length."""
+    """Divide the arrays of a file into tables: all arrays of equal length form one table.
+
+    The parameters are those of `table_of`, but the arrays in `columns` can have different lengths.
+    """
     lengths: dict[int, dict[str, Floats]] = {}
     for name, column in columns.items():
         lengths.setdefault(len(column), {})[name] = column
@@ -123,7 +138,24 @@ def tables_by_group(
     units: Mapping[str, Mapping[str, Any]],
     about: Mapping[str, str] | None = None,
 ) -> list[Table]:
-    """Build the tables of each group of arrays, with the name of the group as their title."""
+    """Build the tables of a file in which the arrays are divided into groups.
+
+    In each group, all arrays of equal length form one table. The title of the table is the name of
+    the group.
+
+    Parameters
+    ----------
+    path
+        The file.
+    groups
+        The arrays of each group by name, by the name of the group.
+    pick
+        Function that takes the headings and returns the indices of the columns to load.
+    units
+        Units of the arrays by name, by the name of the group.
+    about
+        See `Table`.
+    """
     tables = []
     for group, columns in groups.items():
         for table in tables_by_length(path, columns, pick, units.get(group, {}), about):
@@ -133,7 +165,16 @@ def tables_by_group(
 
 
 def texts(values: Mapping[str, Any], names: Sequence[str]) -> dict[str, str]:
-    """Return the values that are text and have one of the given names."""
+    """Return the texts among some values, by name.
+
+    Parameters
+    ----------
+    values
+        Values of any type, by name, for example the attributes of a file.
+    names
+        Names of the values to return. Names without a value, or whose value is not a text, are left
+        out.
+    """
     found = {}
     for name in names:
         value = values.get(name)

@@ -1,4 +1,4 @@
-"""Read ROS bags: a file of ROS 1, or a folder of ROS 2."""
+"""Read ROS bags (recorded messages of robots): a file of ROS 1, or a folder of ROS 2."""
 
 from __future__ import annotations
 
@@ -13,7 +13,17 @@ from teleop.evaluation.formats.table import Pick, Table, missing, reading
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """Read the messages of a ROS bag as a table; see `tables_of`."""
+    """Read the messages of a ROS bag as a table, in which each number of a message is a column.
+
+    Parameters
+    ----------
+    path
+        The file (ROS 1) or the folder (ROS 2).
+    pick
+        Function that takes the headings and returns the indices of the columns to load.
+    wanted
+        The options of the user; only `topic` is used (see `tables_of`).
+    """
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore

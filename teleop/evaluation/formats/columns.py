@@ -1,4 +1,4 @@
-"""Find the columns of time, position and force in a table, and their units."""
+"""Find the columns of time, position and force in a measurement table, and their units."""
 
 from __future__ import annotations
 
@@ -15,18 +15,21 @@ SHOWN = 6
 """Largest number of usual names, and of columns, that an error message lists."""
 COLUMNS_SHOWN = 24
 AXES = frozenset("xyz0123456789")
-"""Characters that mean an axis, not a unit, if they stand in brackets after a column name."""
+"""A single character of these, in brackets after a column name, is an axis and not a unit."""
 
 
 NUMBERED = re.compile(r" ?\d$")
-"""Number at the end of a column name such as `Load 1`, if there are several sensors."""
+"""Number of the sensor at the end of a column name such as `Load 1`."""
 MASTER = ("_", "m")
 """Separator and suffix in the names of the channels of a master, such as `position_m`. This suffix
 is not a unit."""
 
 
 class Wanted(NamedTuple):
-    """Options with which a user selects columns of a measurement file."""
+    """Options with which the user selects and converts the columns of a measurement file.
+
+    An option that is None is not stated.
+    """
 
     position: str | None = None
     """Column of the position: NAME, NAME=UNIT, or its number from 1."""
@@ -43,22 +46,22 @@ class Wanted(NamedTuple):
     invert: str | None = None
     """Quantity whose sign is changed: `position`, `force` or `both`."""
     topic: str | None = None
-    """Topic to read from a file of messages."""
+    """Topic to read from a file of recorded messages, such as a ROS bag."""
 
 
 class Column(NamedTuple):
-    """A column of a table."""
+    """A column of time, position or force in a table, and its conversion to SI units."""
 
     place: int
-    """Index of the column."""
+    """Index of the column in the table, from 0."""
     name: str
     """Name of the column without the unit."""
     scale: float
-    """Factor that converts the values of the column to SI units."""
+    """Factor that converts the values of the column to SI units; negative to invert the sign."""
 
 
 def split_heading(cell: str) -> Heading:
-    """Split a header cell into name and unit.
+    """Split the text in the header of a column into name and unit; the unit is None if unknown.
 
     Examples
     --------
@@ -81,23 +84,32 @@ Heading(name='Position (z)', unit='um'))
 
 
 def has_unit(name: str, unit: str) -> bool:
-    """Return whether `name` is a usual name of a quantity, and `unit` a unit of this quantity."""
+    """Return whether `name` is a usual name of time, position or force, and `unit` a unit of it."""
     return any(name in KNOWN[kind] and size_of(unit, kind) for kind in KNOWN)
 
 
 def last_name(name: str) -> str:
-    """Return the last part of a name such as `group/field`, normalised by `plain`."""
+    """Return the last part of a name: `field` for `group/field` or `group.field`.
+
+    The result is in lower case, with spaces instead of `_` (see `plain`).
+    """
     return plain(re.split(r"[/.](?=\w)", name)[-1])
 
 
 def units_of(kind: str) -> str:
-    """Return a list of the units of a kind of quantity, for error messages."""
+    """Return the names of the units of one quantity as a text, for error messages.
+
+    Parameters
+    ----------
+    kind
+        The quantity: `time`, `position` or `force`.
+    """
     more = f" (with --lever: {', '.join(ON_LEVER[kind])})" if ON_LEVER[kind] else ""
     return ", ".join(UNITS[kind]) + more
 
 
 def listed(headings: Sequence[Heading]) -> str:
-    """Return a list of the columns with their units, for error messages."""
+    """Return the names and units of the columns of a table as a text, for error messages."""
     shown = headings[:COLUMNS_SHOWN]
     more = ", ..." if len(headings) > len(shown) else ""
     names = ", ".join(repr(heading.name) for heading in shown) + more
@@ -112,11 +124,11 @@ def find_column(where: str, headings: Sequence[Heading], kind: str, wanted: Want
     Parameters
     ----------
     where
-        File and place of the header, for messages.
+        Name of the file and place of the header in it, for error messages.
     headings
         Name and unit of each column.
     kind
-        `time`, `position` or `force`.
+        The quantity: `time`, `position` or `force`.
     wanted
         The options of the user.
 
@@ -159,12 +171,28 @@ def find_column(where: str, headings: Sequence[Heading], kind: str, wanted: Want
 def place_of(
     where: str, headings: Sequence[Heading], kind: str, asked: str | None
 ) -> tuple[int, str | None]:
-    """Find the column of a quantity.
+    """Find the index of the column of a quantity, and the unit that the user states for the column.
+
+    Parameters
+    ----------
+    where
+        Name of the file and place of the header in it, for error messages.
+    headings
+        Name and unit of each column.
+    kind
+        The quantity: `time`, `position` or `force`.
+    asked
+        Column that the user states: NAME, NAME=UNIT, or its number from 1. None: a column with a
+        usual name is searched.
 
     Returns
     -------
-    Index of the column, and the unit that the user states for it. If the user states no unit, the
-    second value is None.
+    Index of the column from 0, and the unit. If the user states no unit, the second value is None.
+
+    Raises
+    ------
+    InputError
+        No column or more than one column matches.
     """
     if asked is None:
         names = [plain(heading.name) for heading in headings]
@@ -206,7 +234,9 @@ def place_of(
 
 
 def only(where: str, headings: Sequence[Heading], kind: str, matches: Sequence[int]) -> int:
-    """Return the index of the only matching column.
+    """Return the index of the matching column, and check that only one column matches.
+
+    The list `matches` contains the indices of the matching columns, at least one.
 
     Raises
     ------
@@ -223,7 +253,7 @@ def only(where: str, headings: Sequence[Heading], kind: str, matches: Sequence[i
 
 
 def find_columns(where: str, headings: Sequence[Heading], wanted: Wanted) -> dict[str, Column]:
-    """Find the columns of position, force and time.
+    """Find the columns of position, force and time, and return them by the name of the quantity.
 
     If the user states a sampling rate, no column of time is necessary, and none is searched.
 
@@ -242,9 +272,18 @@ def find_columns(where: str, headings: Sequence[Heading], wanted: Wanted) -> dic
 
 
 def picker(wanted: Wanted, whole: Collection[str] = ()) -> Pick:
-    """Return a function that picks the columns of position, force and time of a table.
+    """Return a function that takes the headings of a table and returns the columns to load.
 
-    If a table contains all columns that `whole` lists, the function picks every column.
+    The columns are returned as indices. They are the columns of position, force and time; none if
+    one of them is not found.
+
+    Parameters
+    ----------
+    wanted
+        The options of the user.
+    whole
+        Names of columns. If a table contains all of them, every column is loaded. If no names are
+        given, this rule does not apply.
     """
 
     def pick(headings: Sequence[Heading]) -> Collection[int]:

@@ -32,7 +32,7 @@ PART = 1 << 20
 PREAMBLE = 1000
 """Largest number of lines above a header that are searched for a description of a force filter."""
 FEWEST = 3
-"""Smallest number of samples in a table whose columns have no usual names."""
+"""Smallest number of samples in a table without the wanted columns. Smaller ones are ignored."""
 
 Part = tuple[int, list[str]]
 """Part of a text file: the number of its first line, and its lines."""
@@ -51,7 +51,7 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
     Raises
     ------
     InputError
-        The file is not text, or a line is too long.
+        The file is empty or not text, or a line is too long or cannot be split into cells.
     OSError
         The file cannot be read.
     """
@@ -79,7 +79,7 @@ def exported_metadata(path: Path) -> dict[str, str]:
 
     Returns
     -------
-    `settings`, `session` and `events` as JSON texts; empty if there is no such file.
+    JSON texts of the trial by name: `settings`, `session`, `events`; empty without such a file.
 
     Raises
     ------
@@ -99,17 +99,17 @@ def exported_metadata(path: Path) -> dict[str, str]:
 
 
 def not_text(path: Path) -> InputError:
-    """Return the error for a binary file."""
+    """Return the error to raise for a file that is not text."""
     return InputError(f"{path}: not a text file: expected a table in UTF-8, UTF-16 or a code page")
 
 
 def parts(path: Path, text: io.TextIOWrapper) -> Iterator[Part]:
-    """Yield the lines of a text file in parts of consecutive lines.
+    """Yield the lines of the open file `text` in parts of successive lines (see `Part`).
 
     Raises
     ------
     InputError
-        The file is not text, or a line is too long.
+        The file is not text, or a line has more than `LONGEST_LINE` characters.
     """
     number, rest = 1, ""
     while block := text.read(PART):
@@ -131,7 +131,7 @@ def parts(path: Path, text: io.TextIOWrapper) -> Iterator[Part]:
 
 
 def tables_in(path: Path, lines: Iterable[Part], pick: Pick) -> list[Table]:
-    """Find the tables in the lines of a file; see `read`."""
+    """Return the tables in a text file (see `read`); `lines` are the lines of the file in parts."""
     scan: Scan | None = None
     for first, part in lines:
         scan = scan or Scan(path, pick, dialect_of(part))
@@ -142,7 +142,10 @@ def tables_in(path: Path, lines: Iterable[Part], pick: Pick) -> list[Table]:
 
 
 def title_of(lines: Sequence[str]) -> str:
-    """Return the last tag, such as <Data>, in the lines above a table, or the last line."""
+    """Return the title of a table: the last tag above it, such as <Specimen 1>, or the last line.
+
+    Tags that begin with `Data`, `Info`, `End` or `/` are ignored.
+    """
     lines = [line.strip(' \t,;"') for line in lines]
     tags = [line for line in lines if re.fullmatch(r"<(?!/|end|data|info)[^<>]+>", line, re.I)]
     return (tags or lines or [""])[-1]
@@ -156,7 +159,7 @@ class Scan:
     path
         The file.
     pick
-        Function that chooses the columns to load.
+        Function that takes the headings of a table, and returns the indices of the columns to load.
     dialect
         Delimiter, decimal mark and separator of thousands.
     """
@@ -171,10 +174,7 @@ class Scan:
         self._rows: Rows | None = None
 
     def feed(self, first: int, lines: list[str]) -> None:
-        """Parse the next lines of the file, and store their rows.
-
-        `first` is the line number of the first of these lines, for error messages.
-        """
+        """Parse the next lines of the file. The first of them has the line number `first`."""
         i = 0
         while i < len(lines):
             if self._rows:
@@ -196,7 +196,7 @@ class Scan:
             i += 1
 
     def end(self) -> list[Table]:
-        """Return the tables that were found, with the loaded columns.
+        """Return all tables of the file. Call this method after the last line was parsed.
 
         Raises
         ------
@@ -217,17 +217,17 @@ class Scan:
         return [table for table, _ in self._tables]
 
     def _close(self) -> None:
-        """End the current table; discard it if it consists only of a few numbers in a preamble."""
+        """End the table, and discard it if it has no wanted column and fewer than `FEWEST` rows."""
         if self._rows and not self._rows.picked and self._rows.samples < FEWEST:
             self._tables.pop()
             self._above = self._before
         self._rows = None
 
     def _only_a_header(self) -> None:
-        """Add tables without samples, if no table has the wanted columns.
+        """Add a table without samples for the first line that names the wanted columns.
 
-        The header is the first line with the names of the wanted columns. If the file has no other
-        table, its first line becomes a header too, so that an error message can list its cells.
+        This is done for a file without samples of these columns. If the file has no table at all,
+        its first line is added as a header too, so that an error message can list its cells.
         """
         for number, line in self._above:
             names = fitted(self._cells(number, line), 0)
@@ -254,10 +254,10 @@ class Scan:
             self._stated.append(line)
 
     def _start(self, number: int, cells: list[str]) -> Rows | None:
-        """Begin a table; `cells` is its first row of samples.
+        """Begin a table at its first row of samples; return None if the row cannot begin a table.
 
-        Without a header, the table has the columns of the previous table, or columns with numbers
-        as names. The result is None if the row cannot belong to such a table.
+        If there is no header above the row, the table has the headings of the previous table if
+        both have the same number of columns. Otherwise, its columns are named 1, 2, ...
         """
         above = self._above[-2:]
         width = len(cells)
@@ -283,7 +283,7 @@ class Scan:
         return self._add(number, names, "") if not self._above or self._pick(names) else None
 
     def _header_cells(self, number: int, line: str, width: int) -> list[str]:
-        """Split a header into cells. A name and the unit in brackets after it stay in one cell."""
+        """Split a header into cells. A name and the unit in brackets after it are one cell."""
         cells = self._cells(number, line)
         if self._dialect.delimiter is None and len(cells) != width:
             return re.findall(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?", line)

@@ -37,7 +37,7 @@ def clock(cell: str) -> float:
 
 
 def is_clock(cell: str) -> bool:
-    """Return whether a cell contains a time of day or a date, see `clock`."""
+    """Return whether a cell contains a time of day, or a date with a time of day (see `clock`)."""
     try:
         return ":" in cell and clock(cell) >= 0.0
     except ValueError:
@@ -61,7 +61,7 @@ class Dialect(NamedTuple):
         Raises
         ------
         csv.Error
-            The line cannot be split.
+            The module `csv` of Python cannot split the line.
         """
         if self.delimiter is None:
             return line.split()
@@ -70,12 +70,12 @@ class Dialect(NamedTuple):
         return [cell.strip() for cell in next(csv.reader([line], delimiter=self.delimiter), [])]
 
     def number(self, cell: str) -> float:
-        """Convert a cell to a number.
+        """Convert a cell to a number. A time, or a date with a time, becomes seconds (`clock`).
 
         Raises
         ------
         ValueError
-            The cell is not a number.
+            The cell contains neither a number nor a time.
         """
         if "_" in cell:
             raise ValueError(cell)
@@ -90,10 +90,19 @@ class Dialect(NamedTuple):
 
 
 def dialect_of(lines: Sequence[str]) -> Dialect:
-    """Return the dialect that divides the first lines into the best table of numbers.
+    """Return the dialect (delimiter, decimal mark, separator of thousands) of a text table.
 
-    The best dialect has the largest product of two values: the number of successive lines of
-    samples with the same number of cells, and the fraction of their cells that are numbers.
+    Each delimiter in `DELIMITERS` is tried, and the delimiter with the largest score is chosen. For
+    the score, only the lines that consist mainly of numbers (`is_samples`) are considered. The
+    score is the product of two values:
+
+    - the number of these lines that have as many cells as the line before them;
+    - the fraction of the filled cells that are numbers.
+
+    Parameters
+    ----------
+    lines
+        The first lines of the file. At most `HEAD` lines are used.
     """
     lines = [line for line in lines[:HEAD] if line.strip() and not line.startswith("#")]
     best, dialect = (0.0, 0.0), None
@@ -114,9 +123,18 @@ def dialect_of(lines: Sequence[str]) -> Dialect:
 
 
 def marks(numbers: Sequence[str], delimiter: str | None) -> tuple[str, str | None]:
-    """Return the decimal mark and the separator of thousands that some numbers have.
+    """Return the decimal mark and the separator of thousands of a table.
 
-    The second value is None if no separator of thousands can be determined.
+    One of them is the point, and the other one is the comma. If the separator of thousands cannot
+    be determined, the result is a comma and None. `Dialect.number` then accepts both the comma and
+    the point as decimal mark.
+
+    Parameters
+    ----------
+    numbers
+        Cells that contain numbers.
+    delimiter
+        Character that separates cells; None for spaces.
     """
     both = [cell for cell in numbers if "," in cell and "." in cell]
     if both:

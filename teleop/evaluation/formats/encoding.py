@@ -61,7 +61,10 @@ def encoding_of(head: bytes, names: Sequence[str] = ()) -> str | None:
 
 
 def decodes(head: bytes, code_page: str) -> bool:
-    """Return whether the bytes are valid text in the encoding `code_page`."""
+    """Return whether the bytes are valid text in the encoding `code_page`.
+
+    The last character may be incomplete.
+    """
     try:
         codecs.getincrementaldecoder(code_page)().decode(head)
     except UnicodeDecodeError:
@@ -72,6 +75,8 @@ def decodes(head: bytes, code_page: str) -> bool:
 def plainly_chinese(head: bytes) -> bool:
     """Return whether the non-ASCII bytes are very probably Chinese text.
 
-    All of these bytes must be valid in the encoding GB 2312, and none may follow a Latin letter.
+    This is the case if two conditions hold. First, the bytes are valid in the encoding GB 2312.
+    Second, no non-ASCII byte is directly after a Latin letter. In a European language, such a byte
+    can be a letter with an accent.
     """
     return decodes(head, "gb2312") and not re.search(rb"[A-Za-z][\x80-\xff]", head)

@@ -22,7 +22,7 @@ NUMBERS = Dialect(None, ".")
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """Read one table from each sheet of a workbook; the header may be below a preamble."""
+    """Read one table from each sheet of a workbook. Other text may be above its header."""
     try:
         import python_calamine
     except ImportError as error:
@@ -44,8 +44,19 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
 def table_in(where: str, name: str, rows: Sequence[Sequence[Any]], pick: Pick) -> Table | None:
     """Return a table of a sheet: the first table that contains the wanted columns.
 
-    If no table contains them, the longest table is returned. If the sheet has no table, the result
-    is None.
+    If no table contains the wanted columns, the longest table is returned. If the sheet has no
+    table, the result is None.
+
+    Parameters
+    ----------
+    where
+        Name of the file and of the sheet, for error messages.
+    name
+        Name of the sheet.
+    rows
+        Rows of the sheet. Each row is a sequence of cell values.
+    pick
+        Function that takes the headings of a table, and returns the indices of the columns to load.
     """
     cells = [[text_of(value) for value in row] for row in rows]
     best: Table | None = None
@@ -97,7 +108,11 @@ def table_in(where: str, name: str, rows: Sequence[Sequence[Any]], pick: Pick) -
 
 
 def text_of(value: Any) -> str:
-    """Convert the value of a cell to text. A date or time becomes a number of seconds."""
+    """Convert the value of a cell to text.
+
+    A date becomes the number of seconds since 1970, a time of day the number of seconds since
+    midnight, and a duration its number of seconds.
+    """
     if isinstance(value, datetime.datetime):
         return repr((value - datetime.datetime(1970, 1, 1)).total_seconds())
     if isinstance(value, datetime.timedelta):

@@ -25,7 +25,10 @@ UNIT = ("unit", "units", "Unit", "Units")
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """Read an HDF5 file. In each group, the datasets of the same length become one table."""
+    """Read an HDF5 file. In each group, the datasets of the same length become one table.
+
+    The unit of a dataset is read from an attribute of the dataset (see `UNIT`).
+    """
     groups: dict[str, dict[str, Floats]] = {}
     units: dict[str, dict[str, Any]] = {}
     with open_input(path) as disk, reading(path, "HDF5"), opened(disk) as file:
@@ -47,7 +50,11 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
 
 
 def read_matlab(path: Path, pick: Pick) -> list[Table]:
-    """Read a MATLAB file of version 7.3; see `teleop.evaluation.formats.matlab.read`."""
+    """Read a MATLAB file of version 7.3, which is an HDF5 file.
+
+    The tables and their units are found as in the other versions
+    (`teleop.evaluation.formats.matlab.read`).
+    """
     columns: dict[str, Floats] = {}
     units: dict[str, Any] = {}
     with open_input(path) as disk, reading(path, "HDF5"), opened(disk) as file:
@@ -67,7 +74,13 @@ def read_matlab(path: Path, pick: Pick) -> list[Table]:
 
 
 def opened(disk: Any) -> Any:
-    """Open an HDF5 file from a file object."""
+    """Return the `h5py.File` of an HDF5 file that is already open as a binary file (`disk`).
+
+    Raises
+    ------
+    InputError
+        h5py is not installed.
+    """
     try:
         import h5py
     except ImportError as error:
@@ -76,7 +89,19 @@ def opened(disk: Any) -> Any:
 
 
 def datasets(path: Path, group: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield each dataset with its path within the file, in the order of the file."""
+    """Yield the path and the content of each dataset in a group, in the order of the file.
+
+    Groups within the group are searched too.
+
+    Parameters
+    ----------
+    path
+        The file.
+    group
+        The group to search, or the whole file.
+    prefix
+        Start of the paths: the path of `group` within the file, with `/` at its end.
+    """
     import h5py
 
     for name, item in group.items():

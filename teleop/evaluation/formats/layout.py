@@ -29,7 +29,7 @@ def is_samples(cells: Sequence[str]) -> bool:
 def fitted(cells: list[str], width: int) -> list[str]:
     """Return a row without the empty cells at its end.
 
-    If `width` or fewer cells remain, no further cells are removed.
+    The first `width` cells are never removed.
     """
     while len(cells) > width and not cells[-1]:
         cells = cells[:-1]
@@ -37,7 +37,11 @@ def fitted(cells: list[str], width: int) -> list[str]:
 
 
 def is_units(cells: Sequence[str]) -> bool:
-    """Return whether a row consists of units."""
+    """Return whether a row of a table contains the units of the columns, such as `mm` and `N`.
+
+    At least one cell must be a known unit. Of the cells that are not empty, at least half must be
+    known units (or `-` or `%`), or at least half must begin with a bracket.
+    """
     filled = [cell.strip("[]() ") for cell in cells if cell]
     brackets = sum(cell[:1] in ("[", "(") for cell in cells)
     known = sum(is_unit(cell) or cell in ("-", "%", "") for cell in filled)
@@ -45,18 +49,21 @@ def is_units(cells: Sequence[str]) -> bool:
 
 
 def headings_above(rows: Sequence[list[str]], width: int) -> tuple[list[Heading], int] | None:
-    """Return the headings in the rows above the samples; None if there is no header.
+    """Return the name and unit of each column, from the rows above the samples of a table.
+
+    The header is the row directly above the samples, or two rows: names, and below them units. The
+    result is None if there is no header.
 
     Parameters
     ----------
     rows
-        Non-empty rows; the last one is directly above the samples.
+        Rows above the samples, without empty rows, in the order of the file.
     width
         Number of cells in a row of samples.
 
     Returns
     -------
-    The headings, and the index of the row that contains the names.
+    The headings, and the index in `rows` of the row that contains the names.
     """
     found = [fitted(row, 0) for row in rows[-2:]]
     if not found or not matches(found[-1], width):
@@ -76,5 +83,8 @@ def headings_above(rows: Sequence[list[str]], width: int) -> tuple[list[Heading]
 
 
 def matches(row: Sequence[str], width: int) -> bool:
-    """Return whether a row can be the header of a table whose rows have `width` cells."""
+    """Return whether a row can be the header of a table whose rows have `width` cells.
+
+    The header must have 2 to `width` cells, and must not consist mainly of numbers.
+    """
     return 2 <= len(row) <= width and not is_samples(row)

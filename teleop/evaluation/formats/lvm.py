@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.input_file import open_input
+from teleop.errors import InputError
 from teleop.evaluation.formats.arrays import heading
 from teleop.evaluation.formats.columns import Wanted
 from teleop.evaluation.formats.delimited import HEAD, not_text, parts
@@ -22,14 +23,15 @@ SEPARATORS = {"Tab": "\t", "Comma": ","}
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """Read the tables of a LabVIEW measurement file, one for each segment.
+    """Read the tables of a LabVIEW measurement file.
 
-    If a segment has no time column, the times are computed from `X0` and `Delta_X` in its header.
+    The file consists of segments. A segment has a header and a table of samples. If the table has
+    no time column, the times are computed from the start `X0` and the step `Delta_X` in the header.
 
     Raises
     ------
     InputError
-        The file is not a LabVIEW measurement file.
+        The file is not text, or a line is too long.
     OSError
         The file cannot be read.
     """
@@ -47,19 +49,19 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
 
 
 def is_header(line: str) -> bool:
-    """Return whether a line begins the header of a segment."""
+    """Return whether a line begins a header: that of the file, or that of one of its tables."""
     return line.startswith(("Channels\t", "Channels,", "LabVIEW Measurement"))
 
 
 class Segments:
-    """Parser that finds the segments in the lines of a file.
+    """Parser of a LabVIEW measurement file. Each segment (header and samples) becomes a table.
 
     Parameters
     ----------
     path
         The file.
     pick
-        Function that chooses the columns to load.
+        Function that takes the headings of a table, and returns the indices of the columns to load.
     """
 
     def __init__(self, path: Path, pick: Pick) -> None:
@@ -73,10 +75,7 @@ class Segments:
         self._found: list[tuple[Table, Rows, list[float] | None]] = []
 
     def feed(self, first: int, lines: list[str]) -> None:
-        """Parse the next lines of the file, and store their rows.
-
-        `first` is the line number of the first of these lines, for error messages.
-        """
+        """Parse the next lines of the file. The first of them has the line number `first`."""
         i = 0
         while i < len(lines):
             if self._rows:
@@ -95,7 +94,17 @@ class Segments:
             i += 1
 
     def _take(self, number: int, line: str) -> None:
-        """Process a line of a header, or the line that contains the names of the columns."""
+        """Process a line above the samples of a table.
+
+        Such a line belongs to the header, or it contains the names of the columns.
+
+        Parameters
+        ----------
+        number
+            Number of the line in the file.
+        line
+            The line.
+        """
         if line.startswith(END):
             self._in_header = False
         elif is_header(line):
@@ -114,7 +123,15 @@ class Segments:
             self._stated.append(line)
 
     def _start(self, number: int, line: str) -> None:
-        """Begin a segment; `line` contains the names of its columns."""
+        """Begin the table of a segment, after the header of the segment.
+
+        Parameters
+        ----------
+        number
+            Number of the line in the file.
+        line
+            The line with the names of the columns. The samples follow it.
+        """
         names = [name.strip() for name in line.split(self._delimiter)]
         while len(names) > 1 and names[-1] in ("", "Comment"):
             names.pop()
@@ -128,7 +145,7 @@ class Segments:
         waveform = None
         if self._x_columns == "No" and 0 in picked:
             picked -= {0}
-            waveform = [float(self._header[key][0].replace(",", ".")) for key in ("X0", "Delta_X")]
+            waveform = [self._number(key, number) for key in ("X0", "Delta_X")]
         place = f"{self._path}, line "
         dialect = Dialect(self._delimiter, self._decimal)
         self._rows = Rows(lambda n: f"{place}{n}", headings, picked, dialect)
@@ -138,8 +155,19 @@ class Segments:
             table.about["force_filter"] = stated
         self._found.append((table, self._rows, waveform))
 
+    def _number(self, key: str, line: int) -> float:
+        """Return the number that the header states for a key. The header ends before this line."""
+        text = self._header.get(key, [""])[0]
+        try:
+            return float(text.replace(",", "."))
+        except ValueError:
+            raise InputError(
+                f"{self._path}, line {line}: {key} is {text!r} in the header above: expected a "
+                "number, because the file has no column of times"
+            ) from None
+
     def tables(self) -> list[Table]:
-        """Return the tables that were found, with the loaded columns."""
+        """Return the tables of all segments. Call this method after the last line was parsed."""
         for table, rows, waveform in self._found:
             numbers = rows.numbers()
             table.columns, table.problem = rows.columns(), rows.problem

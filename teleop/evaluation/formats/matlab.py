@@ -22,9 +22,9 @@ EXPORTED = ("settings", "events")
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
     """Read a MATLAB file. Arrays of the same length, also those in structs, become one table.
 
-    The units are read from a struct with the name `units`, if there is one. Its fields have the
-    names of the arrays, and contain their units. The arrays within a struct can have their own
-    `units` in this struct.
+    The units are read from a struct with the name `units`, if the file contains one. For each
+    array, it has a field with the name of the array, which contains the unit. If arrays are fields
+    of a struct, this struct can contain a struct `units` for these arrays.
     """
     with open_input(path) as file:
         if file.read(10) == b"MATLAB 7.3":
@@ -46,7 +46,19 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
 
 
 def collect(name: str, value: Any, columns: dict[str, Floats], units: dict[str, Any]) -> None:
-    """Add the arrays and the units of a variable, or of a struct and its fields."""
+    """Add the arrays in a variable of a MATLAB file to `columns`, and their units to `units`.
+
+    Parameters
+    ----------
+    name
+        Name of the variable. For a field of a struct, it is `struct.field`.
+    value
+        Value of the variable. A struct is a dictionary; its fields are added recursively.
+    columns
+        Arrays by name.
+    units
+        Unit of each array that has one, by the name of the array.
+    """
     if not isinstance(value, dict):
         columns.update(vectors(name, value))
         return

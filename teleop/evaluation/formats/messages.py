@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,23 +29,27 @@ SECONDS = ("sec", "secs")
 NANOSECONDS = ("nanosec", "nsec", "nsecs")
 
 FieldPath = tuple[str | int, ...]
+"""Path to a value in a message: names of nested fields and indices of list elements, such as
+`("force", "z")` or `("position", 0)`."""
 Message = tuple[str, int, Callable[[], Any]]
 """Topic of a message, time at which it was recorded [ns], and a function that decodes it."""
 
 
 @dataclass
 class Topic:
-    """Fields of the messages of a topic, and the values that were read from them."""
+    """One topic of a file: the fields of its messages, and the values that were read from them."""
 
     name: str
     fields: list[FieldPath]
+    """Path of each number in a message, without the header of the message."""
     stamp: FieldPath | None
-    """Field with the time of measurement; None to use the time of recording."""
+    """Path of the time of measurement; None to use the time at which a message was recorded."""
     wanted: dict[int, FieldPath] = field(default_factory=dict)
-    """Field for each picked column, by the index of the column in the table."""
+    """Path of the number for each column to load, by the index of the column in the table."""
     times: list[int] = field(default_factory=list)
     """Time of each message [ns]."""
     values: list[list[float]] = field(default_factory=list)
+    """Values of each message, in the order of `wanted`."""
 
 
 def tables_of(
@@ -56,29 +61,30 @@ def tables_of(
 ) -> list[Table]:
     """Build a table with a column for each number in the messages.
 
-    The columns are named `/topic.field`, or `field` if there is only one topic. The time of a
-    message is the stamp in its header; without a stamp, it is the time of recording. If the columns
-    come from several topics, the times are those of the topic with the most messages. The columns
-    of the other topics are interpolated at these times.
+    The columns are named `/topic.field`, or `field` if there is only one topic. The time of a ROS
+    message is the time stamp in its header. Without a stamp, and for JSON, it is the time at which
+    the message was recorded. If the wanted columns come from several topics, the table has the
+    times of the topic with the most messages. The columns of the other topics are interpolated at
+    these times.
 
     Parameters
     ----------
     path
         The file.
     topics
-        Topics whose messages can be decoded.
+        Names of the topics whose messages can be decoded.
     messages
         Function that takes the names of topics, and yields the messages of these topics.
     pick
-        Function that chooses the columns to load.
+        Function that takes the headings of a table, and returns the indices of the columns to load.
     wanted
         The options of the user; `topic` selects one topic.
 
     Raises
     ------
     InputError
-        The topic of the user does not exist, or a message lacks a wanted field that the first
-        message of its topic has.
+        The topic of the user does not exist, a message cannot be decoded, or a message lacks a
+        wanted field that the first message of its topic has.
     """
     if wanted.topic is not None:
         if wanted.topic not in topics:
@@ -109,7 +115,7 @@ def tables_of(
 def first_messages(
     path: Path, topics: Sequence[str], messages: Callable[[Sequence[str]], Iterator[Message]]
 ) -> list[Topic]:
-    """Return the topics, each with the fields of its first message."""
+    """Return the topics that have messages, each with the fields of its first message."""
     found: dict[str, Topic] = {}
     for name, _, decode in messages(topics):
         if name not in found:
@@ -126,11 +132,20 @@ def first_messages(
 def fields_of(value: Any, place: FieldPath) -> Iterator[FieldPath]:
     """Yield the path of each number in a message.
 
-    A path consists of the names of the fields, and the indices of the list elements, from the
-    message to the number.
+    A path contains the names of nested fields and the indices of list elements, for example
+    `("force", "z")`. Lists with more than `LONGEST_LIST` elements are left out.
+
+    Parameters
+    ----------
+    value
+        The message, or a part of it.
+    place
+        Path from the message to `value`; empty for the message itself.
     """
     if isinstance(value, (bool, int, float, np.number)):
         yield place
+    elif place[-1:] in (("stamp",), ("time",)) and seconds_of(value) is not None:
+        yield (*place, "sec")
     elif isinstance(value, dict):
         for name, item in value.items():
             yield from fields_of(item, (*place, str(name)))
@@ -138,24 +153,27 @@ def fields_of(value: Any, place: FieldPath) -> Iterator[FieldPath]:
         if len(value) <= LONGEST_LIST:
             for i, item in enumerate(value):
                 yield from fields_of(item, (*place, i))
-    elif place[-1:] in (("stamp",), ("time",)) and seconds_of(value) is not None:
-        yield (*place, "sec")
     else:
         for name in names_of(value):
             yield from fields_of(getattr(value, name), (*place, name))
 
 
 def names_of(value: Any) -> Sequence[str]:
-    """Return the names of the fields of a message."""
+    """Return the names of the fields of a message, without names that begin with `_`."""
     names: Iterable[str] = getattr(value, "__dataclass_fields__", getattr(value, "__slots__", ()))
     return [name for name in names if not name.startswith("_")]
 
 
 def seconds_of(value: Any) -> int | None:
-    """Return a time stamp of a ROS header in nanoseconds; None if it is not a time stamp."""
+    """Convert a ROS time stamp to one integer [ns]; return None if the value is not a time stamp.
+
+    A ROS time stamp has two fields: the seconds (see `SECONDS`), and the remaining nanoseconds.
+    """
     parts = []
+    item = value.get if isinstance(value, dict) else partial(getattr, value)
     for names in (SECONDS, NANOSECONDS):
-        part = next((getattr(value, name) for name in names if hasattr(value, name)), None)
+        found = (item(name, None) for name in names)
+        part = next((one for one in found if isinstance(one, (int, float, np.number))), None)
         if part is None:
             return None
         parts.append(int(part))
@@ -163,7 +181,7 @@ def seconds_of(value: Any) -> int | None:
 
 
 def part_of(message: Any, place: FieldPath) -> Any:
-    """Return the value at a path in a message."""
+    """Return the part of a message at a path, for example the number at `("force", "z")`."""
     for step in place:
         if isinstance(step, int) or isinstance(message, dict):
             message = message[step]
@@ -173,13 +191,15 @@ def part_of(message: Any, place: FieldPath) -> Any:
 
 
 def written(place: FieldPath) -> str:
-    """Return the name of a field, such as `position[0]` or `force.z`."""
+    """Convert a path in a message to text, for example `("position", 0)` to `position[0]`."""
     text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place)
     return text.removeprefix(".")
 
 
 def decoded(where: str, decode: Callable[[], Any]) -> Any:
-    """Decode a message.
+    """Call `decode`, which decodes one message, and return the decoded message.
+
+    The parameter `where` states the file and the message, for the error message.
 
     Raises
     ------
@@ -196,7 +216,17 @@ def decoded(where: str, decode: Callable[[], Any]) -> Any:
 def collect(
     path: Path, used: Sequence[Topic], messages: Callable[[Sequence[str]], Iterator[Message]]
 ) -> None:
-    """Read the wanted fields of all messages, and append the values to the topics."""
+    """Read all messages, and store their times and the wanted numbers in the topics.
+
+    The topics in `used` have wanted fields (`Topic.wanted`). The function extends the lists `times`
+    and `values` of these topics. The function `messages` takes the names of topics, and yields the
+    messages of these topics.
+
+    Raises
+    ------
+    InputError
+        A message cannot be decoded, or lacks a wanted field.
+    """
     topics = {topic.name: topic for topic in used}
     for name, recorded, decode in messages(list(topics)):
         topic = topics[name]
@@ -213,7 +243,25 @@ def collect(
 
 
 def joined(path: Path, headings: Sequence[Heading], used: Sequence[Topic]) -> Table:
-    """Join the wanted fields into one table, at the times of the topic with the most messages."""
+    """Build one table from the values of several topics.
+
+    The table has the times of the topic with the most messages. The values of the other topics are
+    interpolated at these times. Times at which one of the topics has no values are left out.
+
+    Parameters
+    ----------
+    path
+        The file.
+    headings
+        Name and unit of each column.
+    used
+        Topics with wanted fields, and the values of these fields.
+
+    Raises
+    ------
+    InputError
+        The times of a topic that is interpolated decrease.
+    """
     start = min(min(topic.times) for topic in used)
     base = max(used, key=lambda topic: len(topic.times))
     t = seconds(base, start)

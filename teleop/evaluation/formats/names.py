@@ -124,7 +124,11 @@ space."""
 
 
 def plain(name: str) -> str:
-    """Normalise a name for comparison: lower case, `_` as space, no repeated spaces."""
+    """Normalise a name for comparison with other names.
+
+    The result is in lower case. It has a space instead of each `_`, no repeated spaces, and no `.`
+    or `:` at its end.
+    """
     return " ".join(name.replace("_", " ").casefold().split()).rstrip(".:")
 
 

@@ -1,4 +1,8 @@
-"""Read the numbers in the lines of a text table. Lines of the same form are read together."""
+"""Read the numbers in the lines of a text table.
+
+Successive lines with the same number of cells are converted together, which is faster than line by
+line.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +22,8 @@ from teleop.evaluation.formats.table import Heading
 
 QUOTED = re.compile(r'"[^"\n]*"')
 ODD = 64
-"""A block of lines with different forms is halved if its halves have at least this many lines.
-Otherwise, the block is read line by line."""
+"""If the lines of a block cannot be converted together, the block is halved, and each half is tried
+again. If a half would have fewer lines than this number, the block is read line by line."""
 
 
 def count_cells(line: str, delimiter: str | None) -> int:
@@ -28,13 +32,13 @@ def count_cells(line: str, delimiter: str | None) -> int:
 
 
 class Rows:
-    """Reader of the picked columns of a table.
+    """Reader of the samples of one table in a text file. It stores the columns to load.
 
     Parameters
     ----------
     place
-        Function for error messages. It takes the number of a line, and returns a text with the
-        name of the file and this number.
+        Function for error messages. It takes a line number, and returns a text with the name of the
+        file and this line number.
     headings
         Name and unit of each column.
     picked
@@ -59,17 +63,19 @@ class Rows:
         self._numbers: list[NDArray[np.int64]] = []
 
     def feed(self, first: int, lines: list[str]) -> int:
-        """Process lines, and return how many of these lines belong to the table.
+        """Read the samples in the next lines, and return how many of the lines belong to the table.
 
-        A line without any number ends the table. After an empty line, an invalid line also ends the
-        table.
+        The table ends before the first line that contains text but no number. A line is invalid if
+        it has a different number of cells than the header, or text in a column to load. After an
+        empty line, an invalid line ends the table. Otherwise, the attribute `problem` is set to an
+        error for the invalid line.
 
         Parameters
         ----------
         first
-            Number of the first line in the file.
+            Line number of `lines[0]` in the file.
         lines
-            The lines.
+            The next lines of the file.
         """
         if not self.picked or self.problem:
             return self._skip(lines)
@@ -108,7 +114,11 @@ class Rows:
         return self._skip(lines) if self.problem else taken
 
     def _in_bulk(self, lines: list[str]) -> Floats | None:
-        """Return the values of lines if all have the same valid form; otherwise None."""
+        """Convert many lines together, and return the values of the columns to load, shape (n, m).
+
+        The result is None if at least one of the n lines is invalid, empty or a comment, or has
+        marks that require `_row`, such as a separator of thousands.
+        """
         delimiter, decimal, thousands = self._dialect
         width = len(self.headings)
         text = "\n".join(lines)
@@ -140,7 +150,20 @@ class Rows:
         return values if len(values) == len(lines) else None
 
     def _row(self, number: int, line: str) -> list[float] | None:
-        """Return the picked values of a line; None for a line without any number."""
+        """Return the values of the columns to load in one line; None if the line has no number.
+
+        Parameters
+        ----------
+        number
+            Number of the line in the file, for error messages.
+        line
+            The line.
+
+        Raises
+        ------
+        InputError
+            The line has a wrong number of cells, or text in a column to load.
+        """
         where = self._place(number)
         try:
             cells = fitted(self._dialect.split(line), len(self.headings))
@@ -155,7 +178,22 @@ class Rows:
         return [self._value(where, cells[i], i) for i in self.picked]
 
     def _value(self, where: str, cell: str, column: int) -> float:
-        """Convert a cell to a number; `where` and `column` are used in the error message."""
+        """Convert a cell to a number.
+
+        Parameters
+        ----------
+        where
+            File and line of the cell, for the error message.
+        cell
+            Content of the cell.
+        column
+            Index of the column, for the error message.
+
+        Raises
+        ------
+        InputError
+            The cell does not contain a number.
+        """
         try:
             return self._dialect.number(cell)
         except ValueError:
@@ -164,9 +202,10 @@ class Rows:
             raise InputError(f"{where}: {title!r} is {shown}") from None
 
     def _skip(self, lines: list[str]) -> int:
-        """Return how many of the lines belong to a table whose values are not needed.
+        """Return how many of the lines belong to the table, without reading their values.
 
-        The table ends at the first line that contains text but no number.
+        This is used for a table without columns to load, and after an invalid line. The table ends
+        before the first line that contains text but no number.
         """
         taken = len(lines)
         for i, line in enumerate(lines):
@@ -184,11 +223,14 @@ class Rows:
 
     @property
     def samples(self) -> int:
-        """Number of samples that were read so far."""
+        """Number of samples that were read so far.
+
+        If the table has no columns to load, it is the number of lines.
+        """
         return sum(map(len, self._numbers))
 
     def columns(self) -> dict[int, Floats]:
-        """Return the picked columns, by the index of the column, as arrays of shape (n,)."""
+        """Return the loaded columns, each of shape (n,), by the index of the column."""
         if not self._values:
             return {i: np.empty(0) for i in self.picked}
         values = np.concatenate(self._values)
@@ -196,5 +238,5 @@ class Rows:
         return {i: np.ascontiguousarray(values[:, k]) for k, i in enumerate(self.picked)}
 
     def numbers(self) -> NDArray[np.int64]:
-        """Return the number of the line of each sample, shape (n,)."""
+        """Return for each sample the number of its line in the file, shape (n,)."""
         return np.concatenate(self._numbers) if self._numbers else np.empty(0, dtype=np.int64)

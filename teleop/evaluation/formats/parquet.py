@@ -13,7 +13,7 @@ from teleop.evaluation.formats.table import Pick, Table, missing, reading
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """Read the table of a Parquet file; the metadata field `unit` of a column states its unit."""
+    """Read a Parquet file as one table. The unit of a column is read from its metadata `unit`."""
     try:
         from pyarrow import parquet, types
     except ImportError as error:

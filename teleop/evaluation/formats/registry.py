@@ -30,10 +30,10 @@ ROS_2_BAG = "metadata.yaml"
 
 
 def reader_of(path: Path) -> str:
-    """Return the name of the module that reads a file.
+    """Return the name of the module in this package that reads a file.
 
-    The ending of the file name is ignored, because testing machines write text files named .xls or
-    .dat.
+    The module is chosen by the first bytes of the file (see `BEGINNINGS`). The ending of the file
+    name is ignored, because testing machines write text files named .xls or .dat.
 
     Raises
     ------
@@ -53,9 +53,9 @@ def read_tables(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
     Parameters
     ----------
     path
-        The file.
+        The file, or the folder of a ROS 2 bag.
     pick
-        Function that chooses the columns of a table to load.
+        Function that takes the headings of a table, and returns the indices of the columns to load.
     wanted
         The options of the user.
 

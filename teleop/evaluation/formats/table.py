@@ -14,14 +14,15 @@ from teleop.errors import InputError
 
 
 class Heading(NamedTuple):
-    """Name and unit of a column, as written in the file."""
+    """Name and unit of a column of a measurement file."""
 
     name: str
     unit: str | None = None
+    """Unit of the values in the file; None if the file does not state it."""
 
     @property
     def title(self) -> str:
-        """Name and unit, such as `Force [N]`."""
+        """Name and unit as one text, such as `Force [N]`."""
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
 
@@ -31,7 +32,11 @@ Pick = Callable[[Sequence[Heading]], Collection[int]]
 
 @dataclass
 class Table:
-    """A table of a measurement file. Only the picked columns are loaded."""
+    """A table of a measurement file.
+
+    It contains the headings of all columns, but the values only of the columns that were chosen to
+    be loaded (see `Pick`).
+    """
 
     where: str
     """File and place of the header, for messages."""
@@ -56,7 +61,15 @@ class Table:
 
 
 def missing(library: str, what: str) -> InputError:
-    """Return the error for a format whose library is not installed."""
+    """Return the error to raise if the library for a file format is not installed.
+
+    Parameters
+    ----------
+    library
+        Name of the library.
+    what
+        Name of the file format.
+    """
     return InputError(f"{what} needs {library}: pip install '.[formats]'")
 
 
@@ -66,12 +79,19 @@ def reading(path: Path, what: str) -> Iterator[None]:
 
     The library reads a file in the block of the `with` statement.
 
+    Parameters
+    ----------
+    path
+        The file, for the error message.
+    what
+        Name of the file format, for the error message.
+
     Raises
     ------
     InputError
-        The content cannot be read.
+        The library cannot read the content of the file.
     OSError
-        The system cannot read the file.
+        The operating system cannot read the file.
     """
     try:
         yield
@@ -85,7 +105,11 @@ def reading(path: Path, what: str) -> Iterator[None]:
 
 
 def stated_filter(lines: Iterable[str]) -> str:
-    """Return the first line that states a filter and its frequency; empty if there is none."""
+    """Return the first line that describes a filter, for example `Low-pass filter: 10 Hz`.
+
+    The line must contain a word for a filter and a frequency in Hz. The result is empty if there is
+    no such line.
+    """
     for line in lines:
         if FILTER.search(line) and FREQUENCY.search(line):
             return " ".join(line.replace("\t", " ").strip(" #;,\"'").split())

@@ -18,13 +18,16 @@ from teleop.evaluation.formats.names import KNOWN, plain
 from teleop.evaluation.formats.table import Pick, Table, missing, reading, stated_filter
 
 MOST_WARNINGS = 3
+"""Largest number of warnings of the library that are reported for a file."""
 LONGEST_WARNING = 120
+"""Number of characters to which a warning is shortened."""
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
     """Read a TDMS file. In each group, the channels of the same length become one table.
 
-    If a group has no time channel, the times are computed from the time increment of its waveforms.
+    If a group has no channel with a usual name of the time, the times are computed from the sample
+    period of its channels (the TDMS property `wf_increment`), if it is the same for all of them.
     """
     try:
         from nptdms import TdmsFile
@@ -65,7 +68,13 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
 
 @contextlib.contextmanager
 def warnings_of(library: str) -> Iterator[list[str]]:
-    """Collect the first warnings that a library logs, instead of printing them."""
+    """Context manager that collects the warnings that a library logs, so that none is printed.
+
+    Yields
+    ------
+    The list of the warnings. It contains at most `MOST_WARNINGS` warnings, the first ones. They are
+    added while the block of the `with` statement runs.
+    """
     found: list[str] = []
 
     class Collector(logging.Handler):

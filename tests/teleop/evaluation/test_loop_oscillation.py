@@ -16,6 +16,7 @@ from teleop.evaluation.loop_oscillation import (
     LEAST_DAMPING,
     MOST_SUSTAINED,
     SUSTAINING,
+    RunningSpectra,
     sustained_share,
 )
 from teleop.evaluation.rendering import hand
@@ -106,6 +107,16 @@ def test_a_signal_that_is_shorter_than_a_segment_is_evaluated():
     velocity, force = response(15.0, 2.0 * np.pi * 10.0)
     assert share(velocity[:500], -force[:500]) > 0.95
     assert share(velocity[:0], force[:0]) == 0.0
+
+
+def test_an_oscillation_at_the_end_of_a_trial_in_blocks_is_found():
+    t = np.arange(0.0, 30.0, STEP)
+    velocity = 1e-3 * np.sin(2.0 * np.pi * 10.0 * t) * (t > 20.0)
+    spectra = RunningSpectra()
+    for part in np.split(velocity, 30):
+        spectra.add(part, -15.0 * part, np.full(len(part), STEP))
+    assert spectra.sustained_share() == pytest.approx(share(velocity, -15.0 * velocity))
+    assert spectra.sustained_share() > 0.95
 
 
 def test_the_tremor_of_a_stiff_arm_is_not_counted_as_unstable(feedback_settings):

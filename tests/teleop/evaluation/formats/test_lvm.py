@@ -67,6 +67,21 @@ def test_a_bad_cell_is_named_with_its_line(write, motion):
         read_signals(write(text))
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("X0\t0.0E+0\t0.0E+0\t\n", "", "X0 is '' in the header above: expected a number"),
+        ("Delta_X\t0.010000", "Delta_X\tten", "Delta_X is 'ten' in the header above"),
+    ],
+)
+def test_a_file_without_times_and_without_their_start_or_step_is_refused(
+    write, motion, refused, old, new, message
+):
+    text = FILE_HEADER.format(decimal=".", columns="No")
+    text += SEGMENT.format(n=200).replace(old, new) + rows(motion, x_column=False)
+    assert message in refused("estimate", write(text))
+
+
 def test_a_file_without_segments_is_refused_in_one_line(write, refused):
     path = write(FILE_HEADER.format(decimal=".", columns="One"))
     assert "data.lvm: the file has no table of numbers" in refused("estimate", path)

@@ -130,7 +130,7 @@ def ros2_mcap(tmp_path, motion):
 def json_mcap(tmp_path, motion):
     from mcap.writer import Writer
 
-    def write(encoding="json", **options):
+    def write(encoding="json", stamp=None, **options):
         path = tmp_path / "json.mcap"
         with path.open("wb") as file:
             writer = Writer(file, **options)
@@ -138,8 +138,12 @@ def json_mcap(tmp_path, motion):
             schema = writer.register_schema("Sample", "jsonschema", b"{}")
             channel = writer.register_channel("/samples", encoding, schema)
             for ns, x, f in zip(times(motion), motion.x, motion.f, strict=True):
-                data = json.dumps({"tip": {"position_mm": x * 1e3}, "force_N": f, "text": "a"})
-                writer.add_message(channel, ns, data.encode(), ns)
+                sample = {"tip": {"position_mm": x * 1e3}, "force_N": f, "text": "a"}
+                if stamp:
+                    parts = zip(stamp, divmod(ns, 10**9), strict=True)
+                    sample["header"] = {"stamp": dict(parts)}
+                data = json.dumps(sample).encode()
+                writer.add_message(channel, START if stamp else ns, data, ns)
             writer.finish()
         return path
 
@@ -160,6 +164,11 @@ def test_an_mcap_file_of_json_messages_is_read(json_mcap, motion, use_chunking, 
     path = json_mcap(use_chunking=use_chunking)
     motion.same(read_signals(path))
     assert main(["estimate", str(path)]) == 0
+
+
+@pytest.mark.parametrize("stamp", [("sec", "nanosec"), ("secs", "nsecs")])
+def test_json_messages_have_the_times_of_their_headers(json_mcap, motion, stamp):
+    motion.same(read_signals(json_mcap(stamp=stamp)))
 
 
 def test_messages_that_nothing_decodes_are_named(json_mcap, refused):
