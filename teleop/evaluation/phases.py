@@ -1,32 +1,37 @@
 """Find the phases of a palpation (free motion, loading, hold, unloading) and the contact point.
 
-**Contact.** Out of contact, the force stays at one level while the position changes. In contact,
-the force changes with the position. While the force is nearly constant, the stiffness therefore
-permits only a small travel. If the force stays near its lowest level and the travel is several
-times larger than this small travel, this part of the record is free motion. The method needs no
-zero of position or force and no column names, and it also works if the surface drifts. If there is
-no free motion, the record is either in contact throughout or never in contact. It is never in
-contact if the force does not follow the displacement (`teleop.evaluation.result`). A force that
-stays at its highest level while the position changes indicates a saturated sensor. Travel directly
-after a reversal is not counted, because lost motion (backlash) also keeps the force constant there.
+**Contact.** Out of contact, the force is constant while the position changes. In contact, a travel
+dx changes the force by about k dx, with the stiffness k. While the force changes by less than a
+small value w (`level_width`), the travel in contact is therefore less than about w / k. A part of
+the record is free motion if the force stays within w of its lowest value, and the travel is several
+times larger than w / k. Travel directly after a reversal is not counted, because lost motion
+(backlash) also keeps the force constant there. The method needs no zero of position or force, and
+also works if the surface drifts. If there is no free motion, the record is either in contact
+throughout or never in contact. It is never in contact if the force does not follow the displacement
+(`teleop.evaluation.result`). If the force stays near its highest value while the position changes,
+the force sensor is saturated, or the specimen slips or yields.
 
-**Contact point.** In each approach, the force is constant before the contact. After the beginning
-of contact, it is a quadratic function of the depth d with an additional damping force:
-f = f0 + a d + q d^2 + b v [d > 0], with d = (x - xc)+, where x is the position and xc the contact
-point. This model is fitted to the measured signals for a grid of values xc. The value with the
-smallest sum of squares is the contact point. Its interval is the range of xc in which the sum of
-squares exceeds the smallest sum by no more than noise can cause. If there are several approaches,
-the median of the contact points is reported, and the half width of the interval is the median of
-the half widths. For three or more approaches, the half width is at least the standard deviation of
-the contact points times Student's t.
+**Contact point.** An approach is a motion from free motion into contact. Its model is
+
+    f = f0                        for x <= xc,
+    f = f0 + a d + q d^2 + b v    for x > xc, with the depth d = x - xc,
+
+where f is the force, x the position, v the velocity and xc the contact point. The model is fitted
+to the measured signals for many values of xc. The contact point is the value with the smallest sum
+of squared residuals. Its 95 % interval contains the values of xc for which the sum is so little
+larger that noise can cause the difference. If there are several approaches, the median of their
+contact points is reported. The half width of the interval is then the median of the half widths.
+For three or more approaches, it is at least the standard deviation of the contact points times
+Student's t.
 
 **Phases.** In contact, loading and unloading are the monotone parts between turning points. A
 reversal counts as a turning point if two conditions hold: the following motion in the opposite
-direction exceeds 5 % of the travel, and the force changes with it. At the beginning and at the end
-of a monotone part, the position can be nearly constant. This means that the distance from the first
-or the last position of this part is less than 2 % of the travel in this part. A time with nearly
-constant position is a hold if it is longer than a third of the duration of a typical motion. This
-duration is the median over the monotone parts, without the times of nearly constant position.
+direction is larger than the fraction `TURN` of the whole travel, and the force changes with this
+motion. At the beginning and at the end of a monotone part, the position can be nearly constant. It
+counts as nearly constant while its distance from the first or the last position of the part is less
+than the fraction `STILL` of the travel in the part. The remaining time of the part is its motion. A
+time with nearly constant position is a hold if it is longer than `HOLD` times the median duration
+of the motions.
 """
 
 from __future__ import annotations
@@ -47,9 +52,9 @@ from teleop.evaluation.prepared import Prepared
 from teleop.evaluation.turning_points import turning_points, without_lost_motion
 
 LEVEL = 0.015
-"""Smallest width of a force level, as a fraction of the force range."""
+"""Smallest value of `level_width`, as a fraction of the force range."""
 NOISE = 6.0
-"""Smallest width of a force level, in standard deviations of the noise of the smoothed force."""
+"""Smallest value of `level_width`, in standard deviations of the noise of the smoothed force."""
 TURN = 0.05
 """Smallest reversal of the motion that separates loading from unloading, as a fraction of the
 travel."""
@@ -58,56 +63,65 @@ STILL = 0.02
 HOLD = 0.33
 """Shortest hold, as a fraction of the median duration of the motion in the monotone parts."""
 APPROACHES, MOST_POINTS = 10, 300
-"""Approximate largest number of approaches to which the contact point is fitted, and of samples in
-each approach."""
+"""Approximate largest number of approaches in which the contact point is fitted, and of samples
+that are used in each approach. An approach is a motion from free motion into contact."""
 SHORT = 4
-"""Samples within one guard of the start and the end of a record are not fitted. Exception: they are
-fitted if the record has few usable samples: at most `SHORT` guards for each of start, gaps and
-end."""
+"""Samples near the start and the end of a record (nearer than `GUARD`) are not fitted if the record
+is long. The record is long if it has more than `SHORT` times this number of samples in contact for
+each start, gap and end."""
 GUARD = 3.5
-"""Guard: samples within this number of kernel widths from the beginning or end of a contact are not
-fitted."""
+"""Samples nearer than this distance to the beginning or end of a contact are not fitted. The unit
+is the standard deviation of the smoothing kernel."""
 
 
 class Phase(NamedTuple):
-    """A part of the record with one kind of motion."""
+    """A part of a record with one kind of motion: free motion, loading, hold or unloading."""
 
     name: str
     """`free`, `loading`, `hold` or `unloading`."""
     start: int
-    """Index of the first sample of the phase, on the grid of the prepared record."""
+    """Index of the first sample of the phase, in the arrays of the prepared record."""
     end: int
-    """Index after the last sample of the phase."""
+    """Index of the last sample of the phase, plus 1."""
 
 
 @dataclass(frozen=True)
 class Phases:
-    """Contact, contact point and phases of a record of n samples."""
+    """Times of contact, contact point, and phases of the motion in a record of n samples.
+
+    The phases are free motion, loading, holds and unloading.
+    """
 
     contact: NDArray[np.bool_]
     """Whether there is contact at each sample, shape (n,)."""
     inner: NDArray[np.bool_]
-    """Whether there is contact at each sample, and no beginning or end of contact within the width
-    of the smoothing, shape (n,)."""
+    """True at samples in contact that are farther than the width of the smoothing from any
+    beginning or end of contact, shape (n,)."""
     usable: NDArray[np.bool_]
-    """As `inner`, and no end of the record within the width of the smoothing, shape (n,)."""
+    """True at the samples of `inner` that are also farther than the width of the smoothing from
+    gaps and, except in a short record, from the start and the end of the record, shape (n,)."""
     free_force: float | None
-    """Force out of contact [N]; None if the record is in contact throughout."""
+    """Median force out of contact [N]; None if the record contains no free motion."""
     free_spread: float
     """Standard deviation of the smoothed force out of contact [N]."""
     free_error: float
-    """Standard deviation of the smoothed force out of contact, without the samples at which the
-    smoothing includes contact [N]."""
+    """Standard deviation of the smoothed force out of contact [N]. Samples near contact are not
+    used, because the smoothing mixes them with the force in contact."""
     contact_point: Interval | None
-    """Position at which contact begins [m]; None if the record has no approach."""
+    """Position at which contact begins, with its 95 % interval [m]; None if the record has no
+    motion from free motion into contact that can be used."""
     saturated: bool
-    """Whether the force stays at its highest level while the position moves."""
+    """Whether the force stays near its highest value while the position changes."""
     phases: tuple[Phase, ...]
     """The phases in the order of time."""
 
 
 def find_phases(record: Prepared) -> Phases:
-    """Divide a prepared record into phases, and find the contact point."""
+    """Divide a prepared record into phases of motion, and find the contact point.
+
+    The phases are free motion, loading, holds and unloading. The contact point is the position at
+    which contact begins.
+    """
     x, f = record.x, record.f
     width = level_width(record)
     free, saturated = levels(record, width)
@@ -122,7 +136,7 @@ def find_phases(record: Prepared) -> Phases:
         error = float(np.std(f[apart])) if apart.any() else spread
         contact = hysteresis(f - free_force, 0.5 * width, width)
         contact = without_short(contact, 2 * guard)
-        point = contact_point(record, contact, free_force, width)
+        point = contact_point(record, contact, free_force)
     inner = eroded(contact, guard) if free is not None else contact
     usable = inner.copy()
     ends = [*record.starts, len(usable)]
@@ -133,18 +147,31 @@ def find_phases(record: Prepared) -> Phases:
 
 
 def level_width(record: Prepared) -> float:
-    """Return the width of a force level [N].
+    """Return the difference of force below which the force counts as unchanged [N].
 
-    Contact begins when the force is above its level out of contact by more than this width.
+    Contact begins when the force exceeds the force out of contact by more than this difference.
     """
     low, high = record.force_range
     return max(NOISE * record.f_noise_smoothed, LEVEL * (high - low))
 
 
 def contact_point(
-    record: Prepared, contact: NDArray[np.bool_], free_force: float, width: float
+    record: Prepared, contact: NDArray[np.bool_], free_force: float
 ) -> Interval | None:
-    """Return the position at which contact begins [m]; None if there is no approach."""
+    """Return the position at which contact begins, with its 95 % interval [m].
+
+    The result is None if the record has no approach (motion from free motion into contact) with
+    enough samples.
+
+    Parameters
+    ----------
+    record
+        The prepared record.
+    contact
+        Whether there is contact at each of the n samples, shape (n,).
+    free_force
+        Force out of contact [N].
+    """
     found = []
     approaches = [(start, end) for start, end in runs(contact) if start > 0]
     every = max(1, len(approaches) // APPROACHES)
@@ -172,12 +199,13 @@ def contact_point(
 
 
 def onset(x: Floats, v: Floats, f: Floats, noise: float) -> Interval | None:
-    """Return the position at which the force begins to increase, with its interval [m].
+    """Return the position at which the force begins to increase, with its 95 % interval [m].
 
     Parameters
     ----------
     x, v, f
-        Position [m], velocity [m/s] and measured force [N] of one approach, shape (n,).
+        Position [m], velocity [m/s] and measured force [N] of one motion from free motion into
+        contact, shape (n,).
     noise
         Standard deviation of the noise of the force [N].
     """
@@ -196,7 +224,18 @@ def onset(x: Floats, v: Floats, f: Floats, noise: float) -> Interval | None:
 
 
 def split(record: Prepared, contact: NDArray[np.bool_]) -> tuple[Phase, ...]:
-    """Divide the part in contact into phases, and return all phases in the order of time."""
+    """Divide a record into phases of motion, and return the phases in the order of time.
+
+    Each part out of contact is one phase with the name `free`. The parts in contact are divided
+    into loading, holds and unloading.
+
+    Parameters
+    ----------
+    record
+        The prepared record of n samples.
+    contact
+        Whether there is contact at each sample, shape (n,).
+    """
     bounds = sorted({0, len(contact), *record.starts, *np.flatnonzero(np.diff(contact) != 0) + 1})
     whole = float(np.ptp(record.palpation))
     found: list[Phase] = []
@@ -230,7 +269,10 @@ def split(record: Prepared, contact: NDArray[np.bool_]) -> tuple[Phase, ...]:
 
 
 def merged(phases: list[Phase]) -> list[Phase]:
-    """Join adjacent phases of the same name."""
+    """Return the phases, with adjacent phases of the same name joined to one phase.
+
+    The parameter `phases` is in the order of time.
+    """
     joined: list[Phase] = []
     for phase in phases:
         if joined and joined[-1].name == phase.name and joined[-1].end == phase.start:

@@ -1,4 +1,4 @@
-"""Detection of the points at which a motion reverses, and of its cycles."""
+"""Find the points at which a motion reverses, and the frequency of a cyclic motion."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 from estimation.compiled import Floats
 
 STROKE = 0.2
-"""Least stroke in a record that is mostly at rest, as a fraction of the range of the position."""
+"""Smallest stroke in a record that is mostly at rest, as a fraction of the range of the position.
+A stroke is the motion between two successive reversals."""
 WHOLE = 0.7
 """Smallest inward stroke that is used, relative to the median stroke. The first stroke is smaller
 if the motion begins in the middle of its range."""
@@ -17,8 +18,8 @@ FEWEST_INNER = 5
 """If there are more inward strokes, the first and the last are not used, because the removal of the
 baseline shifts them."""
 REGULAR = 0.5
-"""Largest relative difference of the duration of a cycle from the median. A longer cycle contains a
-rest."""
+"""Largest relative difference of the duration of a cycle from the typical duration, which is the
+median. If the number of cycles is even, it is the shorter one of the two middle cycles."""
 
 FOLLOWED = 0.1
 """Smallest slope of the force in a stroke on a specimen, relative to the mean slope. On the cubes
@@ -26,9 +27,16 @@ of the simulated rig, the slope at the surface is at least 0.13 times the mean s
 
 
 def least_stroke(x: Floats) -> float:
-    """Return the smallest stroke that counts as part of a cycle [m].
+    """Return the smallest travel between two reversals that counts as a stroke of a cycle [m].
 
-    The value is also suitable for a record that is mostly at rest.
+    The result is the standard deviation of the position, but at least the fraction `STROKE` of the
+    range of the position. This lower limit is used for a record that is mostly at rest, because its
+    standard deviation is too small.
+
+    Parameters
+    ----------
+    x
+        Position [m], shape (n,).
     """
     low, high = np.percentile(x, [1.0, 99.0])
     return max(float(np.std(x)), STROKE * float(high - low))
@@ -37,10 +45,10 @@ def least_stroke(x: Floats) -> float:
 def cycle_frequency(x: Floats, period: float) -> float | None:
     """Return the mean frequency of the cycles of a motion [Hz].
 
-    The result is None if the motion has fewer than two inward strokes.
-
-    A cycle lasts from the middle of one inward stroke to the middle of the next. Rests before,
-    after and between the cycles are not counted.
+    An inward stroke is the motion from one reversal to the next while the position increases. A
+    cycle lasts from the middle of one inward stroke to the middle of the next. A cycle that is much
+    longer than the typical cycle contains a rest, and is not used. If there is only one cycle, a
+    rest in it is not detected. The result is None if the motion has fewer than two inward strokes.
 
     Parameters
     ----------
@@ -60,15 +68,23 @@ def cycle_frequency(x: Floats, period: float) -> float | None:
     cycles = np.diff(middles)
     if not len(cycles):
         return None
-    typical = float(np.median(cycles))
+    typical = float(np.percentile(cycles, 50.0, method="lower"))
     regular = cycles[np.abs(cycles - typical) < REGULAR * typical]
     return 1.0 / (float(np.mean(regular)) * period)
 
 
 def middle_of_stroke(x: Floats, start: int, end: int) -> float:
-    """Return the place at which an inward stroke reaches half of its travel.
+    """Return the place in a record at which the position reaches the middle of a stroke.
 
-    It is an index in `x`, interpolated linearly between two samples.
+    The place is an index in `x` that is interpolated linearly between two samples. The stroke is
+    inward, which means that the position increases.
+
+    Parameters
+    ----------
+    x
+        Position [m], shape (n,).
+    start, end
+        Index of the first sample and index of the last sample of the stroke.
     """
     level = 0.5 * (x[start] + x[end])
     i = start + int(np.argmax(x[start : end + 1] >= level))
@@ -76,17 +92,16 @@ def middle_of_stroke(x: Floats, start: int, end: int) -> float:
 
 
 def turning_points(x: Floats, least: float) -> list[int]:
-    """Return the indices of the samples at which the motion reverses.
+    """Return the indices of the samples at which a motion reverses.
 
-    The list also contains 0 as the first element, and n as the last element.
+    Two indices are added to the list: 0 at its beginning, and n at its end.
 
     Parameters
     ----------
     x
         Position [m], shape (n,).
     least
-        The motion has reversed if it moves by more than this distance in the opposite direction
-        [m].
+        Smallest motion in the opposite direction that counts as a reversal [m].
     """
     turns = [0]
     highest = lowest = 0
@@ -113,7 +128,7 @@ def turning_points(x: Floats, least: float) -> list[int]:
 
 
 def without_lost_motion(turns: list[int], x: Floats, f: Floats) -> list[int]:
-    """Remove turning points that are caused by lost motion (backlash), and return the others.
+    """Return the turning points that are not caused by lost motion (backlash).
 
     If there is lost motion between the position sensor and the tip, a small oscillation of the
     drive moves the sensor, but not the tip. Then the position changes between two successive
@@ -122,7 +137,7 @@ def without_lost_motion(turns: list[int], x: Floats, f: Floats) -> list[int]:
     Parameters
     ----------
     turns
-        Turning points of the position, as returned by `turning_points`.
+        Indices of all turning points of the position, as returned by `turning_points`.
     x, f
         Position [m] and force [N], shape (n,).
     """

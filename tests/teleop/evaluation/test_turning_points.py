@@ -1,13 +1,14 @@
-"""Turning points of a motion that contains oscillations within the lost motion of the drive."""
+"""Turning points of a motion with oscillations within the lost motion, and its frequency."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_backend import CUBES
 from teleop.evaluation.analysis import analyse
 from teleop.evaluation.signals import Signals, periods
-from teleop.evaluation.turning_points import turning_points, without_lost_motion
+from teleop.evaluation.turning_points import cycle_frequency, turning_points, without_lost_motion
 
 RATE = 1000.0
 TRAVEL = 0.7e-3
@@ -33,6 +34,15 @@ def strokes_with_oscillation(amplitude):
     level = np.interp(phase, [0.0, 0.3, 0.5, 0.8, 1.0], [0.0, 1.0, 1.0, 0.0, 0.0])
     pause = ((phase > 0.3) & (phase < 0.5)) | (phase > 0.8)
     return t, TRAVEL * level + amplitude * pause * np.sin(20.0 * np.pi * t)
+
+
+@pytest.mark.parametrize("rest", [0.0, 5.0])
+@pytest.mark.parametrize("cycles", [3, 4, 5, 6])
+def test_a_rest_between_the_cycles_does_not_change_their_frequency(rest, cycles):
+    period = 1e-3
+    cycle = 1.0 - np.cos(2.0 * np.pi * np.arange(0.0, 1.0, period))
+    x = np.concatenate([np.tile(cycle, cycles), np.zeros(round(rest / period)), cycle])
+    assert cycle_frequency(x, period) == pytest.approx(1.0, rel=0.02)
 
 
 def test_an_oscillation_within_the_lost_motion_does_not_divide_a_stroke():
