@@ -1,4 +1,4 @@
-"""Print a command that a person can copy, in lines that fit the terminal."""
+"""Print a shell command that the user can copy, in lines that fit the terminal."""
 
 from __future__ import annotations
 
@@ -9,18 +9,21 @@ from teleop.output.console import plain_console, terminal_width
 
 
 def print_command(text: str, words: Sequence[str]) -> None:
-    """Print a text and a command, on one line if the terminal is wide enough.
+    """Print a text and, after it, a shell command that the user can copy.
 
-    Otherwise the command begins on the next line, and a backslash at the end of a line continues
-    it. A shell then reads the copied lines as one command. An option and its value are on the same
-    line.
+    Text and command are on one line if the terminal is wide enough. Otherwise, the command begins
+    on the next line, and may be divided into several lines. Each line of the command except the
+    last then ends with a backslash, so that a shell reads the copied lines as one command. An
+    option and its value are on the same line.
 
     Parameters
     ----------
     text
-        Text before the command. Its indentation is also that of the command.
+        Text before the command. It may begin with spaces. A command on a new line is indented
+        further than the text.
     words
-        The command, its options and their values. Words with special characters are quoted.
+        The command, its options and their values. Words with special characters are printed in
+        quotes.
     """
     console, width = plain_console(), terminal_width()
     line = f"{text}: {shlex.join(words)}"
@@ -33,13 +36,23 @@ def print_command(text: str, words: Sequence[str]) -> None:
 
 
 def broken(words: Sequence[str], indent: str, width: int) -> list[str]:
-    """Return the lines of a command, each with an indent and at most `width` characters.
+    """Divide a shell command into lines with at most `width` characters, and return the lines.
 
-    A line is longer if a word, or an option with its value, does not fit.
+    An option and its value are on the same line. A line is longer than `width` only if a single
+    word, or an option with its value, is too long.
+
+    Parameters
+    ----------
+    words
+        The command, its options and their values.
+    indent
+        Spaces at the start of each line.
+    width
+        Largest number of characters of a line, including the indent.
     """
     parts: list[list[str]] = []
     for word in words:
-        if parts and parts[-1][0].startswith("-") and not word.startswith("-"):
+        if parts and parts[-1][0].startswith("--") and not word.startswith("--"):
             parts[-1].append(word)
         else:
             parts.append([word])

@@ -22,21 +22,22 @@ MARKDOWN = re.compile(r"[\\`*_\[\]<>|#~]")
 
 @dataclass(frozen=True)
 class TextTable:
-    """A table of text."""
+    """A table whose cells contain text, with headings and notes."""
 
     headings: Sequence[str]
     """Headings of the columns."""
     rows: Sequence[Sequence[str]]
     """Text of the cells."""
     left: int
-    """Number of columns at the left that are aligned to the left. In all but the last of these
-    columns, a text that repeats the text in the row above is omitted."""
+    """Number of columns that are aligned to the left; they are the first columns of the table. In a
+    LaTeX table, repeated texts in these columns are omitted (see `shortened`)."""
     notes: Sequence[tuple[str, str]] = ()
-    """Mark and text of each note below the table. A mark that is not empty is also in a cell."""
+    """Mark and text of each note below the table. The cell to which a note refers contains the same
+    mark. The mark is empty if the note refers to the whole table."""
 
 
 def check_table_ending(path: Path) -> None:
-    """Check that the ending of a file name is that of a table file.
+    """Check that a file name ends with one of the endings of table files, `ENDINGS`.
 
     Raises
     ------
@@ -48,7 +49,11 @@ def check_table_ending(path: Path) -> None:
 
 
 def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return rows as CSV. The headings are the keys of the first row; None is an empty cell."""
+    """Return a table as CSV text.
+
+    Each row is a mapping from the heading of a column to the value in the cell. The headings are
+    the keys of the first row. The value None is written as an empty cell.
+    """
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, fieldnames=[*rows[0]] if rows else [])
     writer.writeheader()
@@ -57,9 +62,10 @@ def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def latex_text(table: TextTable) -> str:
-    """Return a table as a LaTeX tabular, with rules of the package booktabs.
+    """Return a table as LaTeX source: the environment `tabular` with lines of the package booktabs.
 
-    The notes use the package threeparttable. A rule separates rows that differ in the first column.
+    The notes are written with the package threeparttable. If more than one column is aligned to the
+    left, a horizontal line separates successive rows with different texts in the first column.
     """
     left, columns = table.left, len(table.headings)
     lines = [
@@ -93,9 +99,9 @@ def latex_text(table: TextTable) -> str:
 
 
 def markdown_text(table: TextTable) -> str:
-    """Return a table in Markdown, with the notes as paragraphs below the table."""
+    """Return a table as Markdown text. Its notes are paragraphs below the table."""
     headings, columns = table.headings, len(table.headings)
-    cells = [[cell.replace("|", "\\|") for cell in row] for row in (headings, *table.rows)]
+    cells = [[markdown(cell) for cell in row] for row in (headings, *table.rows)]
     rule = [":--" if i < table.left else "--:" for i in range(columns)]
     rows = [f"| {' | '.join(row)} |\n" for row in (cells[0], rule, *cells[1:])]
     notes = [f"\n{markdown(' '.join(filter(None, note)))}\n" for note in table.notes]
@@ -108,10 +114,18 @@ def markdown(text: str) -> str:
 
 
 def shortened(rows: Sequence[Sequence[str]], left: int) -> list[list[str]]:
-    """Return rows of a table in which repeated cells at the left are empty.
+    """Return the rows of a table, with empty cells instead of repeated texts in the first columns.
 
-    A cell becomes empty if this cell and all cells to its left are the same as in the row above.
-    Only the first `left` - 1 columns are changed.
+    A cell is replaced by an empty cell if it, and all cells to its left, have the same text as in
+    the row above.
+
+    Parameters
+    ----------
+    rows
+        Texts of the cells, row by row.
+    left
+        Number of columns that are aligned to the left; they are the first columns of the table.
+        Only these columns are changed, except the last of them.
     """
     found = []
     for i, row in enumerate(rows):
@@ -128,16 +142,20 @@ def write_table_file(
     tables: Sequence[TextTable],
     overwrite: bool = False,
 ) -> None:
-    """Write a table to a file, in the format that the ending of the file name states.
+    """Write results to a table file, in the format that the ending of the file name states.
+
+    The results are given in two forms. Only the form that suits the format of the file is
+    written.
 
     Parameters
     ----------
     path
         The file. Its name ends with one of `ENDINGS`.
     tidy
-        Rows that are written to a CSV file: values by column.
+        Results for a CSV file: a list of rows. Each row is a mapping from the heading of a column
+        to the value in the cell.
     tables
-        Tables that are written to a LaTeX or Markdown file.
+        Results for a LaTeX or Markdown file: tables of text.
     overwrite
         Whether to overwrite an existing file.
 

@@ -15,6 +15,7 @@ from teleop.cli import main
 from teleop.output.console import number, plain_console, print_table, small, wrapped
 from teleop.output.next_command import broken
 from teleop.output.result_tables import with_half
+from teleop.output.table_files import TextTable, markdown_text
 
 
 def printed(capsys, monkeypatch, environment, *arguments):
@@ -110,6 +111,16 @@ def test_a_broken_command_is_read_by_a_shell_as_the_same_words(words, width):
     for line in lines:
         options = [word for word in shlex.split(line) if word.startswith("-")]
         assert len(line) <= width or len(options) <= 1
+
+
+def test_an_option_and_its_negative_value_are_on_the_same_line():
+    command = ["teleop", "lag", "--offset", "-0.001", "--out", "lag.png"]
+    assert broken(command, "", 20) == ["teleop lag", "--offset -0.001", "--out lag.png"]
+
+
+def test_a_cell_of_a_markdown_table_is_shown_as_it_is():
+    table = TextTable(["file"], [["a*b*_c_|`d`<br>"]], 1)
+    assert r"| a\*b\*\_c\_\|\`d\`\<br\> |" in markdown_text(table)
 
 
 def test_a_command_to_copy_is_on_one_line_if_it_fits(monkeypatch, capsys, tmp_path):
