@@ -1,4 +1,4 @@
-"""Check the requests of the live page, which are small JSON objects."""
+"""Check the requests that the live page, a web page, sends to the server as small JSON objects."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from teleop.json_documents import loads
 
 LONGEST_MESSAGE = 1024
 """Largest size of a message from the live page [bytes]."""
+LARGEST = 1 << 53
+"""Largest integer in a message. Each smaller integer is equal to a floating-point number."""
 FIELDS: dict[str, dict[str, tuple[type, ...]]] = {
     "hello": {"token": (str,), "view": (str,)},
     "beat": {"n": (int,)},
@@ -35,21 +37,21 @@ CHOICES: dict[str, tuple[type, ...]] = {
 }
 """Optional fields of the request `choose`."""
 IN_CONTROL = {"end", "unlock", "start", "pointer", "choose", "next", "repeat", "skip", "notes"}
-"""Requests that only the client in control may send."""
+"""Requests that only the client (connected live page) that has control may send."""
 
 
 class BadRequest(ValueError):
-    """A request from a client is not valid, or is not possible at present."""
+    """Error: a request of the live page is not valid, or is not possible at present."""
 
 
 def parse_request(message: str | bytes) -> dict[str, Any]:
-    """Return the request that a message from a client contains.
+    """Check a message of the live page, and return the request that the message contains.
 
     Raises
     ------
     BadRequest
-        The message is binary, is not a JSON object, or is not one of the requests in `FIELDS` with
-        all fields of this request.
+        The message is not a JSON object in text form, its field `type` is not a name in `FIELDS`,
+        its other fields are not those of this type, or a value has a wrong type or is too large.
     """
     if isinstance(message, bytes):
         raise BadRequest("expected text")
@@ -69,4 +71,6 @@ def parse_request(message: str | bytes) -> dict[str, Any]:
         value = request[name]
         if not isinstance(value, types) or (isinstance(value, bool) and bool not in types):
             raise BadRequest(f"{kind}.{name}: expected a value of another type")
+        if isinstance(value, int) and abs(value) > LARGEST:
+            raise BadRequest(f"{kind}.{name}: expected a smaller number")
     return request

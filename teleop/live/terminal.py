@@ -1,6 +1,7 @@
-"""Write to a terminal from a separate thread.
+"""Write to a terminal from a separate thread, so that the control loop never waits for it.
 
-While the terminal is stopped (Ctrl-S), a write blocks. Only the separate thread then has to wait.
+While a terminal is stopped (Ctrl-S), a write to the terminal waits. Here, only the separate thread
+waits.
 """
 
 from __future__ import annotations
@@ -9,16 +10,18 @@ import contextlib
 import os
 import threading
 
+from teleop.files import encoded
+
 TIMEOUT = 0.5
 """Longest time for which `close` waits for the terminal [s]."""
 
 
 class Terminal:
-    """Writes to a terminal without blocking the caller.
+    """Writes to a terminal without delay of the caller.
 
     While a terminal is stopped (Ctrl-S), or while its output is not read, a write to the terminal
-    blocks. A separate thread therefore writes the text. The file descriptor itself remains in
-    blocking mode, because a change of its mode would also apply to the shell.
+    waits. A separate thread therefore writes the text. The file descriptor is not changed to
+    non-blocking mode, because the shell uses the same terminal, and its mode would change, too.
 
     Parameters
     ----------
@@ -35,18 +38,18 @@ class Terminal:
         self._thread = threading.Thread(target=self._write_all, daemon=True)
 
     def draw(self, text: str) -> None:
-        """Write a text that is needed only until the next call of `draw` or `write`.
+        """Write a text that the next text replaces, such as a progress line.
 
-        If the text has not been written before this next call, it is discarded.
+        If the text has not been written before the next call of `draw` or `write`, it is discarded.
         """
         with self._changed:
             self._line = encoded(text)
             self._wake()
 
     def write(self, text: str) -> None:
-        """Write a text that is never discarded.
+        """Write a text that later texts do not replace, such as a message.
 
-        If the last text of `draw` has not been written yet, the text of `draw` is discarded.
+        A text of `draw` that has not been written yet is discarded.
         """
         with self._changed:
             self._kept += encoded(text)
@@ -54,7 +57,7 @@ class Terminal:
             self._wake()
 
     def close(self) -> None:
-        """Wait until all text is written, for at most `TIMEOUT`."""
+        """Wait until all text is written, for at most `TIMEOUT` seconds."""
         with self._changed:
             self._closed = True
             self._changed.notify()
@@ -77,8 +80,3 @@ class Terminal:
                     return
                 while rest:
                     rest = rest[os.write(self._descriptor, rest) :]
-
-
-def encoded(text: str) -> bytes:
-    """Return the text in UTF-8. Characters that cannot be encoded become backslash escapes."""
-    return text.encode(errors="backslashreplace")
