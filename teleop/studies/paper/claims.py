@@ -1,4 +1,4 @@
-"""Check whether the claims of the paper about its results are true for the simulated trials."""
+"""Check whether the claims (statements) of the paper are also true for the simulated trials."""
 
 from __future__ import annotations
 
@@ -14,15 +14,19 @@ from teleop.studies.paper.trials import Damping, Outcome, as_rows
 RISE = 0.6
 """Longest rise time that the paper states [s]."""
 FACTOR = 2.0
-"""Largest ratio of the simulated value to the paper's value, or of the paper's to the simulated
-value, at which a damping or a force error agrees with the paper."""
+"""A simulated damping or force error agrees with the paper if it is between 1 / `FACTOR` times and
+`FACTOR` times the value in the paper."""
 NEAR_DAMPING, NEAR_ERROR = 16, 22
-"""Numbers of the 27 cells of Table I that must at least agree with the paper: for damping, and for
-force error."""
+"""Smallest number of the 27 cells of Table I that must agree with the paper in the damping, and
+smallest number that must agree in the force error."""
 
 
 class Claim(NamedTuple):
-    """A claim of the paper, and whether it is true for the simulated trials."""
+    """A claim, and whether it is true for the simulated trials.
+
+    A claim is a statement of the paper about its results, or a statement that the simulated results
+    agree with the paper or with the true values.
+    """
 
     claim: str
     """The claim as a text."""
@@ -33,7 +37,13 @@ class Claim(NamedTuple):
 
 
 def check_claims(outcomes: Sequence[Outcome]) -> list[Claim]:
-    """Check the paper's claims against the nine trials of one seed."""
+    """Check all claims about the simulated results, and return whether each of them is true.
+
+    Parameters
+    ----------
+    outcomes
+        Simulated results of the paper's nine trials, for one seed.
+    """
     rows = as_rows(outcomes)
     cell = {(row["condition"], row["cube"], row["estimator"]): row for row in rows}
     return [
@@ -46,7 +56,13 @@ def check_claims(outcomes: Sequence[Outcome]) -> list[Claim]:
 
 
 def table_claims(rows: list[dict[str, Any]]) -> list[Claim]:
-    """Compare stiffness, damping and force error in the cells of Table I with the paper."""
+    """Check that the simulated stiffness, damping and force error agree with the paper's Table I.
+
+    Parameters
+    ----------
+    rows
+        One row for each trial and estimator, from `as_rows`.
+    """
     off = {
         f"{row['condition']} {row['cube']} {row['estimator']}": row["k"] / row["paper"]["k"] - 1.0
         for row in rows
@@ -79,7 +95,16 @@ def table_claims(rows: list[dict[str, Any]]) -> list[Claim]:
 
 
 def error_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[Claim]:
-    """Check the claims about which estimators have the largest and the smallest force error."""
+    """Check which estimator has the largest force error, and which one has the smallest.
+
+    The first claim is that adaptive identification has the largest force error in every trial. The
+    second claim is that recursive least squares (RLS) has the smallest force error in most trials.
+
+    Parameters
+    ----------
+    cell
+        The rows from `as_rows`, by (condition, cube, estimator).
+    """
     claims = []
     for wording, name, pick, least in (
         ("adaptive identification has the largest force error in every trial", "ai", max, 9),
@@ -102,7 +127,15 @@ def error_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[Claim
 
 
 def rise_claim(rows: list[dict[str, Any]]) -> Claim:
-    """Check that every rise time is at most `RISE`."""
+    """Check that no estimate of the stiffness has a longer rise time than the paper states.
+
+    `RISE` is the longest rise time that the paper states. The claim is false if a rise time is NaN.
+
+    Parameters
+    ----------
+    rows
+        One row for each trial and estimator, from `as_rows`.
+    """
     slowest = max(
         rows, key=lambda row: math.inf if math.isnan(row["rise_time_s"]) else row["rise_time_s"]
     )
@@ -115,7 +148,17 @@ def rise_claim(rows: list[dict[str, Any]]) -> Claim:
 
 
 def stiffness_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[Claim]:
-    """Check that stiffness increases from soft to hard, and decreases from free to autonomous."""
+    """Check how the estimated stiffness depends on the cube and on the control condition.
+
+    The first claim is that the stiffness increases from the soft to the medium to the hard cube,
+    for every condition and estimator. The second claim is that the stiffness is smaller under the
+    condition `autonomous` than under `free`, for every cube and estimator.
+
+    Parameters
+    ----------
+    cell
+        The rows from `as_rows`, by (condition, cube, estimator).
+    """
     rises = all(
         cell[c, "soft", e]["k"] < cell[c, "medium", e]["k"] < cell[c, "hard", e]["k"]
         for c in CONDITIONS
@@ -142,17 +185,18 @@ def stiffness_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[C
 
 
 def damping_claims(steps: list[Damping], outcomes: Sequence[Outcome]) -> list[Claim]:
-    """Check the sign of the biased damping, and the value of the damping without bias.
+    """Check the sign of the damping that is estimated with bias, and the value without bias.
 
-    The damping from RLS must be negative in the same trials as in the paper. When all causes of
-    bias are removed, the estimated damping must be close to the true damping.
+    The first claim is that the damping from recursive least squares (RLS), which is biased, is
+    negative in the same trials as in the paper. The second claim is that the estimated damping is
+    close to the true damping if all causes of bias are removed.
 
     Parameters
     ----------
     steps
-        Estimates of the damping in each trial. The causes of bias are removed one after the other.
+        For each trial, the true damping, and the estimates with and without causes of bias.
     outcomes
-        Results of the same trials.
+        Results of the same trials, in the same order.
     """
     positive = [
         f"{outcome.condition} {outcome.cube}: {step.rls:+.1f}"
@@ -162,7 +206,7 @@ def damping_claims(steps: list[Damping], outcomes: Sequence[Outcome]) -> list[Cl
     share = max(abs(step.stiffening / step.true - 1.0) for step in steps)
     return [
         Claim(
-            "RLS damping is negative wherever the paper's is",
+            "RLS damping is negative in the same trials as in the paper",
             not positive,
             "; ".join(positive) or f"{len(steps)} of {len(steps)}",
         ),

@@ -1,4 +1,4 @@
-"""Compute the analysis of variance of the nine trials, which are repeated with several seeds."""
+"""Compute an analysis of variance of the paper's nine trials, repeated with several seeds."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ RESPONSES = {"e_f": "Average force error [N]", "rise_time_s": "Rise time [s]"}
 
 
 def effects_on(outcomes: Sequence[Outcome], response: str) -> list[Effect]:
-    """Return the effects of cube, condition and estimator on a response.
+    """Return the effects of cube, control condition and estimator on a response.
 
     Parameters
     ----------
     outcomes
         Results of the nine trials for at least two seeds.
     response
-        Key of `RESPONSES`.
+        Name of the response (dependent variable), a key of `RESPONSES`.
 
     Raises
     ------
@@ -42,15 +42,21 @@ def effects_on(outcomes: Sequence[Outcome], response: str) -> list[Effect]:
 
 
 def finding(effects: Sequence[Effect]) -> str:
-    """Return a sentence that compares an analysis of variance with the finding of the paper.
+    """Return a sentence that compares the result of an analysis of variance with the paper.
 
     The paper states that "only the choice of the estimation algorithm has an effect".
+
+    Parameters
+    ----------
+    effects
+        Effects of cube, control condition and estimator, from `effects_on`.
     """
     largest = max(effects, key=lambda effect: effect.eta_squared)
-    others = [
-        effect.source for effect in effects if effect.p < 0.01 and effect.source != "estimator"
-    ]
+    significant = [effect.source for effect in effects if effect.p < 0.01]
+    others = [source for source in significant if source != "estimator"]
     verdict = f"Most variance is due to {largest.source} ({largest.eta_squared:.0%})"
+    if not significant:
+        return f"{verdict}; unlike in the paper, no effect is significant (p < 0.01)."
     if not others:
         return f"{verdict}; only the estimator has an effect, as in the paper."
     return (

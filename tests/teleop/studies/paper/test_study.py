@@ -17,3 +17,8 @@ def test_the_finding_names_other_factors_that_matter():
     text = finding([effect("cube", 0.8, 1e-9), effect("estimator", 0.1, 1e-3)])
     assert "Most variance is due to cube" in text
     assert "unlike in the paper" in text
+
+
+def test_the_finding_without_a_significant_effect_is_not_the_papers():
+    text = finding([effect("cube", 0.1, 0.6), effect("estimator", 0.1, 0.6)])
+    assert "unlike in the paper, no effect is significant" in text
