@@ -1,4 +1,7 @@
-"""Write the tables of results of a sweep, with a row for each point and estimator."""
+"""Write the tables of results of a sweep, with a row for each estimator at each point.
+
+A point is one combination of values of the settings that vary.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +24,10 @@ BATCH = 10_000
 
 
 class Tables:
-    """Writes the table results.csv while a sweep runs, and results.parquet at its end.
+    """Writes the tables of results of a sweep: results.csv and results.parquet.
 
-    This is a context manager, which closes the files.
+    The file results.csv is written while the sweep runs. It is open within the `with` block of this
+    context manager. The file results.parquet is written by the method `write_parquet`.
 
     Parameters
     ----------
@@ -36,14 +40,14 @@ class Tables:
     journal
         The journal with the results.
     positions
-        For each point that is done, the position in the journal at which its result begins
-        [bytes]. The key is the number of the point. While the sweep runs, the caller adds the
-        positions of further points.
+        Where the journal contains the result of each point that is done: the key is the number of
+        the point, and the value is the position of the result in the journal [bytes]. While the
+        sweep runs, the caller adds the positions of further points.
 
     Raises
     ------
     InputError
-        The table cannot be written.
+        The file results.csv cannot be written.
     """
 
     def __init__(
@@ -80,12 +84,15 @@ class Tables:
         self._file.close()
 
     def extend(self) -> None:
-        """Write the rows of the next points, up to the first point that is not done.
+        """Append rows to results.csv for the points that are done and not yet in this table.
+
+        The rows are in the order of the points. Therefore only the points before the first point
+        that is not done are written.
 
         Raises
         ------
         InputError
-            The table cannot be written.
+            The file results.csv cannot be written.
         """
         start = self._written
         while self._written < len(self._points) and self._next in self._positions:
@@ -102,9 +109,10 @@ class Tables:
         return self._points[self._written].number
 
     def rows(self, start: int, end: int) -> Iterator[Row]:
-        """Yield the rows of the points from index `start` up to but not including `end`.
+        """Yield the rows of the points with the indices `start` to `end` - 1, counted from 0.
 
-        All of these points must be done.
+        All of these points must be done. A point whose result is an error has one row, which
+        contains the error message.
         """
         points = self._points[start:end]
         results = self._journal.documents_at(self._positions[point.number] for point in points)
@@ -118,7 +126,7 @@ class Tables:
                 yield {**about, **row}
 
     def write_parquet(self) -> bool:
-        """Write results.parquet if pyarrow is installed, and return whether it is installed.
+        """Write the file results.parquet if pyarrow is installed. Return whether it is installed.
 
         Raises
         ------
@@ -154,16 +162,22 @@ class Tables:
 
 
 def columns_of(task: Task) -> list[str]:
-    """Return the names of the columns of the tables."""
+    """Return the names of the columns in the tables of results of a sweep, in their order."""
     names = ("point", *task.keys, "repetition", *task.columns, "error")
     return [*dict.fromkeys(names)]
 
 
 def is_number(value: Any) -> bool:
-    """Return whether a value of a factor is a number."""
+    """Return whether a value is a number. True and False are not treated as numbers."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def as_text(value: Any) -> Any:
-    """Return the content of a cell: text and numbers unchanged, other values as JSON."""
-    return value if value is None or isinstance(value, str | int | float) else dumps(value)
+def as_text(value: Any) -> str | None:
+    """Return the text in a table's cell for a value; None for None, whose cell is empty.
+
+    A text is returned unchanged. A number, True or False is converted by `str`, as in a CSV file.
+    Another value, such as a list, is converted to a text in JSON.
+    """
+    if value is None or isinstance(value, str):
+        return value
+    return str(value) if isinstance(value, int | float) else dumps(value)

@@ -154,6 +154,19 @@ def test_the_parquet_table_has_the_values_of_the_csv_table(tmp_path, plan_file):
     assert columns["estimator"] == [row["estimator"] for row in rows]
 
 
+def test_both_tables_have_the_same_text_for_true_and_false(tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    text = """
+    name = "glued"
+    factors = { "feedback.glued" = [true, false] }
+    settings = { duration_s = 0.3, feedback = { law = "position-force" } }
+    """
+    swept(tmp_path / "out", written(tmp_path / "plan.toml", text))
+    columns = parquet.read_table(tmp_path / "out" / "results.parquet").to_pydict()
+    assert set(columns["feedback.glued"]) == {"True", "False"}
+    assert columns["feedback.glued"] == [row["feedback.glued"] for row in table(tmp_path / "out")]
+
+
 def test_a_point_that_fails_has_its_error_in_the_table_and_the_others_run(tmp_path):
     text = PLAN.replace("low = 1.0", "low = -2.0")
     ended = swept(tmp_path / "out", written(tmp_path / "plan.toml", text))
