@@ -66,6 +66,8 @@ def test_space_stops_wherever_the_focus_is_and_presses_nothing(trial_feed, serve
         page.keyboard.press("Space")
         wait_for(page, FAULT)
         assert feed.kinds() == ["stop"], focus
+        assert not page.evaluate("teleop.state().unlocked"), focus
+        assert page.evaluate("document.getElementById('notes-area').open"), focus
         recover(page, feed, "ready")
 
 
