@@ -234,30 +234,37 @@ def test_a_page_that_closes_stops_the_trial_that_it_armed(start):
 
 
 @pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL], ids=["SIGSTOP", "SIGKILL"])
-@pytest.mark.parametrize("mode", ["armed by the page", "ready"])
-def test_a_live_process_that_hangs_or_dies_ends_only_a_trial_that_a_page_armed(start, number, mode):
+def test_a_live_process_that_hangs_or_dies_ends_the_trial_that_the_page_armed(start, number):
     async def scenario(command):
         async with command.page() as client, beating(client):
-            if mode == "armed by the page":
-                await arm(client)
-            else:
-                await client.until(client.is_in("ready"))
+            await arm(client)
             os.kill(command.live_process, number)
             await asyncio.sleep(0.1)
 
     command = start("run", "--live", "--duration", "2", "--record", "one.mcap")
     with contextlib.suppress(Exception):  # the connection is lost
         run(scenario(command))
-    stopped = number == signal.SIGSTOP
-    if mode == "ready":
-        code, _, _ = command.end(signal.SIGTERM if stopped else None)
-        assert code in (0, 130)
-        return
     code, _, err = command.end(None)
     recording = load(command.folder / "one.mcap")
     assert len(recording.gaps) == 0
     assert code == 3, err
     assert "the live process was silent for 0.3 s" in recording.fault["text"]
+
+
+def test_a_command_ends_if_its_live_process_hangs_or_dies_before_the_trial_is_armed(start):
+    async def scenario(command, number):
+        async with command.page() as client, beating(client):
+            await client.until(client.is_in("ready"))
+            os.kill(command.live_process, number)
+            await asyncio.sleep(0.1)
+
+    commands = [start("run", "--live", "--record", f"{name}.mcap") for name in ("stop", "kill")]
+    for command, number in zip(commands, (signal.SIGSTOP, signal.SIGKILL), strict=True):
+        with contextlib.suppress(Exception):  # the connection is lost
+            run(scenario(command, number))
+    hanging, dead = commands
+    assert hanging.end(signal.SIGTERM)[0] in (0, 130)
+    assert dead.end(None)[0] in (0, 130)
 
 
 @pytest.mark.parametrize("number", [None, signal.SIGSTOP, signal.SIGKILL])
