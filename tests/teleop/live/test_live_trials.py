@@ -56,9 +56,9 @@ class Command:
         return self.process.returncode, out, err
 
 
-@pytest.fixture
-def start(tmp_path):
-    """Return a function that starts a command and waits until its page is served."""
+@contextlib.contextmanager
+def starting(folder):
+    """Yield a function that starts a command and waits until its page is served."""
     started = []
 
     def run(*arguments):
@@ -67,12 +67,12 @@ def start(tmp_path):
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            cwd=tmp_path,
+            cwd=folder,
         )
         started.append(process)
         for line in process.stderr:
             if "live page: " in line:
-                return Command(process, line, tmp_path)
+                return Command(process, line, folder)
         raise AssertionError(f"no live page: {process.communicate()}")
 
     yield run
@@ -80,6 +80,12 @@ def start(tmp_path):
         if process.poll() is None:
             process.kill()
         process.communicate()
+
+
+@pytest.fixture
+def start(tmp_path):
+    with starting(tmp_path) as run:
+        yield run
 
 
 @contextlib.asynccontextmanager
@@ -109,14 +115,13 @@ async def arm(client):
 
 
 def run(scenario):
-    asyncio.run(asyncio.wait_for(scenario, 120.0))
+    return asyncio.run(asyncio.wait_for(scenario, 120.0))
 
 
-def mode_of(client, mode):
-    return client.is_in(mode)
+@pytest.fixture(scope="module")
+def armed_trial(tmp_path_factory):
+    """The client that armed a trial of 1 s, the output of the command, and the recording."""
 
-
-def test_a_trial_waits_for_start_and_lasts_its_whole_duration_after_it(start):
     async def scenario(command):
         async with command.page() as client, beating(client):
             await client.until(client.is_in("ready"))
@@ -125,22 +130,27 @@ def test_a_trial_waits_for_start_and_lasts_its_whole_duration_after_it(start):
                     client.rows is not None and len(client.rows) and client.column("time")[-1] > 1.0
                 )
             )
-            assert client.latest["welcome"]["may_arm"]
             await arm(client)
-            assert client.latest["state"]["armed_by"] == "page"
-            assert client.latest["state"]["armed_at"] > 1.0
+            armed = client.latest["state"]
             await client.until(lambda: "summary" in client.latest)
             await client.until(client.is_in("ended"))
-            return client
+            return client, armed
 
-    command = start(
-        "run", "--live", "--duration", "1", "--record", "one.mcap", "--condition", "mimic"
-    )
-    run(scenario(command))
-    code, out, _ = command.end(None)  # --record: one trial
+    with starting(tmp_path_factory.mktemp("armed")) as start:
+        options = ("--duration", "1", "--record", "one.mcap", "--condition", "mimic")
+        command = start("run", "--live", *options)
+        client, armed = run(scenario(command))
+        code, out, _ = command.end(None)  # --record: one trial
     assert code == 0
+    return client, armed, out, load(command.folder / "one.mcap")
+
+
+def test_a_trial_waits_for_start_and_lasts_its_whole_duration_after_it(armed_trial):
+    client, armed, out, recording = armed_trial
+    assert client.latest["welcome"]["may_arm"]
+    assert armed["armed_by"] == "page"
+    assert armed["armed_at"] > 1.0
     assert "stiffness" in out
-    recording = load(command.folder / "one.mcap")
     active = recording["time"][recording["mode"] == 3]
     assert active[0] > 1.0
     assert active[-1] - active[0] == pytest.approx(1.0, abs=0.05)
@@ -150,52 +160,24 @@ def test_a_trial_waits_for_start_and_lasts_its_whole_duration_after_it(start):
     )
 
 
-def test_the_page_shows_the_values_of_the_recording(start):
-    shown = {}
-
-    async def scenario(command):
-        async with command.page() as client:
-            await client.until(lambda: "summary" in client.latest)
-            shown["names"] = [c["name"] for c in client.latest["welcome"]["columns"]]
-            shown["rows"] = client.rows
-            shown["summary"] = client.latest["summary"]
-            shown["health"] = client.latest["state"]["health"]
-
-    command = start("run", "--live", "--yes", "--duration", "2", "--record", "one.mcap")
-    run(scenario(command))
-    assert command.end(None)[0] == 0
-    recording = load(command.folder / "one.mcap")
-    at = np.searchsorted(recording["time"], shown["rows"][:, 0])
+def test_the_page_shows_the_values_of_the_recording(armed_trial):
+    client, _, _, recording = armed_trial
+    names = [column["name"] for column in client.latest["welcome"]["columns"]]
+    at = np.searchsorted(recording["time"], client.rows[:, 0])
     assert len(at) > 300
-    for name, column in zip(shown["names"], shown["rows"].T, strict=True):
+    for name, column in zip(names, client.rows.T, strict=True):
         if name != "sent":
             assert np.array_equal(column, recording[name][at], equal_nan=True), name
-    assert np.diff(shown["rows"][:, -1]).min() > 0.0
-    assert shown["summary"]["ticks"] > 400
-    assert shown["health"]["skipped"] == recording["skipped"].sum()
-    assert shown["health"]["overruns"] == recording["overrun"].sum()
+    assert np.diff(client.rows[:, -1]).min() > 0.0
+    assert client.latest["summary"]["ticks"] > 200
+    health = client.latest["state"]["health"]
+    assert health["skipped"] == recording["skipped"].sum()
+    assert health["overruns"] == recording["overrun"].sum()
 
 
-def test_stop_from_any_page_is_an_emergency_stop(start):
+def test_after_end_or_stop_from_any_page_next_runs_another_trial_with_other_settings(start):
     async def scenario(command):
-        async with command.page() as first, command.page() as other, beating(first):
-            await arm(first)
-            assert not first.latest["state"]["faulted"]
-            await other.send("stop")
-            await first.until(first.is_in("fault"))
-            assert first.latest["state"]["text"] == "emergency stop: live page"
-            await first.until(first.is_in("ended"))
-            assert first.latest["state"]["faulted"]
-
-    command = start("run", "--live", "--duration", "20", "--record", "one.mcap")
-    run(scenario(command))
-    code, _, err = command.end(None)
-    assert (code, "emergency stop: live page" in err) == (3, True)
-
-
-def test_after_end_or_stop_next_runs_another_trial_with_other_settings(start):
-    async def scenario(command):
-        async with command.page() as client, beating(client):
+        async with command.page() as client, command.page() as other, beating(client):
             await arm(client)
             await client.send("end")
             await client.until(client.is_in("ended"))
@@ -209,8 +191,12 @@ def test_after_end_or_stop_next_runs_another_trial_with_other_settings(start):
             assert client.latest["trial"]["duration"] == 5.0
             await client.send("choose", specimen="soft")
             await client.until(lambda: len(client.errors) == 2)
-            await client.send("stop")
+            assert not client.latest["state"]["faulted"]
+            await other.send("stop")
+            await client.until(client.is_in("fault"))
+            assert client.latest["state"]["text"] == "emergency stop: live page"
             await client.until(client.is_in("ended"))
+            assert client.latest["state"]["faulted"]
             advice = "emergency stop: live page; NEXT prepares another trial"
             await client.until(lambda: client.latest["state"]["text"] == advice)
             await client.send("repeat")
@@ -221,7 +207,9 @@ def test_after_end_or_stop_next_runs_another_trial_with_other_settings(start):
 
     command = start("run", "--live", "--duration", "30")
     run(scenario(command))
-    assert command.end()[0] == 130
+    code, _, err = command.end()
+    assert code == 130
+    assert "emergency stop: live page" in err
     recordings = sorted(command.folder.rglob("*.mcap"), key=os.path.getmtime)
     assert [load(path).session["specimen"] for path in recordings[:2]] == ["soft cube", "hard cube"]
     assert load(recordings[1]).session["notes"] == "second <b>trial</b>"
@@ -246,42 +234,43 @@ def test_a_page_that_closes_stops_the_trial_that_it_armed(start):
 
 
 @pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL], ids=["SIGSTOP", "SIGKILL"])
-@pytest.mark.parametrize("mode", ["armed by the page", "armed at the terminal", "ready"])
-def test_the_live_process_may_hang_or_die_in_every_mode(start, number, mode):
+def test_a_live_process_that_hangs_or_dies_ends_the_trial_that_the_page_armed(start, number):
     async def scenario(command):
         async with command.page() as client, beating(client):
-            if mode == "armed by the page":
-                await arm(client)
-            else:
-                wanted = "ready" if mode == "ready" else "active"
-                await client.until(client.is_in(wanted))
+            await arm(client)
             os.kill(command.live_process, number)
             await asyncio.sleep(0.1)
 
-    options = ["--yes"] if mode == "armed at the terminal" else []
-    command = start("run", "--live", *options, "--duration", "2", "--record", "one.mcap")
+    command = start("run", "--live", "--duration", "2", "--record", "one.mcap")
     with contextlib.suppress(Exception):  # the connection is lost
         run(scenario(command))
-    stopped = number == signal.SIGSTOP
-    if mode == "ready":
-        code, _, _ = command.end(signal.SIGTERM if stopped else None)
-        assert code in (0, 130)
-        return
     code, _, err = command.end(None)
     recording = load(command.folder / "one.mcap")
     assert len(recording.gaps) == 0
-    if mode == "armed by the page":
-        assert code == 3, err
-        assert "the live process was silent for 0.3 s" in recording.fault["text"]
-    else:
-        assert code == 0, err
-        assert recording.fault is None
-        active = recording["time"][recording["mode"] == 3]
-        assert active[-1] == pytest.approx(2.0, abs=0.05)
+    assert code == 3, err
+    assert "the live process was silent for 0.3 s" in recording.fault["text"]
+
+
+def test_a_command_ends_if_its_live_process_hangs_or_dies_before_the_trial_is_armed(start):
+    async def scenario(command, number):
+        async with command.page() as client, beating(client):
+            await client.until(client.is_in("ready"))
+            os.kill(command.live_process, number)
+            await asyncio.sleep(0.1)
+
+    commands = [start("run", "--live", "--record", f"{name}.mcap") for name in ("stop", "kill")]
+    for command, number in zip(commands, (signal.SIGSTOP, signal.SIGKILL), strict=True):
+        with contextlib.suppress(Exception):  # the connection is lost
+            run(scenario(command, number))
+    hanging, dead = commands
+    assert hanging.end(signal.SIGTERM)[0] in (0, 130)
+    assert dead.end(None)[0] in (0, 130)
 
 
 @pytest.mark.parametrize("number", [None, signal.SIGSTOP, signal.SIGKILL])
-def test_the_hand_lets_go_when_the_page_or_the_live_process_is_lost(start, number):
+def test_the_hand_lets_go_and_the_trial_goes_on_if_the_page_or_the_live_process_is_lost(
+    start, number
+):
     async def scenario(command):
         async with command.page() as client:
             await client.send("control")
@@ -306,6 +295,9 @@ def test_the_hand_lets_go_when_the_page_or_the_live_process_is_lost(start, numbe
     code, _, err = command.end(None)
     assert code == 0, err
     recording = load(command.folder / "one.mcap")
+    assert recording.fault is None
+    active = recording["time"][recording["mode"] == 3]
+    assert active[-1] == pytest.approx(3.0, abs=0.05)
     grip = recording["pointer_grip"]
     held = np.flatnonzero(grip == 1.0)
     assert len(held)
@@ -317,14 +309,24 @@ def test_the_hand_lets_go_when_the_page_or_the_live_process_is_lost(start, numbe
     assert len(recording.gaps) == 0
 
 
-def test_the_loop_is_gone_if_the_command_is_killed(start):
+def test_if_the_command_is_killed_the_loop_is_gone_and_no_shared_memory_is_left(start):
+    before = shared_files()
+
     async def scenario(command):
         async with command.page() as client:
             await client.until(client.is_in("active"))
             command.process.kill()
             await client.until(lambda: client.latest["state"]["loop"] == "gone")
 
-    run(scenario(start("run", "--live", "--yes", "--duration", "20", "--no-record")))
+    command = start("run", "--live", "--yes", "--duration", "20", "--no-record")
+    assert shared_files() <= before
+    run(scenario(command))
+    assert shared_files() <= before
+
+
+def shared_files():
+    """Return the files of live trials in shared memory."""
+    return set(Path("/dev/shm").glob("teleop-live-*")) if Path("/dev/shm").exists() else set()
 
 
 PLAN = """
@@ -369,10 +371,3 @@ def test_a_series_is_run_from_the_page(start, tmp_path):
     assert "1 of 2 trials done, 1 skipped" in out
     table = (tmp_path / "two" / "trials.csv").read_text()
     assert "touched at an edge" in table
-
-
-def test_nothing_is_left_in_shared_memory(start):
-    before = set(Path("/dev/shm").glob("teleop-live-*")) if Path("/dev/shm").exists() else set()
-    command = start("run", "--live", "--yes", "--duration", "0.5", "--no-record")
-    assert set(Path("/dev/shm").glob("teleop-live-*")) <= before
-    command.end(None)

@@ -35,7 +35,7 @@ def wait_for(page, expression, argument=None, timeout=10.0):
     return value
 
 
-@pytest.fixture(scope="module")  # its event loop must not run in the tests of other files
+@pytest.fixture(scope="package")  # its event loop must not run in the tests of other folders
 def browser():
     playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright")
     path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
@@ -47,34 +47,71 @@ def browser():
         started.close()
 
 
+class Tab:
+    """A tab of the browser, and what its pages have requested and reported.
+
+    One tab is used for many tests, because a new tab starts a process and needs more time than
+    everything else in most of the tests. Each test has its own server at its own port, so
+    that a page finds nothing that another page has left.
+    """
+
+    def __init__(self, browser):
+        self.page = browser.new_context().new_page()
+        self.requested, self.problems = [], []
+        self.page.on("console", self._note_error)
+        self.page.on("pageerror", lambda error: self.problems.append(str(error)))
+        self.page.on("request", lambda request: self.requested.append(request.url))
+
+    def _note_error(self, message):
+        if message.type == "error":
+            self.problems.append(message.text)
+
+    def open(self, url, size, scheme):
+        width, height = size
+        self.page.set_viewport_size({"width": width, "height": height})
+        self.page.emulate_media(color_scheme=scheme)
+        self.page.goto(url)
+        wait_for(self.page, "Boolean(window.teleop && teleop.state().mode)")
+
+    def leave(self):
+        """Leave the page, and release the mouse."""
+        self.page.goto("about:blank")
+        self.page.mouse.up()
+
+    def close(self):
+        self.page.context.close()
+
+
+@pytest.fixture(scope="package")
+def tab(browser):
+    """The tab in which most tests open their page."""
+    shared = Tab(browser)
+    yield shared
+    shared.close()
+
+
 @pytest.fixture
-def open_page(browser):
+def open_page(browser, tab):
     """Return a function that opens a page; at the end of the test, no page may have an error."""
-    opened, origins, requested, problems = [], set(), [], []
+    used, origins = [], set()
+    tab.requested.clear()
+    tab.problems.clear()
 
     def open_one(url, fake_time=False, size=(1280, 800), scheme="dark"):
-        width, height = size
-        context = browser.new_context(
-            viewport={"width": width, "height": height}, color_scheme=scheme
-        )
-        page = context.new_page()
+        one = Tab(browser) if used or fake_time else tab
+        used.append(one)
         if fake_time:
-            page.clock.install()
+            one.page.clock.install()
         origins.add(url.split("/")[2])
-        page.on("console", lambda m: problems.append(m.text) if m.type == "error" else None)
-        page.on("pageerror", lambda error: problems.append(str(error)))
-        page.on("request", lambda request: requested.append(request.url))
-        opened.append(context)
-        page.goto(url)
-        wait_for(page, "Boolean(window.teleop && teleop.state().mode)")
-        return page
+        one.open(url, size, scheme)
+        return one.page
 
     yield open_one
-    for context in opened:
-        context.close()
+    for one in used:
+        one.leave() if one is tab else one.close()
     lost = "WebSocket connection to"  # a test has closed the server
-    assert [text for text in problems if lost not in text] == []
-    others = [url for url in requested if not url.startswith("data:")]
+    assert [text for one in used for text in one.problems if lost not in text] == []
+    others = [url for one in used for url in one.requested if not url.startswith("data:")]
     assert {url.split("/")[2] for url in others} <= origins
 
 

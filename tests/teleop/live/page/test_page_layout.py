@@ -16,21 +16,23 @@ SIZES = [(1280, 800), (3840, 2160), (390, 844)]
 
 
 @pytest.mark.parametrize("view", ["", "operator"])
-@pytest.mark.parametrize("size", SIZES)
-def test_stop_is_visible_and_nothing_is_cut_off(size, view, trial_feed, serve, open_page):
-    page = open_page(serve(trial_feed(target=TARGET)).url(view), size=size)
+def test_stop_is_visible_and_nothing_is_cut_off(view, trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed(target=TARGET)).url(view), size=SIZES[-1])
     wait_for(page, "teleop.rows() > 50")
-    width, height = size
-    box = page.get_by_role("button", name="STOP").bounding_box()
-    assert box["x"] >= 0
-    assert box["x"] + box["width"] <= width
-    assert box["y"] >= 0
-    assert box["y"] + box["height"] <= height
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
-    if size != (390, 844) or view:
-        assert page.evaluate("document.documentElement.scrollHeight") <= height
-    note = page.locator("#stop-note").inner_text()
-    assert "does not replace the emergency stop of the hardware" in note
+    for size in SIZES:
+        width, height = size
+        page.set_viewport_size({"width": width, "height": height})
+        wait_for(page, f"innerWidth === {width}")
+        box = page.get_by_role("button", name="STOP").bounding_box()
+        assert box["x"] >= 0
+        assert box["x"] + box["width"] <= width
+        assert box["y"] >= 0
+        assert box["y"] + box["height"] <= height
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        if size != (390, 844) or view:
+            assert page.evaluate("document.documentElement.scrollHeight") <= height
+        note = page.locator("#stop-note").inner_text()
+        assert "does not replace the emergency stop of the hardware" in note
 
 
 WIDTHS = [(390, 844), (1280, 800), (1366, 768), (3840, 2160)]
@@ -46,15 +48,12 @@ LARGE = {
         "misfit": 9.99,
     }.items()
 }
-SUBSETS = [
-    ("rls_conditional",),
-    NAMES,
-    *(tuple(random.Random(i).sample(NAMES, 2 + i)) for i in range(4)),
-]
+SUBSETS = [("rls_conditional",), NAMES, *(random.Random(i).sample(NAMES, 2 + i) for i in (0, 3))]
 
 
-@pytest.mark.parametrize("view", ["", "operator"])
-@pytest.mark.parametrize("estimators", SUBSETS, ids=len)
+@pytest.mark.parametrize(
+    ("estimators", "view"), [*((subset, "") for subset in SUBSETS), (NAMES, "operator")]
+)
 def test_the_page_is_never_wider_than_its_window(estimators, view, trial_feed, serve, open_page):
     feed = trial_feed(estimators=estimators, values=LARGE, target=TARGET, specimen=100 * "x")
     page = open_page(serve(feed).url(view))
@@ -68,8 +67,9 @@ def test_the_page_is_never_wider_than_its_window(estimators, view, trial_feed, s
         assert page.evaluate("document.documentElement.scrollWidth") <= width
         if width > 760:
             assert page.evaluate("document.documentElement.scrollHeight") <= height
-        for row in page.locator("#estimates tbody tr").all():
-            assert row.locator("th").inner_text() in estimators
+        shown = page.locator("#estimates tbody th").all_inner_texts()
+        assert set(shown) <= set(estimators)
+        assert bool(shown) is not bool(view)
 
 
 def summary_of(estimators):
@@ -79,17 +79,20 @@ def summary_of(estimators):
     return {"estimates": dict.fromkeys(estimators, row), "recording": {"path": 50 * "folder/"}}
 
 
-@pytest.mark.parametrize("scheme", ["dark", "light"])
-def test_the_theme_follows_the_system_and_can_be_changed(scheme, trial_feed, serve, open_page):
-    page = open_page(serve(trial_feed()).url(), scheme=scheme)
-    colour = "getComputedStyle(document.body).backgroundColor"
-    brightness = f"Number({colour}.match(/\\d+/)[0])"
-    assert (page.evaluate(brightness) < 100) == (scheme == "dark")
+def test_the_theme_follows_the_system_and_can_be_changed(trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed()).url(), scheme="dark")
+    is_dark = "Number(getComputedStyle(document.body).backgroundColor.match(/\\d+/)[0]) < 100"
+    assert page.evaluate(is_dark)
     page.locator("#theme").click()
-    assert (page.evaluate(brightness) < 100) == (scheme == "light")
+    assert not page.evaluate(is_dark)
+    page.emulate_media(color_scheme="light")
+    page.reload()
+    assert not page.evaluate(is_dark)
+    page.locator("#theme").click()
+    assert page.evaluate(is_dark)
 
 
-def test_limits_and_true_values_are_labelled(trial_feed, serve, open_page):
+def test_limits_true_values_held_and_misfit_are_shown_as_text(trial_feed, serve, open_page):
     page = open_page(serve(trial_feed()).url())
     wait_for(page, "document.querySelector('.strip-stiffness .level-truth') !== null")
     truth = page.locator(".strip-stiffness .level-truth")
@@ -97,19 +100,10 @@ def test_limits_and_true_values_are_labelled(trial_feed, serve, open_page):
     force = page.locator(".strip-force").inner_text()
     assert "soft limit 40" in force
     assert "hard limit 60" in force
-
-
-def test_held_and_misfit_are_shown_as_text(trial_feed, serve, open_page):
-    page = open_page(serve(trial_feed()).url())
     wait_for(page, "document.querySelector('#estimates tbody').textContent.includes('held')")
     row = page.locator("#estimates tbody tr").nth(1)
     assert row.locator(".cell-held").inner_text() == "held"
     assert row.locator(".cell-misfit").inner_text() == "▲ 12 %"
-
-
-def test_the_count_in_is_shown(trial_feed, serve, open_page):
-    page = open_page(serve(trial_feed(target=TARGET)).url())
-    wait_for(page, "/^starts in [0-9]+$/.test(document.getElementById('count-in').textContent)")
 
 
 def test_values_are_spoken_seldom_and_politely(trial_feed, serve, open_page):
@@ -155,16 +149,24 @@ def test_every_range_covers_its_values_and_has_at_least_two_labels(trial_feed, s
         assert 2 <= labels <= 12
 
 
+LABELS = """() => {
+  const labels = [...document.querySelectorAll('.strip-force .level-limit')];
+  return labels.length === 2 && labels.map((label) => {
+    const { left, right } = label.getBoundingClientRect();
+    return [label.textContent, left, right];
+  });
+}"""
+"""Text and both ends of two labels at the same time, since new data replace the labels."""
+
+
 def test_labels_of_limits_that_are_close_do_not_overlap_and_have_a_decimal(
     trial_feed, serve, open_page
 ):
     limits = {"soft_position": [-0.00045, 0.0127], "soft_force": 8.0, "hard_force": 9.0}
     page = open_page(serve(trial_feed(limits={**limits, "max_velocity": 0.2})).url())
-    wait_for(page, "document.querySelectorAll('.strip-force .level-limit').length === 2")
-    soft, hard = (
-        page.locator(".strip-force .level-limit", has_text=text).bounding_box()
-        for text in ("soft limit 8.0", "hard limit 9.0")
-    )
-    assert hard["x"] + hard["width"] <= soft["x"] or soft["x"] + soft["width"] <= hard["x"]
-    assert "soft limit \u22120.5" in page.locator(".strip-position").inner_text()
-    assert "soft limit 13" in page.locator(".strip-position").inner_text()
+    (text, left, right), (other, start, end) = sorted(wait_for(page, LABELS))
+    assert (text, other) == ("hard limit 9.0", "soft limit 8.0")
+    assert right <= start or end <= left
+    for text in ("soft limit \u22120.5", "soft limit 13"):
+        shown = "(text) => document.querySelector('.strip-position').innerText.includes(text)"
+        wait_for(page, shown, text)

@@ -34,6 +34,7 @@ def wait_until(page, condition):
 
 def hold(page, share):
     """Move the mouse to a share of the height of the picture, and press."""
+    wait_for(page, "document.getElementById('health').textContent")  # now the layout rests
     box = page.locator("#tool").bounding_box()
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + share * box["height"])
     page.mouse.down()
@@ -47,23 +48,25 @@ def test_press_and_hold_grips_at_the_depth_of_the_mouse(page, feed):
     wait_until(page, lambda: last(feed)["grip"] is False)
 
 
-@pytest.mark.parametrize(
-    "event",
-    [
-        "window.dispatchEvent(new Event('blur'))",
-        "window.dispatchEvent(new Event('pagehide'))",
-        "document.getElementById('tool').dispatchEvent(new Event('pointercancel'))",
-        "(Object.defineProperty(document, 'hidden', {value: true}),"
-        " document.dispatchEvent(new Event('visibilitychange')))",
-    ],
+LOSSES = (
+    "window.dispatchEvent(new Event('blur'))",
+    "window.dispatchEvent(new Event('pagehide'))",
+    "document.getElementById('tool').dispatchEvent(new Event('pointercancel'))",
+    "(Object.defineProperty(document, 'hidden', {value: true}),"
+    " document.dispatchEvent(new Event('visibilitychange')))",
 )
-def test_the_hand_lets_go_if_the_page_loses_the_mouse(event, page, feed):
-    hold(page, 0.5)
-    wait_until(page, lambda: last(feed).get("grip"))
-    page.evaluate(event)
-    wait_until(page, lambda: last(feed)["grip"] is False)
-    page.wait_for_timeout(200)
-    assert last(feed)["grip"] is False
+"""Events that mean that the page has lost the mouse; the last one cannot be undone."""
+
+
+def test_the_hand_lets_go_if_the_page_loses_the_mouse(page, feed):
+    for event in LOSSES:
+        hold(page, 0.5)
+        wait_until(page, lambda: last(feed).get("grip"))
+        page.evaluate(event)
+        wait_until(page, lambda: last(feed)["grip"] is False)
+        page.wait_for_timeout(200)
+        assert last(feed)["grip"] is False, event
+        page.mouse.up()
 
 
 def test_the_hand_repeats_its_position_while_it_rests(page, feed):
@@ -93,6 +96,7 @@ def test_the_keyboard_alone_takes_control_starts_and_palpates(trial_feed, serve,
     page.keyboard.down("ArrowUp")
     deep = last(feed)["depth"]
     wait_until(page, lambda: last(feed)["depth"] < deep - 1e-3)
+    page.keyboard.up("ArrowUp")
     page.keyboard.up("g")
     wait_until(page, lambda: last(feed)["grip"] is False)
     assert page.locator("#tool-help").inner_text().count("hold G")

@@ -98,9 +98,22 @@ def test_the_picture_that_moves_equals_one_that_is_drawn_at_once(page):
         assert shades > 4
 
 
-def test_values_are_those_of_the_recording(page, recording):
-    wait_for(page, "teleop.last('time') > 2")
+def test_a_paused_replay_shows_values_estimates_and_errors_of_the_recording(
+    recording, serve, open_page
+):
+    feed = feed_of(recording)
+    feed.request({"type": "seek", "t": 5.0})
+    page = open_page(serve(feed).url())
+    wait_for(page, "teleop.last('time') > 5.5")
     pause(page)
+    page.wait_for_timeout(600)
+    assert not page.locator("#stale").is_visible()
+    check_values(page, recording)
+    check_estimates(page, recording)
+    check_errors(page, recording)
+
+
+def check_values(page, recording):
     shown = np.array(page.evaluate("teleop.series('time')"))
     rows = np.searchsorted(recording["time"], shown)
     assert len(rows) > 200
@@ -109,10 +122,8 @@ def test_values_are_those_of_the_recording(page, recording):
         np.testing.assert_array_equal(values, recording[name][rows])
 
 
-def test_the_table_shows_the_latest_estimates_and_intervals(page, recording):
-    wait_for(page, "teleop.last('time') > 2")
-    pause(page)
-    page.wait_for_timeout(400)
+def check_estimates(page, recording):
+    """Compare the table with the latest estimates and intervals."""
     row = int(np.searchsorted(recording["time"], page.evaluate("teleop.last('time')")))
     k, half = recording["rls_k"][row], 1.96 * recording["rls_k_std"][row]
     cell = page.locator("#estimates tbody tr").first.locator(".cell-k").inner_text()
@@ -121,10 +132,8 @@ def test_the_table_shows_the_latest_estimates_and_intervals(page, recording):
     assert float(interval) == pytest.approx(half, abs=0.51)
 
 
-def test_error_and_rms_of_the_target_are_shown(page, recording):
-    wait_for(page, "teleop.last('time') > 3")
-    pause(page)
-    page.wait_for_timeout(400)
+def check_errors(page, recording):
+    """Compare the latest error and the RMS of the last 5 s with the target of the recording."""
     t = np.array(page.evaluate("teleop.series('time')"))
     rows = np.searchsorted(recording["time"], t[t >= t[-1] - 5.0])
     error = 1e3 * (recording["slave_position"] - recording["target"])[rows]
@@ -150,12 +159,6 @@ def test_space_pauses_and_plays_and_there_is_no_stop(page):
     wait_for(page, "document.getElementById('play').textContent === 'Play'")
     page.keyboard.press("Space")
     wait_for(page, "document.getElementById('play').textContent === 'Pause'")
-
-
-def test_a_paused_replay_is_not_reported_as_missing_data(page):
-    pause(page)
-    page.wait_for_timeout(600)
-    assert not page.locator("#stale").is_visible()
 
 
 def test_texts_of_a_recording_are_not_read_as_html(page):
