@@ -1,7 +1,8 @@
 """Bodies whose force relaxes, and bodies that change to another body during the trial.
 
-A body can contain other bodies. For example, a body with two relaxation times is a `Relaxing` that
-contains a `Relaxing`, and a `Changing` can change from a cube to a relaxing body.
+After a fast indentation, the force of a `Relaxing` body decreases while the displacement is
+constant. A body can contain other bodies. For example, a body with two relaxation times is a
+`Relaxing` that contains a `Relaxing`, and a `Changing` can change from a cube to a `Relaxing`.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from sim_backend.body import Body, Law
 from sim_backend.cube import Cube
 
 SHORTEST_RELAXATION = 0.01
-"""Shortest relaxation time of a `Relaxing` body [s]. A faster branch would only act as a damper."""
+"""Shortest permitted relaxation time of `Relaxing` [s]. A shorter one would only add damping."""
 LIFTED = 0.05
 """Shortest time between two contacts [s].
 
@@ -27,7 +28,10 @@ If the slave is outside of the body for a shorter time (because of tremor), the 
 
 @dataclass(frozen=True)
 class PreloadedLaw(Law):
-    """Law of the contact force. All its parameters are arguments, including the preload."""
+    """Law of the contact force with given parameters.
+
+    The parameter `preload` is the reduction of the force by the deformation in the past.
+    """
 
     k1: float
     k3: float
@@ -37,7 +41,10 @@ class PreloadedLaw(Law):
 
 
 class Branch(NamedTuple):
-    """State of a Maxwell branch, and of the body parallel to it."""
+    """State of a `Relaxing` body, which consists of a body and a Maxwell branch in parallel.
+
+    The Maxwell branch is a spring in series with a dashpot.
+    """
 
     body: Any
     """State of the body parallel to the branch."""
@@ -49,9 +56,9 @@ class Branch(NamedTuple):
 
 @dataclass(frozen=True)
 class Relaxing(Body):
-    """A body with a Maxwell branch in parallel.
+    """A body with a Maxwell branch (a spring in series with a dashpot) in parallel.
 
-    The branch is a spring of stiffness k in series with a dashpot of coefficient k tau. If the body
+    The spring has the stiffness k, and the dashpot has the damping coefficient k tau. If the body
     is a cube of constant stiffness with negligible damping, the body and the branch together are
     the standard linear solid [1]. The force of the branch is k (x - z). x is the displacement of
     the surface, and z is the displacement of the dashpot, with z' = (x - z) / tau. While x changes
@@ -74,7 +81,7 @@ class Relaxing(Body):
     k
         Stiffness of the spring of the branch [N/m], > 0.
     tau
-        Relaxation time of the branch [s], at least 0.01.
+        Relaxation time of the branch [s], at least `SHORTEST_RELAXATION`.
 
     Raises
     ------
@@ -102,23 +109,24 @@ class Relaxing(Body):
 
     @property
     def initial(self) -> Branch:
-        """State in which the dashpot is at 0."""
+        """State before the first contact: the displacements of surface and dashpot are zero."""
         return Branch(self.body.initial)
 
     def law(self, state: Branch) -> Law:
-        """Return the law for the present displacement of the dashpot.
+        """Return the contact force as a function of displacement and velocity, for a given state.
 
-        The law is valid while the dashpot does not move. The spring k then acts in parallel with
-        the body.
+        In this function, the dashpot of the Maxwell branch has the constant displacement
+        `state.dashpot`. The spring of the branch is therefore in parallel with the body.
         """
         law = self.body.law(state.body)
         preload = law.preload + self.k * state.dashpot
         return PreloadedLaw(law.k1 + self.k, law.k3, law.b, law.glued, preload)
 
     def advanced(self, state: Branch, surface: float, dt: float) -> Branch:
-        """Return the state after the time `dt` [s].
+        """Return the state of the body after the time `dt` [s].
 
-        During this time, the surface moves at constant velocity to the displacement `surface` [m].
+        `state` is the state before this time. During this time, the surface of the body moves at
+        constant velocity to the displacement `surface` [m].
         """
         decay = math.exp(-dt / self.tau)
         speed = (surface - state.surface) / dt
@@ -133,23 +141,29 @@ class Relaxing(Body):
 
     @property
     def slow(self) -> Law:
-        """Law of the force in slow motion. The branch acts as a damper with coefficient k tau."""
+        """Law of the contact force in slow motion.
+
+        The Maxwell branch (spring and dashpot in series) is then a damper of coefficient k tau.
+        """
         law = self.body.slow
         return PreloadedLaw(law.k1, law.k3, law.b + self.k * self.tau, law.glued, law.preload)
 
     @property
     def further_laws(self) -> dict[str, Law]:
-        """Dictionary with one entry, `fast`: the law of the force in fast motion."""
+        """Dictionary with one entry, `fast`: the law of the contact force in fast motion.
+
+        The Maxwell branch (spring and dashpot in series) is then a spring of stiffness k.
+        """
         return {"fast": self.fast}
 
 
 class Progress(NamedTuple):
-    """State of a `Changing` body."""
+    """State of a `Changing` body, which is first the body `before` and later the body `after`."""
 
     before: Any
     """State of the body `before`."""
     after: Any
-    """State of the body `after`. Its surface moves with that of `before` during the whole trial."""
+    """State of the body `after`. Both bodies always have the same displacement of the surface."""
     contacts: int = 0
     """Number of contacts since the start of the trial."""
     outside: float = math.inf
@@ -162,25 +176,28 @@ class Progress(NamedTuple):
 class Changing(Body):
     """A body that becomes another body, for example a specimen that is replaced between two pokes.
 
-    The change occurs `delay` seconds after the beginning of a contact, even if this contact has
-    ended by then. A contact begins when the slave enters the body after at least 0.05 s outside of
-    it. The change does not move the surface. If the body changes while it is indented, the force
-    therefore changes suddenly. A change to a stiffer body then adds energy.
+    The contacts between slave and body are numbered from 1. The change occurs `delay` seconds after
+    the beginning of the contact number `contact`, even if this contact has ended by then. A new
+    contact begins only if the slave was outside of the body for at least `LIFTED` seconds. At the
+    change, the displacement of the surface remains the same. If the body is indented at this time,
+    the force therefore changes suddenly. A change to a stiffer body then adds elastic energy.
 
     Parameters
     ----------
     before, after
-        The body before and after the change. Both are glued, or both are not.
+        The body before and after the change. Either both bodies are glued to the slave's plate, or
+        neither.
     contact
         Number of the contact at whose beginning the delay starts, >= 1. A glued body has only one
-        contact.
+        contact, because the slave cannot leave the body.
     delay
         Time from the beginning of this contact to the change [s], >= 0.
 
     Raises
     ------
     ValueError
-        A parameter is out of range, or the change would be at the beginning of the first contact.
+        A parameter is out of range, only one of the bodies is glued, or the change would be at the
+        beginning of the first contact.
     """
 
     before: AnyBody
@@ -206,23 +223,27 @@ class Changing(Body):
 
     @property
     def initial(self) -> Progress:
-        """State before the change."""
+        """State before the first contact, and before the change to the body `after`."""
         return Progress(self.before.initial, self.after.initial)
 
     def changed(self, state: Progress) -> bool:
-        """Return whether the body has changed."""
+        """Return whether, in a given state, the body `before` has been replaced by `after`."""
         return state.contacts >= self.contact and state.elapsed >= self.delay
 
     def law(self, state: Progress) -> Law:
-        """Return the law of `after` if the body has changed, otherwise the law of `before`."""
+        """Return the contact force as a function of displacement and velocity, for a given state.
+
+        This is the law of the body `before` or, if the change has occurred, of the body `after`.
+        """
         if self.changed(state):
             return self.after.law(state.after)
         return self.before.law(state.before)
 
     def advanced(self, state: Progress, surface: float, dt: float) -> Progress:
-        """Return the state after the time `dt` [s].
+        """Return the state of the body after the time `dt` [s].
 
-        During this time, the surface moves at constant velocity to the displacement `surface` [m].
+        `state` is the state before this time. During this time, the surface of the body moves at
+        constant velocity to the displacement `surface` [m].
         """
         began = state.contacts >= self.contact
         touches = surface > self.law(state).rest
@@ -241,21 +262,26 @@ class Changing(Body):
 
     @property
     def slow(self) -> Law:
-        """Law of the force in slow motion before the change."""
+        """Law of the contact force in slow motion, before the change to the body `after`."""
         return self.before.slow
 
     @property
     def further_laws(self) -> dict[str, Law]:
-        """Laws of the force by name, except the law in slow motion before the change.
+        """All laws of the contact force, by name, except `slow` of the body `before`.
 
-        A name that begins with `changed` belongs to a law after the change.
+        The law `changed` is valid in slow motion after the change. Other names that begin with
+        `changed`, such as `changed, fast`, also belong to the body `after`. All other names belong
+        to the body `before`.
         """
         after = {f"changed, {name}": law for name, law in self.after.further_laws.items()}
         return {**self.before.further_laws, "changed": self.after.slow, **after}
 
 
 def kind_of_body(value: Any) -> str:
-    """Return the name of the class of a body. `value` is the body, or its configuration."""
+    """Return the name of the class of a body: `Cube`, `Relaxing` or `Changing`.
+
+    `value` is the body, or a dictionary of its parameters from a configuration file.
+    """
     if isinstance(value, Body):
         return type(value).__name__
     keys = set(value) if isinstance(value, Mapping) else set()

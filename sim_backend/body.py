@@ -1,7 +1,7 @@
-"""Base classes of the environment that the slave touches.
+"""Base classes of the bodies (specimens) that the slave touches.
 
-A `Law` computes the contact force from displacement and velocity. The law of a `Body` can change
-with time, because it can depend on the deformation in the past.
+A `Law` computes the contact force from displacement and velocity at one instant. The law of a
+`Body` can change with time, because it can depend on the deformation in the past.
 """
 
 from __future__ import annotations
@@ -33,20 +33,29 @@ class Law:
 
     @property
     def rest(self) -> float:
-        """Displacement x of the body's surface without contact [m]. The force f(x, 0) is zero."""
+        """Displacement of the body's surface while the slave does not touch the body [m].
+
+        The static force is zero at this displacement.
+        """
         return root(self.k1, self.k3, self.preload) if self.preload else 0.0
 
     def surface(self, x: float) -> float:
-        """Return the displacement [m] of the surface of the body when the slave is at x [m]."""
+        """Return the displacement of the body's surface [m] when the slave is at position x [m].
+
+        The surface moves with the slave during contact. Without contact, it is at `rest`.
+        """
         return x if self.glued else max(x, self.rest)
 
     def force(self, x: float, v: float) -> float:
-        """Return the force [N] at displacement x [m] and velocity v [m/s]."""
+        """Return the contact force [N] at displacement x [m] and velocity v [m/s]."""
         force = (self.k1 + self.k3 * x * x) * x + self.b * v - self.preload
         return force if self.glued or (force > 0.0 and x > self.rest) else 0.0
 
     def stiffness(self, x: float) -> float:
-        """Return the slope of the spring force [N/m] at displacement x [m]."""
+        """Return the derivative of the static force with respect to displacement [N/m], at x [m].
+
+        The derivative is k1 + 3 k3 x^2. Without contact, the result is zero.
+        """
         return self.k1 + 3.0 * self.k3 * x * x if self.glued or x > self.rest else 0.0
 
     def compressed(self, x: float, compliance: float) -> float:
@@ -68,7 +77,7 @@ class Law:
 
 
 def root(linear: float, cubic: float, value: float) -> float:
-    """Return the solution y of linear y + cubic y^3 = value, for linear > 0 and cubic >= 0."""
+    """Return the solution y of `linear * y + cubic * y**3 = value`; linear > 0 and cubic >= 0."""
     alone = value / linear
     r = 1.5 * alone * math.sqrt(3.0 * cubic / linear)
     return alone * 3.0 * math.sinh(math.asinh(r) / 3.0) / r if abs(r) > 1e-9 else alone
@@ -77,26 +86,35 @@ def root(linear: float, cubic: float, value: float) -> float:
 class Body(ABC):
     """Base class of bodies. The law of the contact force can depend on the deformation in the past.
 
-    The state of a body contains everything that the law needs to know about the past. `initial` is
-    the state before the first contact, and `advanced` returns the next state. The simulation stores
-    the state, but only the methods of the body can interpret the state. The body itself never
-    changes. Several simulations can therefore use the same body.
+    The law is the contact force as a function of displacement and velocity. The state of a body
+    contains the data of the past on which the law depends. `initial` is the state before the first
+    contact, and `advanced` returns the state after a time step. The simulation stores the state,
+    but only the methods of the body use its content. The `Body` object itself never changes.
+    Several simulations can therefore use the same object.
     """
 
     @property
     def initial(self) -> Any:
-        """State before the first contact."""
+        """State of the body before the first contact.
+
+        The state contains the data of the past on which the contact force depends. It is None if
+        the contact force does not depend on the past.
+        """
         return None
 
     @abstractmethod
     def law(self, state: Any) -> Law:
-        """Return the force as a function of position and velocity, for a state of the body."""
+        """Return the contact force as a function of displacement and velocity.
+
+        `state` contains the data of the past on which this function depends.
+        """
 
     @abstractmethod
     def advanced(self, state: Any, surface: float, dt: float) -> Any:
-        """Return the state after the time `dt` [s].
+        """Return the state of the body after the time `dt` [s].
 
-        During this time, the surface moves at constant velocity to the displacement `surface` [m].
+        `state` is the state before this time. During this time, the surface of the body moves at
+        constant velocity to the displacement `surface` [m].
         """
 
     @property
@@ -107,17 +125,26 @@ class Body(ABC):
     @property
     @abstractmethod
     def slow(self) -> Law:
-        """Law of the force in slow motion. For a `Changing` body, the law before the change."""
+        """Contact force as a function of displacement and velocity, valid for slow motion.
+
+        A motion is slow if it takes much more time than the relaxation times of the body. If the
+        body becomes another body during the trial (`Changing`), this is the law before the change.
+        """
 
     @property
     def fast(self) -> Law:
-        """Law of the force in fast motion. For a `Changing` body, the law before the change."""
+        """Contact force as a function of displacement and velocity, valid for fast motion.
+
+        A motion is fast if it takes much less time than the relaxation times of the body. If the
+        body becomes another body during the trial (`Changing`), this is the law before the change.
+        """
         return self.law(self.initial)
 
     @property
     @abstractmethod
     def further_laws(self) -> dict[str, Law]:
-        """Further laws of the force, by name.
+        """All laws of the contact force except `slow`, by name.
 
-        Each of them is valid at another time or at another speed than `slow`.
+        For example, `fast` is the law for fast motion, and `changed` is the law after the change of
+        a `Changing` body.
         """

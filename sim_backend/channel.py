@@ -2,8 +2,8 @@
 
 The channel has two directions. Each packet contains a value and the time at which the packet was
 sent. A packet is either lost, or arrives after the one-way delay plus a random time between 0 and
-the jitter. The receiver uses the value of the newest packet that has arrived. If a packet arrives
-later than a newer packet, the receiver discards the older packet.
+the jitter. The receiver uses the value of the newest packet that has arrived. A packet is discarded
+if it arrives after a packet that was sent later.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class ChannelSettings:
     loss: float = 0.0
     """Probability that a packet is lost, 0 <= loss < 1."""
     max_silence: float = 0.1
-    """Longest time without a new packet, after which the drives are stopped [s]."""
+    """Longest permitted time without a new packet [s]. After this time, the drives are stopped."""
 
     def __post_init__(self) -> None:
         for name in ("delay", "jitter"):
@@ -56,7 +56,7 @@ class ChannelSettings:
 
     @property
     def text(self) -> str:
-        """Settings as a text that `parse_channel` can read, for example `delay=100ms,loss=5%`."""
+        """Settings as text for `parse_channel`, for example `delay=100ms,loss=5%`."""
         loss = f",loss={self.loss * 100.0:g}%" if self.loss else ""
         jitter = f",jitter={self.jitter * 1e3:g}ms" if self.jitter else ""
         silence = "" if self.max_silence == 0.1 else f",max_silence={self.max_silence * 1e3:g}ms"
@@ -104,7 +104,7 @@ class Direction(Generic[T]):
     settings
         Delay, jitter and loss.
     seed
-        Seed of jitter and loss.
+        Seed of the random numbers that determine jitter and loss.
     initial
         Value that the receiver uses until the first packet arrives.
     """
@@ -125,7 +125,10 @@ class Direction(Generic[T]):
         self.cut = False
         """Whether the connection is interrupted. All packets sent during this time are lost."""
         self.due = now + self._expected
-        """Time at which the newest packet arrived; before, latest time of the first arrival [s]."""
+        """Time at which the newest packet arrived [s].
+
+        Until the first packet arrives, this is the latest time at which it should arrive.
+        """
         self._queue: deque[tuple[float, float, T]] = deque()
 
     def exchange(self, now: float, value: T) -> T:

@@ -1,4 +1,4 @@
-"""A cube of soft material. By default it is glued to the slave's plate, as in the paper."""
+"""Model of a soft cube. By default, the cube is glued to the slave's plate, as in the paper."""
 
 from __future__ import annotations
 
@@ -42,18 +42,18 @@ class Cube(Law, Body):
             raise ValueError(f"a cube needs k1 > 0, k3 >= 0 and b > 0, got {self}")
 
     def law(self, state: None) -> Law:
-        """Return the cube itself, because its law never changes."""
+        """Return the law of the contact force: the cube itself, because its law never changes."""
         return self
 
     def advanced(self, state: None, surface: float, dt: float) -> None:
-        """Return None: a cube has no state."""
+        """Return None: a cube has no state, because its force does not depend on the past."""
 
     @property
     def slow(self) -> Law:
-        """The cube itself, because its law is the same in slow and in fast motion."""
+        """Law of the contact force in slow motion: the cube itself, also valid in fast motion."""
         return self
 
     @property
     def further_laws(self) -> dict[str, Law]:
-        """Empty, because a cube has only one law."""
+        """Empty dictionary, because the law of the contact force is the same for all motions."""
         return {}

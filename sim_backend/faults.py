@@ -1,4 +1,8 @@
-"""Inject sensor and drive faults between a rig and its controller."""
+"""Simulated faults of sensors and drives, to test how the controller reacts to them.
+
+A `FaultyRig` is used between the controller and a rig (a real or simulated telemanipulator). It
+changes the measurements that the controller receives, or the commands that the drives receive.
+"""
 
 from __future__ import annotations
 
@@ -11,53 +15,60 @@ from drivers import STANDSTILL, Command, Measurement, Rig, RigError
 
 
 class RigFault(ABC):  # noqa: B024
-    """Base class of faults, which change measurements or commands. This class changes nothing."""
+    """Base class of faults of a rig. A fault changes measurements or commands.
+
+    The methods of this class return their argument unchanged. Subclasses override them.
+    """
 
     def read(self, measurement: Measurement) -> Measurement:
-        """Return the measurement that the controller receives."""
+        """Return the measurement that the controller receives instead of `measurement`."""
         return measurement
 
     def command(self, command: Command) -> Command:
-        """Return the command that the drives receive."""
+        """Return the velocity command that the drives receive instead of `command`."""
         return command
 
 
 def with_channel(measurement: Measurement, channel: str, value: float) -> Measurement:
-    """Return a copy of the measurement in which one channel has another value, in SI units."""
+    """Return a copy of the measurement in which one measured quantity has another value.
+
+    `channel` is the name of this quantity, for example `contact_force`. `value` is the new value in
+    SI units.
+    """
     changes: dict[str, Any] = {channel: value}
     return measurement._replace(**changes)
 
 
 @dataclass
 class Replaced(RigFault):
-    """Fault: a channel of the measurement has a constant value."""
+    """Fault: the value of a channel (measured quantity) is replaced by a constant."""
 
     channel: str
     """Name of the channel."""
     value: float
-    """Value, in the SI unit of the channel."""
+    """The constant, in the SI unit of the channel."""
 
     def read(self, measurement: Measurement) -> Measurement:
-        """Return the measurement with the constant value in the channel."""
+        """Return a copy of the measurement in which one measured quantity has a constant value."""
         return with_channel(measurement, self.channel, self.value)
 
 
 @dataclass
 class Shifted(RigFault):
-    """Fault: a channel of the measurement has an additional offset and a drift."""
+    """Fault: an offset and a drift are added to the value of a channel (measured quantity)."""
 
     channel: str
     """Name of the channel."""
     step: float
-    """Offset, in the SI unit of the channel."""
+    """Constant offset, in the SI unit of the channel."""
     rate: float = 0.0
-    """Drift, in the SI unit of the channel per second."""
+    """Change of the added value per second (drift), in the SI unit of the channel per second."""
 
     def __post_init__(self) -> None:
         self._start = math.nan
 
     def read(self, measurement: Measurement) -> Measurement:
-        """Return the measurement with offset and drift added to the channel."""
+        """Return a copy of the measurement with offset and drift added to one measured quantity."""
         if math.isnan(self._start):
             self._start = measurement.time
         shift = self.step + self.rate * (measurement.time - self._start)
@@ -66,15 +77,16 @@ class Shifted(RigFault):
 
 
 class Frozen(RigFault):
-    """Fault: a channel of the measurement keeps the value that it had when the fault began.
+    """Fault: the value of a channel (measured quantity) does not change after the fault began.
 
     Parameters
     ----------
     channel
         Name of the channel.
     ageing
-        Whether the age of the value increases, as after a cable was disconnected. If not, the age
-        of the new measurements is used, as for a sensor that sends the same value again and again.
+        Whether the age of the value (time since its measurement) increases, as after a cable was
+        disconnected. If False, the age is that of a new value at each reading. This simulates a
+        sensor that sends the same value again and again.
     """
 
     def __init__(self, channel: str, ageing: bool) -> None:
@@ -82,7 +94,10 @@ class Frozen(RigFault):
         self._value = self._start = math.nan
 
     def read(self, measurement: Measurement) -> Measurement:
-        """Return the measurement with the value that the channel had when the fault began."""
+        """Return a copy of the measurement in which one measured quantity keeps its first value.
+
+        The first value is that of the first call of this method, when the fault began.
+        """
         if math.isnan(self._start):
             self._value, self._start = getattr(measurement, self._channel), measurement.time
         age = measurement.age
@@ -93,15 +108,15 @@ class Frozen(RigFault):
 
 @dataclass
 class Reported(RigFault):
-    """Fault: the measurement contains a drive error or an open emergency-stop input."""
+    """Fault: the rig reports a drive error or an open emergency-stop input."""
 
     drive_error: str = ""
-    """Text of the drive error; empty for none."""
+    """Text of the drive error; empty if there is no drive error."""
     emergency_stop: bool = False
     """Whether the emergency-stop input is open."""
 
     def read(self, measurement: Measurement) -> Measurement:
-        """Return the measurement with the drive error and the state of the emergency-stop input."""
+        """Return a copy of the measurement with `drive_error` and `emergency_stop` of the fault."""
         return measurement._replace(
             drive_error=self.drive_error, emergency_stop=self.emergency_stop
         )
@@ -109,31 +124,33 @@ class Reported(RigFault):
 
 @dataclass
 class Runaway(RigFault):
-    """Fault: the drive of the slave moves faster than commanded until it is disabled."""
+    """Fault: the drive of the slave moves faster than commanded, until the drives are disabled."""
 
     velocity: float
-    """Velocity that is added to the command [m/s]."""
+    """Velocity that is added to the velocity command of the slave [m/s]."""
 
     def command(self, command: Command) -> Command:
-        """Return the command with the additional velocity of the slave."""
+        """Return a copy of the command with `velocity` added to the velocity of the slave."""
         return command._replace(slave_velocity=command.slave_velocity + self.velocity)
 
 
 class Unplugged(RigFault):
-    """Fault: no measurement can be read from the rig."""
+    """Fault: no measurement can be read from the rig, as if a device were disconnected."""
 
     def read(self, measurement: Measurement) -> Measurement:
-        """Raise RigError, as the driver of a disconnected board does."""
+        """Raise a `RigError` at each reading. The driver of a disconnected device does the same."""
         raise RigError("master board: no answer, expected a frame each millisecond")
 
 
 class FaultyRig(Rig):
-    """A rig with a fault. The fault is active from the call of `inject` on.
+    """A rig (telemanipulator with sensors and drives) for which a test can simulate a fault.
+
+    Before the first call of `inject`, there is no fault.
 
     Parameters
     ----------
     rig
-        The rig without fault.
+        The rig without fault, whose measurements and commands are changed.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -142,30 +159,31 @@ class FaultyRig(Rig):
         self._enabled = False
 
     def inject(self, fault: RigFault) -> None:
-        """Activate a fault. It replaces the present fault, if there is one."""
+        """Activate a fault from now on. If another fault is active, the new fault replaces it."""
         self._fault = fault
 
     def open(self) -> None:
-        """Open the rig."""
+        """Connect to the devices of the rig."""
         self.rig.open()
 
     def read(self) -> Measurement:
-        """Return the measurement of the rig, changed by the fault."""
+        """Return the measurement of the rig, changed by the active fault."""
         return self._fault.read(self.rig.read())
 
     def rearm(self) -> None:
-        """Clear the latched errors of the rig."""
+        """Clear the latched errors of the drives, which are reported until they are cleared."""
         self.rig.rearm()
 
     def enable(self) -> bool:
-        """Request the rig to enable the drives; return whether they are enabled."""
+        """Request that all drives are enabled; return whether all drives are enabled."""
         self._enabled = self.rig.enable()
         return self._enabled
 
     def write(self, command: Command) -> Command:
         """Send the command, changed by the fault, to the drives; return the unchanged command.
 
-        Before the drives are enabled, zero velocity is sent and returned instead.
+        The caller therefore does not see the change in the result. While the drives are disabled,
+        zero velocity is sent and returned instead.
         """
         if not self._enabled:
             return self.rig.write(STANDSTILL)
@@ -178,5 +196,5 @@ class FaultyRig(Rig):
         self.rig.idle()
 
     def close(self) -> None:
-        """Close the rig."""
+        """Disconnect from the devices of the rig."""
         self.rig.close()

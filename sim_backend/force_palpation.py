@@ -13,10 +13,10 @@ The felt stiffness is the felt force divided by the displacement. After each pok
 a fraction of the difference between the felt stiffness and s. In the first poke, s is 0, and p is
 therefore the depth.
 
-During a movement, a person reacts to a felt force after a reaction time [4]. The model uses 175 ms.
-The planned movement continues, and a second minimum-jerk movement is added to it [5]. Let p1 be the
-intended position at the time when the force or the depth reached the intended value. In the model,
-the sum of the two movements ends at p1.
+During a movement, a person reacts to a felt force after a reaction time [4]. In the model, this
+time is `PERCEPTION`. The planned movement continues, and a second minimum-jerk movement is added to
+it [5]. Let p1 be the intended position at the time when the force or the depth reached the intended
+value. In the model, the sum of the two movements ends at p1.
 
 The fraction by which s is corrected, and the duration of the second movement, are assumptions
 without a source.
@@ -44,7 +44,7 @@ from sim_backend.operators import (
 from sim_backend.plant import Intention
 
 PERCEPTION = 0.175
-"""Time from a felt force to the movement that it causes [s]."""
+"""Reaction time: time from a felt force to the movement that this force causes [s]."""
 CORRECTION = 0.25
 """Duration of the movement that a felt force causes [s]."""
 LEARNING = 0.5
@@ -52,7 +52,7 @@ LEARNING = 0.5
 
 
 class Felt(NamedTuple):
-    """What the operator feels at one time."""
+    """Position and force that the operator feels at one time, and the intended position."""
 
     time: float
     """Time after the first movement began [s]."""
@@ -65,7 +65,7 @@ class Felt(NamedTuple):
 
 
 class ForcePalpation(FreePalpation):
-    """Free palpation by pokes that end at a force or at a depth, whichever is reached first.
+    """Operator who pokes until a force or a depth is reached, whichever is reached first.
 
     Parameters
     ----------
@@ -74,11 +74,11 @@ class ForcePalpation(FreePalpation):
     seed
         Seed of the random variations of the motion.
     force
-        Intended force [N], > 0.
+        Force of the hand on the handle at which a movement into the specimen ends [N], > 0.
     arm_stiffness
         Stiffness of the operator's arm [N/m], > 0.
     withdrawal
-        Mean intended position between two pokes, divided by the depth.
+        Mean intended position of the hand between two pokes, divided by the depth.
 
     Raises
     ------
@@ -108,9 +108,11 @@ class ForcePalpation(FreePalpation):
         self._correction: Stroke | None = None
 
     def movement(self, t: float) -> Intention:
-        """Return the planned movement plus the correction, if there is a correction.
+        """Return the intended motion without tremor, at t [s] after the hand began to move.
 
-        The correction begins 175 ms after the force or the depth has reached the intended value.
+        This is the planned movement plus a correction, if there is one. The correction is a second
+        movement, which ends the poke. It begins `PERCEPTION` seconds after the handle has reached
+        the intended force or the intended depth.
         """
         position, velocity = super().movement(t)
         if not self._correction:
@@ -122,7 +124,11 @@ class ForcePalpation(FreePalpation):
         return Intention(position, velocity)
 
     def feel(self, t: float, position: float, force: float) -> None:
-        """Store the handle position [m] and the force [N] that the hand feels at t [s]."""
+        """Store the handle position [m] and the force [N] that the hand feels at t [s].
+
+        t is the time since the drives were enabled. The values are stored only during a movement
+        into the specimen, and during the rest after this movement.
+        """
         t -= REACTION
         if not self._inwards:
             return
@@ -131,7 +137,11 @@ class ForcePalpation(FreePalpation):
             self._held.append((position, force))
 
     def _perceive(self, t: float) -> None:
-        """Begin a correction if force or depth reached the intended value `PERCEPTION` s ago."""
+        """Begin a correction if the intended force or depth was reached `PERCEPTION` seconds ago.
+
+        t is the present time after the first movement began [s]. The correction is a second
+        movement, which is added to the planned movement and ends the poke.
+        """
         while self._inwards and self._felt and self._felt[0].time <= t - PERCEPTION:
             felt = self._felt.popleft()
             if felt.force >= self._aim or felt.position >= self.depth:
@@ -146,9 +156,10 @@ class ForcePalpation(FreePalpation):
         super()._next(start)
 
     def _reach(self) -> float:
-        """Return the intended position at the end of the next poke [m].
+        """Return the intended position at the end of the next movement into the specimen [m].
 
-        Before that, correct the expected stiffness with the stiffness felt in the last poke.
+        This position is computed from the stiffness that the operator expects at the handle. The
+        expected stiffness is first corrected with the stiffness that was felt in the last poke.
         """
         if self._held:
             position, force = (

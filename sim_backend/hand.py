@@ -1,4 +1,4 @@
-"""Base class of hands that move the handle of the simulated rig."""
+"""Base class of simulated hands, which move the handle of the simulated rig."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from sim_backend.plant import Handle, Intention
 
 
 class Hand(ABC):
-    """Base class of hands (operator or pointer) that move the handle of the simulated rig.
+    """Base class of simulated hands, which move the handle of the simulated rig.
+
+    The hand is that of a simulated operator, or it follows a pointer such as a mouse.
 
     Attributes
     ----------
@@ -20,7 +22,7 @@ class Hand(ABC):
 
     @abstractmethod
     def intention(self, t: float) -> Intention | None:
-        """Return the intended motion at t [s] after the drives were enabled.
+        """Return the intended motion of the hand at t [s] after the drives were enabled.
 
         The result is None if the hand does not hold the handle. t increases from one call to the
         next. When the drives are enabled again, t starts again at 0.
@@ -29,5 +31,6 @@ class Hand(ABC):
     def feel(self, t: float, position: float, force: float) -> None:  # noqa: B027
         """Process the handle position [m] and the force [N] that the hand feels at t [s].
 
-        t is the time since the drives were enabled. This class does nothing.
+        t is the time since the drives were enabled. In this base class, the method does nothing. A
+        subclass can override it, so that the intended motion depends on the felt force.
         """

@@ -3,8 +3,8 @@
 The stiffness of the hand depends on posture and on muscle activation. Measured values are several
 hundred N/m [1, 2]. A relaxed arm has about 150 N/m and a tense arm about 1500 N/m. The damping D of
 the arm depends on its stiffness K and its mass m [3]. Here m is constant, and the damping ratio
-D / (2 sqrt(K m)) is the same for each K, so that D is proportional to sqrt(K). At K = 400 N/m, D is
-12 N s/m, which is a damping ratio of 0.3 for m = 1 kg.
+D / (2 sqrt(K m)) is the same for each K. Therefore D is proportional to sqrt(K). The stiffness and
+the damping of the default arm, `operators.ARM`, determine the factor of proportionality.
 
 [1] F. A. Mussa-Ivaldi, N. Hogan, E. Bizzi, J. Neurosci. 5(10), 1985.
 [2] T. Tsuji, P. G. Morasso, K. Goto, K. Ito, Biol. Cybern. 72, 1995.
@@ -27,7 +27,7 @@ WITHDRAWN = (-0.3, 0.8)
 
 @dataclass(frozen=True)
 class OperatorModel:
-    """Arm and intention of the simulated operator.
+    """Parameters of the arm and of the intended motion of the simulated operator.
 
     Raises
     ------
@@ -38,11 +38,13 @@ class OperatorModel:
     arm_stiffness: float = ARM.stiffness
     """Stiffness of the arm [N/m], 50 to 2000. The damping is computed from the stiffness."""
     aim_force: float | None = None
-    """Force at the hand at which a poke ends if the depth is not reached before [N]. By default,
-    each poke ends at the depth, at any force. Only for the control condition `free`."""
+    """Force of the hand on the handle at which a movement into the specimen ends, if the depth is
+    not reached before [N]. By default, the force is not limited, and the movement always ends at
+    the depth. Only for the control condition `free`."""
     withdrawal: float = WITHDRAWAL
-    """Mean intended position between two pokes divided by the depth, -0.3 to 0.8. If the value is
-    negative, the hand leaves a body that is not glued. Only for the control condition `free`."""
+    """Mean intended position of the hand between two pokes, divided by the depth, -0.3 to 0.8. If
+    the value is negative, the hand moves back beyond the contact point, and the slave leaves a body
+    that is not glued. Only for the control condition `free`."""
 
     def __post_init__(self) -> None:
         for name, value, (low, high), unit in (
@@ -56,6 +58,9 @@ class OperatorModel:
 
     @property
     def arm(self) -> Arm:
-        """Impedance of the arm, with the same damping ratio as the default arm `operators.ARM`."""
+        """Stiffness and damping of the arm.
+
+        The damping ratio is the same as that of the default arm `operators.ARM`.
+        """
         ratio = self.arm_stiffness / ARM.stiffness
         return Arm(self.arm_stiffness, ARM.damping * math.sqrt(ratio))

@@ -3,12 +3,14 @@
 A person acts on the handle through the impedance of the arm. The motion of the handle therefore
 depends on the intended motion, the arm, and the admittance of the controller.
 
-Pokes are minimum-jerk movements [1]. The stiffness of the arm, 400 N/m, and its damping, 12 N s/m,
-are in the range measured at the hand [2, 3]. Physiological tremor has frequencies of 8 to 12 Hz. At
-the tool of a surgeon, the amplitude of the tremor is about 0.1 mm [4]. Here the standard deviation
-is 0.12 mm. The following values are assumptions without a source. Depth and timing vary by 10 to
-15 % from one poke or cycle to the next. After a poke, the hand moves back by only a part
-of the depth, and does not reach the start position. The first movement starts after 0.2 s.
+A poke consists of a movement into the specimen and a movement back. Both are minimum-jerk
+movements [1]. The stiffness and the damping of the arm (`ARM`) are in the range measured at the
+hand [2, 3]. Physiological tremor has frequencies of 8 to 12 Hz. At the tool of a surgeon, the
+amplitude of the tremor is about 0.1 mm [4]. Here the tremor is the sum of three sines, each with
+the amplitude `TREMOR_AMPLITUDE`. The following values are assumptions without a source. Depth and
+timing vary by 10 to 15 % from one poke or cycle to the next. By default, the hand does not move
+back to the start position after a poke (`WITHDRAWAL`). The first movement starts after the time
+`REACTION`.
 
 [1] T. Flash, N. Hogan, J. Neurosci. 5(7), 1985.
 [2] F. A. Mussa-Ivaldi, N. Hogan, E. Bizzi, J. Neurosci. 5(10), 1985.
@@ -29,30 +31,31 @@ from sim_backend.hand import Hand
 from sim_backend.plant import Arm, Intention
 
 ARM = Arm(stiffness=400.0, damping=12.0)
+"""Default impedance of the arm."""
 TREMOR_AMPLITUDE = 0.1e-3
 """Amplitude of each of the three tremor components of the intended motion [m]."""
 MOVED = 0.35
-"""Largest handle position, divided by the depth, that a waiting hand can cause.
+"""Largest position of the handle, divided by the depth, while the operator's hand waits.
 
-If the position is larger, the rig has moved the handle. A waiting hand is at 0.1 of the depth. Its
-tremor moves the handle by at most 0.1 mm. This is less than a tenth of the smallest depth of the
-condition `mimic`.
+A hand that waits cannot move the handle farther. At a larger position, the rig has moved the
+handle. A hand that waits is at 0.1 of the depth. Its tremor moves the handle by at most 0.1 mm.
+This is less than a tenth of the smallest depth of the condition `mimic`.
 """
 REACTION = 0.2
-"""Time from the start of the trial to the first movement [s]."""
+"""Time from the enabling of the drives to the first movement of the hand [s]."""
 WITHDRAWAL = 0.5
-"""Mean intended position between two pokes, divided by the depth."""
+"""Default mean intended position of the hand between two pokes, divided by the depth."""
 
 
 class Stroke(NamedTuple):
-    """Minimum-jerk movement (Flash and Hogan, 1985)."""
+    """Minimum-jerk movement of a hand from one position to another (Flash and Hogan, 1985)."""
 
     start: float
     """Time at which the movement starts [s]."""
     duration: float
     """Duration [s]."""
     distance: float
-    """Distance [m]."""
+    """Final position minus start position [m]; negative for a movement out of the specimen."""
 
     @property
     def end(self) -> float:
@@ -60,7 +63,10 @@ class Stroke(NamedTuple):
         return self.start + self.duration
 
     def at(self, t: float) -> tuple[float, float]:
-        """Return the travelled distance [m] and the velocity [m/s] at the time t >= start [s]."""
+        """Return the position relative to the start position [m], and the velocity [m/s].
+
+        t is the time [s], t >= `start`. After the end of the movement, the velocity is zero.
+        """
         share = min((t - self.start) / self.duration, 1.0)
         return (
             self.distance * share**3 * (10.0 - 15.0 * share + 6.0 * share**2),
@@ -96,13 +102,14 @@ class Operator(Hand):
 
     @abstractmethod
     def movement(self, t: float) -> Intention:
-        """Return the voluntary motion at t [s] after the hand began to move.
+        """Return the intended motion without tremor, at t [s] after the hand began to move.
 
-        t increases from one call to the next. It starts again at 0 when the drives are enabled.
+        t increases from one call to the next. If the drives are disabled and enabled again, t
+        starts again at 0.
         """
 
     def intention(self, t: float) -> Intention | None:
-        """Return the intended motion with tremor, at t [s] after the drives were enabled."""
+        """Return the intended motion including tremor, at t [s] after the drives were enabled."""
         if t < REACTION:
             return Intention(0.0, 0.0)
         t -= REACTION
@@ -120,7 +127,7 @@ class Operator(Hand):
 class FreePalpation(Operator):
     """Operator who palpates freely by pokes of about 1.2 s.
 
-    A poke is a movement inwards, a short rest, a movement outwards, and a short rest.
+    A poke is a movement into the specimen, a short rest, a movement back, and a short rest.
 
     Parameters
     ----------
@@ -129,8 +136,7 @@ class FreePalpation(Operator):
     seed
         Seed of the random variations of the motion.
     withdrawal
-        Mean intended position between two pokes, divided by the depth. By default about half of
-        the depth.
+        Mean intended position of the hand between two pokes, divided by the depth.
     """
 
     def __init__(self, depth: float, seed: int, withdrawal: float = WITHDRAWAL) -> None:
@@ -142,7 +148,10 @@ class FreePalpation(Operator):
         self._inwards = False
 
     def movement(self, t: float) -> Intention:
-        """Return the voluntary motion: minimum-jerk movements, with a short rest after each one."""
+        """Return the intended motion without tremor, at t [s] after the hand began to move.
+
+        The motion consists of minimum-jerk movements, with a short rest after each movement.
+        """
         if t < self._stroke.start:  # the drives were enabled again
             self._to, self._inwards, self._end = 0.0, False, t
         while t >= self._end:
@@ -151,7 +160,10 @@ class FreePalpation(Operator):
         return new_tuple(Intention, (self._from + travelled, velocity))
 
     def _next(self, start: float) -> None:
-        """Plan the next movement."""
+        """Plan the next movement, which begins at the time `start` [s].
+
+        Movements into the specimen and movements back alternate.
+        """
         self._inwards = not self._inwards
         self._from = self._to
         if self._inwards:
@@ -165,14 +177,14 @@ class FreePalpation(Operator):
         self._end = self._stroke.end + self._dwell
 
     def _reach(self) -> float:
-        """Return the intended position at the end of the next poke [m]."""
+        """Return the intended position at the end of the next movement into the specimen [m]."""
         return self.depth
 
 
 class MimickedSine(Operator):
     """Operator who tracks a sine of constant frequency and amplitude, with the errors of a person.
 
-    The amplitude of the hand varies slowly by about 10 %, and its phase by about 0.4 rad.
+    The amplitude and the phase of the intended motion vary slowly and randomly.
 
     Parameters
     ----------
@@ -196,9 +208,10 @@ class MimickedSine(Operator):
         self._phase_wander = self._wander(0.3)
 
     def _wander(self, size: float) -> list[tuple[float, float, float]]:
-        """Return three slow sines, whose sum is a slow random variation.
+        """Return the parameters of three slow sines, whose sum is a slow random variation.
 
-        Each sine is a tuple: amplitude `size`, angular frequency [rad/s], and phase [rad].
+        The parameters of each sine are a tuple of amplitude, angular frequency [rad/s] and phase
+        [rad]. The amplitude of each sine is `size`. Frequency and phase are random.
         """
         return [
             (size, 2 * math.pi * self.random.uniform(0.1, 0.5), self.random.uniform(0, 2 * math.pi))
@@ -206,10 +219,11 @@ class MimickedSine(Operator):
         ]
 
     def movement(self, t: float) -> Intention:
-        """Return the voluntary motion: a movement to a small depth, plus a raised cosine.
+        """Return the intended motion without tremor, at t [s] after the hand began to move.
 
-        The raised cosine moves the hand between the small depth and about the intended depth. Its
-        amplitude and its phase vary slowly.
+        First, the hand moves to a small depth and waits. Then it moves sinusoidally between the
+        small depth and about the intended depth. The amplitude and the phase of this motion vary
+        slowly and randomly.
         """
         light, light_rate = (t, 1.0) if t < 1.0 else (1.0, 0.0)
         t = max(t - self._count_in, 0.0)
@@ -230,17 +244,20 @@ class MimickedSine(Operator):
 
 
 class AttentiveOperator(MimickedSine):
-    """Operator for all control conditions, who does not know the condition of the trial.
+    """Operator who can be used in each control condition, and who does not know the condition.
 
-    The operator waits at a small depth for the time `count_in` and then tracks the sine, also in
-    the condition `free`. If the handle moves away while the operator waits, the operator assumes
-    the condition `autonomous`, and releases the handle.
+    The operator waits at a small depth for the time `count_in`, and then moves the hand
+    sinusoidally, also in the condition `free`. If the rig moves the handle while the operator
+    waits, the operator assumes the condition `autonomous` and releases the handle.
     """
 
     _released = False
 
     def intention(self, t: float) -> Intention | None:
-        """Return the intended motion; None after the operator has released the handle."""
+        """Return the intended motion at t [s] after the drives were enabled.
+
+        The result is None after the operator has released the handle.
+        """
         waits = t < REACTION + self._count_in
         if waits and self.handle and self.handle.x > MOVED * self.depth:
             self._released = True

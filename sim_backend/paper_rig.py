@@ -3,9 +3,9 @@
 This module contains the parameters of the cubes, of the force channel and of the transmission, and
 the depths of palpation. The force channel and the slave are the same in all nine trials. The spring
 force of a cube at the displacement x is k1 x + k3 x^3, and its damping is b. The force channel has
-a lag tau, and the transmission of the slave has the lost motion delta. For a motion to the depth x
-with amplitude A and angular frequency omega, the estimates of recursive least squares (RLS) are
-about
+a lag tau. The transmission of the slave has the lost motion delta, which is the distance by which
+the tip lags the motor because of dry friction. For a sinusoidal motion to the depth x with
+amplitude A and angular frequency omega, the estimates of recursive least squares (RLS) are about
 
     k_hat = k1 + k3 x^2
     b_hat = b - k_hat tau - 4 k_hat delta / (pi omega A)
@@ -31,7 +31,11 @@ LOSS_TIME = 1.5e-3
 
 
 def silicone(k1: float, k3: float) -> Cube:
-    """Return a cube of silicone rubber with stiffness k1 [N/m] and stiffening k3 [N/m^3]."""
+    """Return a cube of silicone rubber with the spring force k1 x + k3 x^3.
+
+    k1 [N/m] is the stiffness at small displacement, and k3 [N/m^3] is the stiffening coefficient.
+    The damping of the cube is `LOSS_TIME` times k1.
+    """
     return Cube(k1, k3, LOSS_TIME * k1)
 
 
@@ -58,12 +62,12 @@ DEPTH = {
 
 @dataclass(frozen=True)
 class Setup:
-    """Properties of the simulated rig in a trial, and of the body that it palpates.
+    """Properties of the simulated rig, and of the palpated body, in one trial.
 
     Raises
     ------
     ValueError
-        The depth is not positive, or the lag of the force channel is not positive.
+        The depth or the time constant of the force channel is not positive.
     """
 
     cube: AnyBody
@@ -76,9 +80,11 @@ class Setup:
     """Transmission between the encoder and the tip of the slave."""
 
     def tip(self, position: Iterable[float]) -> list[float]:
-        """Return the true positions of the tip [m], from the positions of the encoder [m].
+        """Compute the true positions of the slave's tip [m] from the readings of its encoder [m].
 
-        This method is valid only if the body is a cube.
+        The encoder measures the position of the motor. Lost motion and compliance of the
+        transmission cause the difference to the position of the tip. The result is valid only if
+        the palpated body is a cube.
         """
         played, tip = 0.0, []
         for x in position:
@@ -87,18 +93,19 @@ class Setup:
         return tip
 
     def force(self, x: float) -> float:
-        """Return the static force [N] of body and transmission in series.
+        """Return the static force [N] of the palpated body in series with the transmission.
 
-        x [m] is the displacement of body and transmission together. The force does not include
-        friction. For a body that changes to another body, it is the force before the change.
+        x [m] is the displacement of the body plus the elastic stretch of the transmission. The
+        friction in the transmission is neglected. If the body changes to another body during the
+        trial, the result is the force before the change.
         """
         return self.static_force(self.cube.slow, x)
 
     def static_force(self, law: Law, x: float) -> float:
-        """Return the static force [N] of the transmission in series with a body of the given law.
+        """Return the static force [N] of a body in series with the transmission of the slave.
 
-        x [m] is the displacement of body and transmission together. The force does not include
-        friction.
+        `law` is the law of the contact force of the body. x [m] is the displacement of the body
+        plus the elastic stretch of the transmission. The friction in the transmission is neglected.
         """
         return law.force(law.compressed(x, self.transmission.compliance), 0.0)
 
@@ -109,5 +116,8 @@ class Setup:
 
 
 def paper_setup(condition: str, cube: str) -> Setup:
-    """Return the set-up of one of the paper's nine trials."""
+    """Return the properties of rig and cube in one of the nine trials of the paper.
+
+    `condition` is `free`, `mimic` or `autonomous`. `cube` is `soft`, `medium` or `hard`.
+    """
     return Setup(CUBES[cube], FORCE_LAG, DEPTH[condition][cube], TRANSMISSION)

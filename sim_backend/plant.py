@@ -1,4 +1,7 @@
-"""Dynamics of the telemanipulator: handle, slave in contact with a body, and force channels."""
+"""Dynamics of the telemanipulator: handle, slave in contact with a body, and force channels.
+
+A force channel is a force sensor with its amplifier.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,14 @@ from sim_backend.body import Body, Law
 from sim_backend.transmission import RIGID, Transmission
 
 MAX_STEP = 1e-3
-"""Longest integration step [s]. With half of this step, the sensors show the same values."""
+"""Longest integration step [s]. Half of this step gives the same readings of the sensors."""
 
 
 @dataclass(frozen=True)
 class PlantParameters:
-    """Parameters of the drives and the force channels. The defaults are typical laboratory values.
+    """Parameters of the drives and of the force channels (force sensors with amplifier).
+
+    The defaults are typical laboratory values.
 
     Raises
     ------
@@ -41,7 +46,11 @@ class PlantParameters:
 
     @property
     def slave_compliance(self) -> float:
-        """Position error of the slave's servo per newton of constant load [m/N]."""
+        """Position error of the slave in steady state per newton of constant load [m/N].
+
+        The velocity servo of the slave has an integral part. A constant load therefore causes a
+        constant position error.
+        """
         corners = self.slave_bandwidth * self.slave_integral
         return 1.0 / (self.slave_mass * (2.0 * math.pi) ** 2 * corners)
 
@@ -52,7 +61,7 @@ class PlantParameters:
 
 
 class Handle:
-    """The handle of the master, with a velocity servo: x'' = w (u - x').
+    """The handle of the master. Its velocity servo is a first-order lag: x'' = w (u - x').
 
     u is the velocity command, and w is 2 pi times the bandwidth [Hz] of the servo. The attributes
     `x` and `v` are the position [m] and the velocity [m/s].
@@ -63,7 +72,11 @@ class Handle:
         self.x = self.v = 0.0
 
     def advance(self, u: float, dt: float) -> None:
-        """Advance the handle by `dt` [s] with the velocity command u [m/s]. The result is exact."""
+        """Advance the motion of the handle by the time `dt` [s].
+
+        `u` is the velocity command [m/s], which is constant during this time. The equation of
+        motion is solved exactly.
+        """
         slip = self.v - u
         left = slip * math.exp(-self._rate * dt)
         self.x += u * dt + (slip - left) / self._rate
@@ -75,13 +88,13 @@ class Slave:
 
     The attributes `x` and `v` are the position [m] and the velocity [m/s] of the motor. The
     velocity servo has a proportional part with gain K_p and an integral part with gain K_i. m is
-    the moving mass, u the velocity command, and e the integral of the velocity error. The load l is
-    the force of the body on the tip plus the friction at the tip:
+    the moving mass, u the velocity command, and e the integral of the velocity error. The load
+    l(x, x') is the force of the body on the tip plus the friction at the tip:
 
         m x'' = m (K_p (u - x') + K_i e) - l(x, x'),    e' = u - x'
 
-    During a step, the law of the body is constant. At the end of the step, the state of the body is
-    advanced.
+    During an integration step, the force of the body depends only on displacement and velocity. The
+    effect of the deformation in the past is updated at the end of the step.
     """
 
     def __init__(self, body: Body, parameters: PlantParameters) -> None:
@@ -97,12 +110,12 @@ class Slave:
         self._integral = self._proportional * 2.0 * math.pi * parameters.slave_integral
 
     def palpate(self, body: Body) -> None:
-        """Replace the palpated body by `body` in its initial state."""
+        """Replace the palpated body by `body`, in the state before its first contact."""
         self._body, self._state = body, body.initial
 
     @property
     def law(self) -> Law:
-        """Law of the contact force of the body in its present state."""
+        """Present contact force of the body, as a function of displacement and velocity."""
         return self._body.law(self._state)
 
     @property
@@ -113,26 +126,33 @@ class Slave:
         return transmission.tip_force(self.law, played, self.x, self.v)
 
     def load(self, x: float, v: float) -> float:
-        """Return the load [N] if the motor is at position x [m] and has the velocity v [m/s].
+        """Return the load on the motor [N] at the motor position x [m] and velocity v [m/s].
 
-        The motor is assumed to move from its present position to x without reversal.
+        The load is the force of the body on the tip plus the friction at the tip. The motor is
+        assumed to move from its present position to x without a reversal of direction.
         """
         return self._transmission.load(self.law, self._played, x, v)
 
     @property
     def motor_force(self) -> float:
-        """Force of the motor on the slave [N]."""
+        """Force of the motor on the moving mass of the slave [N]."""
         return self._mass * (
             self._proportional * (self.command - self.v) + self._integral * self._error
         )
 
     def move_to(self, x: float, v: float) -> None:
-        """Move the motor to position x [m] without a reversal, and set its velocity to v [m/s]."""
+        """Set the position x [m] and the velocity v [m/s] of the motor.
+
+        The motor is assumed to move from its last position to x without a reversal of direction.
+        """
         self.x, self.v = x, v
         self._played = self._transmission.play(self._played, x)
 
     def advance(self, u: float, h: float) -> None:
-        """Advance the slave by one Runge-Kutta step of h [s] with the velocity command u [m/s]."""
+        """Advance the motion of the slave by one Runge-Kutta step of the length `h` [s].
+
+        `u` is the velocity command [m/s], which is constant during the step.
+        """
         self.command = u
         x, v1, error, played = self.x, self.v, self._error, self._played
         proportional, integral, mass = self._proportional, self._integral, self._mass
@@ -152,7 +172,7 @@ class Slave:
 
 
 class ForceChannel:
-    """A force sensor with amplifier: a first-order lag tau y' = f - y.
+    """A force sensor with amplifier. Its output y is a first-order lag: tau y' = f - y.
 
     f is the force on the sensor [N]. The attribute `y` is the output [N]. The parameter `lag` is
     the time constant tau [s].
@@ -163,10 +183,10 @@ class ForceChannel:
         self._force = self.y = 0.0
 
     def advance(self, force: float, dt: float) -> None:
-        """Advance the output by the time `dt` [s].
+        """Advance the output `y` of the force sensor by the time `dt` [s].
 
-        During this time, the force on the sensor changes linearly to `force` [N]. The result is
-        exact.
+        During this time, the force on the sensor changes linearly from its last value to `force`
+        [N]. The equation of the lag is solved exactly.
         """
         behind = (force - self._force) / dt * self._lag
         decay = math.exp(-dt / self._lag)
@@ -175,7 +195,7 @@ class ForceChannel:
 
 
 class Arm(NamedTuple):
-    """Impedance of the operator's arm between the intended position of the hand and the handle."""
+    """Spring and damper (the operator's arm) between the intended hand position and the handle."""
 
     stiffness: float
     """Stiffness [N/m]."""
@@ -183,14 +203,14 @@ class Arm(NamedTuple):
     """Damping [N s/m]."""
 
     def force(self, intended: Intention, handle: Handle) -> float:
-        """Return the force of the hand on the handle [N]."""
+        """Return the force of the hand on the handle [N] for an intended motion of the hand."""
         return self.stiffness * (intended.position - handle.x) + self.damping * (
             intended.velocity - handle.v
         )
 
 
 class Intention(NamedTuple):
-    """Intended motion of the operator's hand at one time."""
+    """Position and velocity that the operator intends for the hand, at one time."""
 
     position: float
     """Intended position [m]."""
@@ -199,6 +219,7 @@ class Intention(NamedTuple):
 
 
 UNATTENDED = Arm(0.0, 0.0)
+"""Arm that exerts no force, because nobody holds the handle."""
 AT_REST = Intention(0.0, 0.0)
 
 
@@ -208,11 +229,11 @@ class Plant:
     Parameters
     ----------
     body
-        The environment, such as a cube.
+        The environment (palpated body), such as a cube.
     parameters
-        Parameters of drives and force channels.
+        Parameters of drives and force channels (force sensors with amplifier).
     arm
-        The operator's arm; `UNATTENDED` if nobody holds the handle.
+        Impedance of the operator's arm; `UNATTENDED` if nobody holds the handle.
     max_step
         Longest integration step [s].
 
@@ -246,10 +267,10 @@ class Plant:
         dt
             Time step [s].
         command
-            Command of the drives, constant over the step.
+            Velocity commands of handle and slave, constant over the step.
         intended
-            Intended motion of the hand at the end of the step; None if the hand does not hold the
-            handle.
+            Intended position and velocity of the operator's hand at the end of the step; None if
+            the hand does not hold the handle.
         """
         self.handle.advance(command.master_velocity, dt)
         hand = self._arm.force(intended, self.handle) if intended else 0.0

@@ -1,4 +1,4 @@
-"""Sensor imperfections: quantisation of the encoder, noise and offset of the force sensors."""
+"""Simulated imperfections of the sensors: encoder resolution, force noise and force offsets."""
 
 from __future__ import annotations
 
@@ -9,24 +9,25 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Sensors:
-    """Parameters of the sensor imperfections.
+    """Parameters of the imperfections of the simulated encoders and force sensors.
 
     Raises
     ------
     ValueError
-        The encoder resolution is not positive, or the force noise is negative.
+        `encoder_resolution` is not positive, `force_noise` is negative, or one of them is not
+        finite.
     """
 
     encoder_resolution: float = 1e-6
-    """Distance per count of each encoder [m]."""
+    """Resolution of the encoders [m]. Each measured position is a multiple of this length."""
     force_noise: float = 0.02
-    """Standard deviation of the noise of a force sample [N]."""
+    """Standard deviation of the noise of the force sensors [N]."""
     master_zero: float = 0.0
     """Offset of the handle's force sensor [N]."""
     contact_zero: float = 0.0
     """Offset of the contact force sensor [N]."""
     contact_position: float = 0.0
-    """Reading of the slave's encoder at the contact point [m]."""
+    """Position that the slave's encoder measures at the contact point [m]."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.encoder_resolution < math.inf:
@@ -35,12 +36,17 @@ class Sensors:
             raise ValueError(f"force noise must be >= 0, got {self.force_noise}")
 
     def position(self, x: float) -> float:
-        """Return the reading of the encoder at position x [m]."""
+        """Return the position [m] that an encoder measures at the true position x [m]."""
         return round(x / self.encoder_resolution) * self.encoder_resolution
 
     def force(self, f: float, noise: random.Random) -> float:
-        """Return the reading of a force sensor [N] at force f [N], with noise but without offset.
+        """Return the true force f [N] plus noise, but without the offset of the sensor.
 
-        `noise` is the random generator of the noise.
+        Parameters
+        ----------
+        f
+            True force on the sensor [N].
+        noise
+            Random generator of the noise.
         """
         return f + noise.gauss(0.0, self.force_noise)

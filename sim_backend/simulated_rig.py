@@ -1,4 +1,4 @@
-"""The simulated rig: a plant with sensors, drives and an operator."""
+"""Simulated telemanipulator: its dynamics, sensors and drives, and the hand of an operator."""
 
 from __future__ import annotations
 
@@ -17,40 +17,41 @@ FRESH = Ages(*(0.0 for _ in CHANNELS))
 
 
 class SimulatedRig(Rig):
-    """A simulated telemanipulator with the interface of a real rig.
+    """A simulated telemanipulator (rig) with the same interface as a real one.
 
-    Each call of `read` advances the plant to the present time of the clock, real or virtual. With
-    a virtual clock, two simulations with the same seed are identical to the bit.
+    Each call of `read` advances the simulation to the present time of the clock. The clock is real
+    or virtual. With a virtual clock, two simulations with the same parameters and the same commands
+    give exactly the same values.
 
     Parameters
     ----------
     body
-        The environment, such as a cube.
+        The specimen on which the slave presses, for example a cube.
     now
         Function that returns the time of the clock [s].
     operator
-        The hand that moves the handle; None if nobody holds it.
+        The simulated hand that moves the handle; None if nobody holds the handle.
     parameters
-        Parameters of drives and force channels.
+        Parameters of the drives and of the dynamics of the force sensors.
     sensors
         Imperfections of the sensors.
     max_velocity
         Largest velocity of the drives [m/s].
     watchdog
-        Watchdog time [s]. If enabled drives receive no command for a longer time, they stop. The
-        measurement then contains the drive error `watchdog`. The drives stay disabled until they
-        are enabled again.
+        Watchdog time [s]. If the drives are enabled and receive no command for a longer time, they
+        are disabled. The measurement then contains the drive error `watchdog`. The drives stay
+        disabled until `enable` is called.
     seed
         Seed of the sensor noise.
     start
         Initial position of the slave [m].
     arm
-        Impedance of the operator's arm.
+        Impedance of the operator's arm. It has no effect if nobody holds the handle.
 
     Raises
     ------
     ValueError
-        `max_velocity` or `watchdog` is not positive.
+        `max_velocity` or `watchdog` is not positive or not finite.
     """
 
     def __init__(
@@ -87,11 +88,11 @@ class SimulatedRig(Rig):
         self._time = 0.0
 
     def open(self) -> None:
-        """Set the time of the plant to the present time of the clock. The drives are disabled."""
+        """Start the simulation at the present time of the clock. The drives remain disabled."""
         self._time = self._now()
 
     def read(self) -> Measurement:
-        """Advance the plant to the time of the clock, and read every sensor."""
+        """Advance the simulation to the present time of the clock; return all measured values."""
         now = self._now()
         if now > self._time:
             intended = None
@@ -125,25 +126,31 @@ class SimulatedRig(Rig):
         return new_tuple(Measurement, values)
 
     def rearm(self) -> None:
-        """Clear the error of the watchdog."""
+        """Clear the drive error of an expired watchdog. The drives remain disabled."""
         self._error = ""
 
     def enable(self) -> bool:
-        """Enable the drives, and start the motion of the operator; return True."""
+        """Enable both drives, and start the motion of the operator's hand.
+
+        Returns
+        -------
+        bool
+            Always True, because the simulated drives are enabled without delay.
+        """
         self._enabled, self._error = True, ""
         self._start = self._commanded = self._time
         return True
 
     def write(self, command: Command) -> Command:
-        """Send the command to the drives; return the command that they apply.
+        """Send velocities to the two drives; return the velocities with which the drives move.
 
-        Velocities are limited to the largest velocity of the drives. Drives that are not enabled
-        do not move.
+        The velocities are limited to the largest velocity of the drives. If the drives are not
+        enabled, the command has no effect, and the returned velocities are zero.
 
         Raises
         ------
         ValueError
-            A velocity is not finite; the previous command remains active.
+            A velocity is not finite. The drives continue with the previous command.
         """
         master, slave = command
         if not (math.isfinite(master) and math.isfinite(slave)):
@@ -157,7 +164,7 @@ class SimulatedRig(Rig):
         return self._applied
 
     def idle(self) -> None:
-        """Disable both drives, and apply their brakes. The operator lets go of the handle."""
+        """Disable both drives, and stop them. The operator lets go of the handle."""
         self._enabled = False
         self._applied = STANDSTILL
         self._start = math.inf

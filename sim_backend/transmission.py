@@ -1,27 +1,29 @@
 """The transmission between the slave's motor, with its encoder, and the tip.
 
-A transmission of compliance c moves a tip on which dry friction F_c acts. The distance
-delta = F_c c is called lost motion. After a reversal, the tip does not move until the motor has
-moved by 2 delta. x is the position of the motor, y the position of the tip, f_s(y) the spring force
-of the cube, and phi the friction force. The equilibrium of the tip is
+The transmission is a spring with compliance c [m/N] between the motor and the tip. The tip presses
+on a body (the specimen), and dry friction acts on the tip. The magnitude of the friction is at most
+F_c. The distance delta = F_c c is called lost motion. After a reversal of the motor, the tip does
+not move until the motor has moved by 2 delta. x is the position of the motor, y the position of the
+tip, y' its velocity, f_s(y) the spring force of the body, and phi the friction force. In
+equilibrium, the force of the transmission is equal to the sum of spring force and friction:
 
     (x - y) / c = f_s(y) + phi,    |phi| <= F_c,    phi y' >= 0
 
-Since g(y) = y + c f_s(y) increases with y, this is equivalent to
+The function g(y) = y + c f_s(y) increases with y. The equilibrium is therefore equivalent to
 
     g(y) = p = play(x),    phi = (x - p) / c
 
-play is the play operator of half width delta [1]. Its output p is constant while
+play is the play operator (backlash) of half width delta [1]. Its output p is constant while
 |x - p| <= delta, and otherwise follows x at the distance delta. If x is a sine of amplitude A and
 angular frequency omega, the describing function of the play operator [2] gives the amplitude and
-the phase lag of the force of the cube. The phase lag has the same effect as an additional damping
-coefficient of -4 k delta (A - delta) / (pi omega A^2), in which k is the stiffness of cube and
-transmission in series. If delta is much smaller than A, this coefficient is about
+the phase lag of the force of the body. If the damping coefficient of the body is estimated with the
+position x, the phase lag changes the estimate by -4 k delta (A - delta) / (pi omega A^2). k is the
+stiffness of body and transmission in series. If delta is much smaller than A, this change is about
 -4 k delta / (pi omega A).
 
-These equations give the position and the speed of the tip. The damping force of the cube is
-computed from this speed. The model neglects that the damping force also stretches the transmission.
-Friction and damping of the model always dissipate energy.
+These equations give the position and the velocity of the tip. The damping force of the body is
+computed from this velocity. The model neglects that the damping force also stretches the
+transmission. Friction and damping of the model nevertheless dissipate energy at all times.
 
 [1] M. Brokate, J. Sprekels, Hysteresis and Phase Transitions, Springer, 1996, section 2.1.
 [2] A. Gelb, W. E. Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design,
@@ -38,16 +40,20 @@ from sim_backend.body import Law
 
 @dataclass(frozen=True)
 class Transmission:
-    """Elastic transmission with dry friction at the tip; rigid by default.
+    """Elastic transmission from the slave's motor to the tip, with dry friction at the tip.
+
+    With the default values, the transmission is rigid and has no friction.
 
     Raises
     ------
     ValueError
-        A value is negative or not finite, or there is lost motion without compliance.
+        A value is negative or not finite, or `lost_motion` is positive and `compliance` is zero.
     """
 
     lost_motion: float = 0.0
-    """Distance delta by which the tip lags the motor due to dry friction, in either direction [m].
+    """Distance delta by which the tip lags the motor because of dry friction [m].
+
+    It is the same in both directions of motion.
     """
     compliance: float = 0.0
     """Stretch of the transmission per newton of force on the tip [m/N]."""
@@ -61,26 +67,37 @@ class Transmission:
 
     @property
     def friction(self) -> float:
-        """Dry friction at the tip [N]."""
+        """Largest magnitude of the dry friction at the tip [N]."""
         return self.lost_motion / self.compliance if self.compliance else 0.0
 
     def play(self, p: float, x: float) -> float:
-        """Return the output of the play operator [m] for its last output p and its input x [m]."""
+        """Return the new output of the play operator (backlash) [m].
+
+        The output is `p` while |x - p| is at most `lost_motion`. Otherwise it is the value nearest
+        to `p` whose distance from `x` is `lost_motion`.
+
+        Parameters
+        ----------
+        p
+            Last output of the play operator [m].
+        x
+            New input of the play operator: the position of the motor [m].
+        """
         low, high = x - self.lost_motion, x + self.lost_motion
         return low if p < low else high if p > high else p
 
     def load(self, law: Law, played: float, x: float, v: float) -> float:
         """Return the load [N] on the motor at position x [m] and velocity v [m/s].
 
-        The load is the force of the body on the tip plus the friction at the tip. The motor moved
-        to x without reversal.
+        The load is the force of the body (the specimen) on the tip plus the friction at the tip.
 
         Parameters
         ----------
         law
-            Law of the force of the body.
+            Force of the body as a function of displacement and velocity.
         played
-            Output of the play operator before this motion [m].
+            Output of the method `play` at an earlier position of the motor [m]. The motor must have
+            moved from there to `x` without reversal.
         x, v
             Position [m] and velocity [m/s] of the motor.
         """
@@ -91,10 +108,16 @@ class Transmission:
         return self.tip_force(law, played, x, v) + (x - played) / compliance
 
     def tip_force(self, law: Law, played: float, x: float, v: float) -> float:
-        """Return the force of the body on the tip [N].
+        """Return the force of the body (the specimen) on the tip [N].
 
-        `x` [m] and `v` [m/s] are the position and velocity of the motor. `played` is the output of
-        the play operator at the position `x` [m].
+        Parameters
+        ----------
+        law
+            Force of the body as a function of displacement and velocity.
+        played
+            Output of the method `play` at the position `x` [m].
+        x, v
+            Position [m] and velocity [m/s] of the motor.
         """
         compliance, lost = self.compliance, self.lost_motion
         tip = law.compressed(played, compliance)
@@ -104,4 +127,4 @@ class Transmission:
 
 
 RIGID = Transmission()
-"""Transmission without compliance and lost motion."""
+"""Transmission without compliance and without lost motion."""

@@ -1,1 +1,1 @@
-"""Controller for a 1-DOF telemanipulator that estimates stiffness and damping of a specimen."""
+"""Control a 1-DOF telemanipulator, and estimate stiffness and damping of the touched specimen."""

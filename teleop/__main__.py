@@ -8,8 +8,8 @@ def main() -> int:
 
     Ctrl-C ends the command without a traceback. After the command has ended, Ctrl-C is ignored, so
     that the exit code does not change. Linear algebra uses one thread, unless the environment
-    variable OMP_NUM_THREADS sets another number of threads. The matrices are small, so that more
-    threads would only use more processor time.
+    variable OMP_NUM_THREADS sets another number of threads. Because the matrices are small, more
+    threads would use more processor time, but would not be faster.
     """
     import os
     import signal

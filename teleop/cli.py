@@ -33,7 +33,7 @@ from teleop.trial.realtime import avoid_claimed_processors
 
 
 def installed_version() -> str:
-    """Return the version of the installed package."""
+    """Return the version of the installed package `teleop`."""
     from importlib.metadata import version
 
     return version("teleop")
@@ -78,9 +78,9 @@ NARROWEST = 20
 def prepare_streams() -> None:
     """Change standard output and standard error so that printing to them does not fail.
 
-    A closed stream is replaced by the null device. Characters that the encoding of the stream does
-    not contain are printed as escapes. The environment variable COLUMNS is ignored if it sets a
-    width below `NARROWEST`.
+    A closed stream is replaced by the null device. A character that the encoding of the stream does
+    not contain is printed as an escape sequence. The environment variable COLUMNS, which sets the
+    width of the terminal, is removed if the width is less than `NARROWEST` characters.
     """
     columns = os.environ.get("COLUMNS", "")
     if columns.isdecimal() and int(columns[:9]) < NARROWEST:
@@ -105,10 +105,10 @@ def ignore_backend() -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code.
 
-    The exit code is 0 for success, 2 for bad input or a failure of the rig, 3 for a safety stop,
-    and 130 if the command handled Ctrl-C itself. It is 1 if the reader of standard output closed
-    the pipe. These problems are reported without a traceback. An exception that is an error in the
-    program (a bug) is raised again.
+    The exit code is 0 for success, 2 for bad input, a failure of the rig or a full disk, 3 for a
+    safety stop, and 130 if the command itself handled Ctrl-C. It is 1 if the program that reads
+    standard output through a pipe has closed the pipe. In these cases no traceback is printed.
+    Other exceptions are errors in this program. They are not caught.
 
     Parameters
     ----------
@@ -118,8 +118,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Raises
     ------
     KeyboardInterrupt
-        The command does not handle Ctrl-C, or another signal that ends the program. The exit code
-        of the program is then 130 too.
+        The program received Ctrl-C, or another signal that ends a program, and the command did not
+        handle this signal itself. The exit code of the program is then also 130.
     """
     prepare_streams()
     ignore_backend()

@@ -1,7 +1,7 @@
-"""Define the exceptions for bad input and for a safety stop.
+"""Define the exceptions for invalid input and for a safety stop.
 
-They are not errors in the program (bugs). A command that ends with such an exception prints its
-message without a traceback.
+These exceptions do not mean that the program has a defect. If a command ends with one of them, only
+the message of the exception is printed, without a traceback.
 """
 
 from __future__ import annotations
@@ -17,27 +17,35 @@ if TYPE_CHECKING:
 
 
 class SafetyStop(Exception):
-    """The safety supervisor has stopped the rig. The message names the fault and its source."""
+    """The safety supervisor has stopped the drives.
+
+    The message describes the fault, for example which measured value exceeded its limit.
+    """
 
 
 class InputError(Exception):
-    """The input is not valid. The message states what is wrong, where, and what was expected."""
+    """An input of the user, for example an option or a file, is not valid.
+
+    The message states what is wrong, in which input, and what was expected.
+    """
 
 
 class MissingColumn(InputError, KeyError):
-    """A recording has no column with the requested name."""
+    """A recording has no column (recorded quantity) with the requested name."""
 
     __str__ = Exception.__str__
 
 
 @contextlib.contextmanager
 def as_input_error() -> Iterator[None]:
-    """Convert a ValueError within a `with` block to an InputError with the same text.
+    """Convert a ValueError that the code in a `with` block raises to an InputError.
+
+    The text of the error stays the same. Usage: `with as_input_error(): ...`
 
     Raises
     ------
     InputError
-        A ValueError was raised within the `with` block.
+        The code in the `with` block raised a ValueError.
     """
     try:
         yield
@@ -46,18 +54,24 @@ def as_input_error() -> Iterator[None]:
 
 
 def reason(error: OSError) -> str:
-    """Return the operating system's description of an error, as a part of a message."""
+    """Return a text that describes an error of the operating system, to be used in a message.
+
+    It is the description that the operating system gives, for example "permission denied". Its
+    first letter is in lower case.
+    """
     text = error.strerror or str(error) or "unknown error"
     return text[:1].lower() + text[1:]
 
 
 def invalid_lines(error: ValidationError) -> list[str]:
-    """Return a line for each invalid item of a document, with its key and its problem.
+    """Return one line of text for each invalid value that pydantic found in a document.
+
+    Each line states the key of the value, and the problem.
 
     Parameters
     ----------
     error
-        Error of pydantic, which checked the document.
+        Error that pydantic raised when it checked the document, for example the content of a file.
     """
     return [
         f"{'.'.join(map(str, part['loc'])) or 'file'}: {value_problem(part)}"
@@ -66,5 +80,13 @@ def invalid_lines(error: ValidationError) -> list[str]:
 
 
 def invalid_parts(error: ValidationError) -> str:
-    """Return the lines of `invalid_lines` as one line."""
+    """Return one text that describes all invalid values that pydantic found in a document.
+
+    The text contains the lines of `invalid_lines`, separated by semicolons.
+
+    Parameters
+    ----------
+    error
+        Error that pydantic raised when it checked the document.
+    """
     return "; ".join(invalid_lines(error))

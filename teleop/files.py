@@ -31,7 +31,7 @@ def check_outputs(
     sources: tuple[Path | None, ...] = (),
     overwrite: bool = False,
 ) -> None:
-    """Check, before the work of a command, that its output files can be written.
+    """Check, before a command starts its work, that its output files can be written.
 
     Parameters
     ----------
@@ -91,7 +91,12 @@ def resolved(path: Path) -> str:
 
 
 def make_folder(path: Path) -> None:
-    """Create the folder for a file that is to be written, unless it exists.
+    """Create the folder in which a file is to be written, unless the folder exists.
+
+    Parameters
+    ----------
+    path
+        Path of the file.
 
     Raises
     ------
@@ -154,6 +159,15 @@ def new_file(path: Path, overwrite: bool = False) -> Iterator[BinaryIO]:
 def write_text(path: Path, text: str, overwrite: bool = False) -> None:
     """Write a text file in UTF-8, which appears at its path only when it is complete.
 
+    Parameters
+    ----------
+    path
+        Path of the file.
+    text
+        Content of the file.
+    overwrite
+        Whether to replace an existing file. A recording is never replaced.
+
     Raises
     ------
     InputError
@@ -169,7 +183,7 @@ def encoded(text: str) -> bytes:
 
 
 def check_new(path: Path, overwrite: bool) -> None:
-    """Check that no file exists at a path, or that the existing file may be replaced.
+    """Raise an error if a file exists at a path and may not be replaced.
 
     Raises
     ------
@@ -188,22 +202,38 @@ def check_new(path: Path, overwrite: bool) -> None:
 
 
 def temporary_path(path: Path) -> Path:
-    """Return the path of a temporary file in the folder of `path`."""
+    """Return a new path for a temporary file, in the folder of `path`."""
     return Path(os.path.realpath(path)).with_name(f".teleop-{secrets.token_hex(6)}.part")
 
 
 def exists(path: Path) -> InputError:
-    """Return the error for a file that exists and may not be overwritten."""
+    """Return the error with the message that a file exists already and may not be overwritten."""
     if path.suffix.lower() == RECORDING:
         return InputError(f"{path}: exists already: a recording is never overwritten")
     return InputError(f"{path}: exists already: expected a new file, or --overwrite")
 
 
 def unreadable(path: Path, error: OSError) -> InputError:
-    """Return the error for a file that cannot be read, with the text of the operating system."""
+    """Return an error with the message why a file cannot be read.
+
+    Parameters
+    ----------
+    path
+        Path of the file.
+    error
+        Exception of the operating system, which contains the reason.
+    """
     return InputError(f"{path}: {reason(error)}")
 
 
 def unwritable(path: Path, error: OSError) -> InputError:
-    """Return the error for a file that cannot be written, with the operating system's text."""
+    """Return an error with the message that a file cannot be written, and why.
+
+    Parameters
+    ----------
+    path
+        Path of the file.
+    error
+        Exception of the operating system, which contains the reason.
+    """
     return InputError(f"{path}: cannot be written: {reason(error)}")

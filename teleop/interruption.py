@@ -19,7 +19,7 @@ SIGNALS = {
 }
 """Reported reason for each signal that ends a program. Windows has only the first two signals."""
 CLEAN_UP = 2.0
-"""Time after an interruption during which another signal does not interrupt the clean-up [s]."""
+"""Time for which no signal interrupts the clean-up of a program [s]."""
 
 
 @contextlib.contextmanager
@@ -55,12 +55,12 @@ def handle_signals(handler: Callable[[str], object]) -> Iterator[None]:
 
 
 class Interruption:
-    """Counts the signals of `SIGNALS`, and interrupts a program that does not acknowledge them.
+    """Counts the signals that end a program, and interrupts the program if it does not respond.
 
-    This class is a context manager, which handles the signals within a `with` block. The program
-    must acknowledge each signal within the time `timeout`. If the program does not acknowledge a
-    signal, the next signal that arrives after this time raises KeyboardInterrupt. In the following
-    `CLEAN_UP` seconds, the program can clean up, and no further signal interrupts it.
+    This class is a context manager, which handles the signals of `SIGNALS` within a `with` block.
+    When the program responds to a signal, it calls `acknowledge`. It must do so within the time
+    `timeout`. Otherwise, the next signal that arrives after this time raises KeyboardInterrupt. In
+    the following `CLEAN_UP` seconds, the program can clean up, and no further signal interrupts it.
 
     Attributes
     ----------
@@ -69,8 +69,8 @@ class Interruption:
     reason
         Text of the latest signal in `SIGNALS`, such as "Ctrl-C"; empty before the first signal.
     timeout
-        Time within which the program must acknowledge a signal [s]. With the initial value 0, each
-        signal raises KeyboardInterrupt immediately.
+        Time within which the program must call `acknowledge` after a signal [s]. With the initial
+        value 0, a signal raises KeyboardInterrupt immediately.
     """
 
     def __init__(self) -> None:
@@ -81,21 +81,32 @@ class Interruption:
         self._handled = contextlib.ExitStack()
 
     def acknowledge(self) -> None:
-        """Acknowledge all signals so far. The program calls this method when it begins to stop."""
+        """Store that the program responds to all signals that have arrived so far.
+
+        The program calls this method when it begins to stop.
+        """
         self._unacknowledged_since = math.inf
 
     def clean_up(self) -> None:
-        """Start the clean-up. For `CLEAN_UP` seconds, no signal interrupts the program."""
+        """Permit the program to clean up: for `CLEAN_UP` seconds, no signal interrupts it.
+
+        The program calls this method before it cleans up.
+        """
         self.timeout = CLEAN_UP
         self._unacknowledged_since = time.monotonic()
 
     def on_signal(self, reason: str) -> None:
-        """Count a signal; `reason` is a value of `SIGNALS`.
+        """Count a signal, and interrupt the program if it does not respond to signals.
+
+        Parameters
+        ----------
+        reason
+            Text of the signal, which is a value of `SIGNALS`.
 
         Raises
         ------
         KeyboardInterrupt
-            A signal was not acknowledged within `timeout`.
+            The program has not called `acknowledge` within the time `timeout` after a signal.
         """
         self.count += 1
         self.reason = reason

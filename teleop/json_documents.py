@@ -14,12 +14,20 @@ def finite(value: Any) -> Any:
 
 
 def dumps(value: Any, indent: int | None = None) -> str:
-    """Return a value as the text of a JSON document, in ASCII characters."""
+    """Return a value as the text of a JSON document, in ASCII characters.
+
+    Parameters
+    ----------
+    value
+        The value. Infinite numbers and NaN are written as null.
+    indent
+        Number of spaces by which each level is indented; None for a document in one line.
+    """
     return json.dumps(finite(value), indent=indent, allow_nan=False)
 
 
 def loads(document: str | bytes) -> dict[str, Any]:
-    """Return the object that a JSON document contains.
+    """Read a JSON document that contains one object, and return the object as a dictionary.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Define the names that the settings and the options of a trial accept."""
+"""Define the names that can be chosen in the settings and options of a trial."""
 
 from __future__ import annotations
 

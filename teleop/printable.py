@@ -19,12 +19,19 @@ CONTROL = re.compile(
 
 
 def printable(text: str) -> str:
-    r"""Return a text in which each control character is a backslash escape, for example \x1b."""
+    r"""Return a text in which control characters are replaced by escapes, for example \x1b.
+
+    Tabs and line breaks (\n) are not replaced. Characters that change the writing direction are
+    replaced, too.
+    """
     return CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 def one_line(text: str) -> str:
-    """Return a text as one line. A line longer than `LONGEST` characters is shortened."""
+    """Return a text as one line, with control characters replaced by escapes.
+
+    Line breaks become spaces. A line longer than `LONGEST` characters is shortened.
+    """
     line = printable(" ".join(text.split()))
     return line if len(line) <= LONGEST else f"{line[: LONGEST - 4]} ..."
 
@@ -35,14 +42,15 @@ def print_error(text: str) -> None:
 
 
 def discard_output(error: OSError) -> str:
-    """Discard all further standard output, and return an error message.
+    """Discard all further standard output, and return a message that describes an error.
 
-    Call this function after a write to standard output has failed.
+    Call this function after a write to standard output has failed. Otherwise, Python writes the
+    remaining output when it exits, which fails again.
 
     Parameters
     ----------
     error
-        The error that the write raised.
+        The error that the write to standard output raised.
     """
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return f"standard output: {reason(error)}"

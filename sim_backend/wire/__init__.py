@@ -1,1 +1,1 @@
-"""Emulated devices and adapters, which send and receive the same bytes as real devices."""
+"""Emulated devices and CAN adapters, which send and receive the same bytes as real ones."""

@@ -1,4 +1,7 @@
-"""CAN buses that connect emulated devices to a host. The host uses slcan or another interface."""
+"""CAN buses that connect emulated devices to a host (the computer that controls the devices).
+
+The host uses an slcan adapter (CAN adapter on a serial port) or another interface of python-can.
+"""
 
 from __future__ import annotations
 
@@ -16,21 +19,27 @@ from sim_backend.wire.slcan_adapter import SlcanAdapter
 from sim_backend.wire.wire import Wire
 
 MOST = 1000
-"""Largest number of CAN frames that one call of `from_host` returns."""
+"""Largest number of CAN frames that one call of `InterfaceWire.from_host` returns."""
 BUS_OFF = 0x40
-"""Bit in the identifier of an error frame of Linux: the controller is bus-off."""
+"""Bit in the identifier of an error frame of Linux: the CAN controller is in the state bus-off."""
 ERROR_WARNING, BUS_ERROR = 0x04, 0x80
 """Status flags of an slcan adapter. The adapter sets flags instead of sending error frames."""
 
 
 class CanWire(Wire):
-    """Base class of CAN buses with emulated devices."""
+    """Base class of the connections between emulated CAN devices and the host.
+
+    Parameters
+    ----------
+    devices
+        All emulated devices on the bus.
+    """
 
     def __init__(self, devices: Sequence[EmulatedCanDevice]) -> None:
         self.devices = list(devices)
 
     def exchange(self, old: EmulatedDevice, new: EmulatedDevice) -> None:
-        """Replace the old device on the bus by the new device."""
+        """Replace the device `old` on the bus by `new`. Do nothing if `old` is not on this bus."""
         if old in self.devices:
             assert isinstance(new, EmulatedCanDevice)
             self.devices = [new if device is old else device for device in self.devices]
@@ -44,13 +53,20 @@ class CanWire(Wire):
         """Send CAN frames to the host."""
 
     def due(self) -> float:
-        """Return the earliest time at which a device sends its next frame [s]."""
+        """Return the earliest time [s] at which a device sends a frame without a request."""
         return min((device.due() for device in self.devices), default=math.inf)
 
     def serve(self, now: float) -> None:
-        """Pass CAN frames of the host to all devices, and frames of a device to all other devices.
+        """Pass all CAN frames that were sent since the last call to their receivers.
 
-        The host receives the frames of all devices, changed by the fault if there is one.
+        Each device receives the frames of the host and of the other devices. The host receives the
+        frames of all devices. If the attribute `fault` is set, the fault changes the frames to the
+        host.
+
+        Parameters
+        ----------
+        now
+            Present time [s].
         """
         for frame in self.from_host():
             for device in self.devices:
@@ -69,7 +85,17 @@ class CanWire(Wire):
 
 
 class SlcanWire(CanWire):
-    """A CAN bus to which the host is connected by an slcan adapter on a pseudo-terminal."""
+    """A CAN bus to which the host is connected by an emulated slcan adapter.
+
+    An slcan adapter is a CAN adapter on a serial port. Here the serial port is a pseudo-terminal.
+
+    Parameters
+    ----------
+    path
+        Path of the pseudo-terminal.
+    devices
+        All emulated devices on the bus.
+    """
 
     def __init__(self, path: Path, devices: Sequence[EmulatedCanDevice]) -> None:
         super().__init__(devices)
@@ -77,18 +103,20 @@ class SlcanWire(CanWire):
         self.adapter = SlcanAdapter()
 
     def open(self) -> None:
-        """Create the port of the adapter."""
+        """Create the pseudo-terminal that the host opens as serial port of the slcan adapter."""
         self.port.open()
 
     def from_host(self) -> list[can.Message]:
-        """Return the frames that the host has sent to the adapter."""
+        """Return the CAN frames that the host has sent to the adapter since the last call."""
         return self.adapter.receive(self.port.read())
 
     def to_host(self, frames: list[can.Message]) -> None:
-        """Send the answers of the adapter, followed by the CAN frames from the bus.
+        """Send the answers of the slcan adapter to the host, and then the CAN frames of the bus.
 
-        Error frames are not sent. Instead, an error frame sets a status flag of the adapter. While
-        the status flag for a bus error is set, no CAN frames are sent.
+        An error frame (report of a CAN controller about an error on the bus) is not sent. Instead,
+        it sets a status flag of the adapter, `BUS_ERROR` for the error bus-off and `ERROR_WARNING`
+        for other errors. While `BUS_ERROR` is set, the host receives no CAN frames. The status
+        flags are cleared by `close`.
         """
         for error in [frame for frame in frames if frame.is_error_frame]:
             self.adapter.flags |= BUS_ERROR if error.arbitration_id & BUS_OFF else ERROR_WARNING
@@ -101,17 +129,27 @@ class SlcanWire(CanWire):
         self.port.write(data)
 
     def close(self) -> None:
-        """Remove the port of the adapter. The adapter loses its settings."""
+        """Remove the serial port of the slcan adapter. The adapter loses its settings."""
         self.port.close()
         self.adapter = SlcanAdapter()
 
     def filenos(self) -> list[int]:
-        """Return the file descriptor of the pseudo-terminal."""
+        """Return a list with the file descriptor of the pseudo-terminal; empty if it is closed."""
         return self.port.filenos()
 
 
 class InterfaceWire(CanWire):
-    """A CAN bus to which emulator and host connect by python-can, for example with SocketCAN."""
+    """A real or virtual CAN bus that the library python-can opens, for example with SocketCAN.
+
+    The host opens the same bus.
+
+    Parameters
+    ----------
+    interface, channel
+        Names of the interface and the channel, as in the function `can.Bus` of python-can.
+    devices
+        All emulated devices on the bus.
+    """
 
     def __init__(self, interface: str, channel: str, devices: Sequence[EmulatedCanDevice]) -> None:
         super().__init__(devices)
@@ -119,33 +157,36 @@ class InterfaceWire(CanWire):
         self._bus: can.BusABC | None = None
 
     def open(self) -> None:
-        """Connect to the bus; raise OSError if it does not exist."""
+        """Connect to the CAN bus; raise OSError if the bus cannot be opened."""
         try:
             self._bus = can.Bus(interface=self._interface, channel=self._channel)
         except can.CanError as error:
             raise OSError(str(error)) from error
 
     def from_host(self) -> list[can.Message]:
-        """Return the CAN frames that other nodes on the bus have sent since the last call."""
+        """Return the CAN frames that the host has sent since the last call.
+
+        At most `MOST` frames are returned. Frames of other nodes on the bus are included.
+        """
         frames: list[can.Message] = []
         while self._bus and len(frames) < MOST and (frame := self._bus.recv(0)):
             frames.append(frame)
         return frames
 
     def to_host(self, frames: list[can.Message]) -> None:
-        """Send CAN frames to the bus. Frames that the bus does not accept are lost."""
+        """Send CAN frames to the bus, and so to the host. Frames that cannot be sent are lost."""
         assert self._bus
         for frame in frames:
             with contextlib.suppress(can.CanError, OSError):
                 self._bus.send(frame)
 
     def close(self) -> None:
-        """Disconnect from the bus."""
+        """Disconnect from the CAN bus."""
         if self._bus:
             self._bus.shutdown()
         self._bus = None
 
     def filenos(self) -> list[int]:
-        """Return the file descriptor of the bus, if its interface has one."""
+        """Return a list with the file descriptor of the bus; empty if the bus has none."""
         number = self._bus.fileno() if self._bus else -1
         return [number] if number >= 0 else []

@@ -1,4 +1,8 @@
-"""Base classes of emulated devices, which connect the simulated telemanipulator to a wire."""
+"""Base classes of emulated devices.
+
+An emulated device measures or moves the simulated telemanipulator. It communicates with a host (the
+control program) by the protocol of a real device.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +20,7 @@ class Mount(ABC):
     Attributes
     ----------
     rate
-        Sample rate [Hz] of devices that send samples without a request from the host.
+        Sample rate [Hz] of devices that send samples periodically, without requests of the host.
     """
 
     rate: float = 1000.0
@@ -25,32 +29,43 @@ class Mount(ABC):
     def sense(self, signal: str) -> float:
         """Return the present value of a signal of the device, in the unit of the signal.
 
-        If the rig file does not use the signal, the value is the true position, velocity or motor
-        force of the device's first drive. The value is 0 for other signals, and for a device
-        without a drive.
+        If the rig file assigns the signal to a channel (measured quantity), the signal is computed
+        from the simulated value of the channel. If not, the signals `position`, `velocity` and
+        `force` are the true position [m], velocity [m/s] and motor force [N] of the first drive of
+        the device. For another signal, or if the device has no drive, the value is 0.
         """
 
     @abstractmethod
     def drive(self, name: str, velocity: float) -> None:
-        """Move a drive of the device at a velocity [m/s], with the sign that the drive uses."""
+        """Enable a drive of the device if it is disabled, and command its velocity.
+
+        Parameters
+        ----------
+        name
+            Name of the drive in its device.
+        velocity
+            Velocity [m/s], positive in the positive direction of the drive.
+        """
 
     @abstractmethod
     def brake(self, name: str) -> None:
-        """Disable a drive of the device, and hold its position."""
+        """Disable the drive of the device with this name. The drive stops."""
 
 
 class EmulatedDevice(ABC):  # noqa: B024
     """Base class of emulated devices: software with the protocol of a real device.
 
-    An emulated device uses the settings of its driver, but shares no other code with the driver. A
-    test with both can therefore find errors of the driver and errors of the emulated device. The
-    emulated device has the same watchdogs as the real device. It checks them only when one of its
-    methods is called. The methods must therefore be called often, with the present time.
+    An emulated device and the driver of the real device read the same section of the rig file, but
+    share no other code. If one of them interprets the protocol wrongly, a test in which they
+    communicate with each other can therefore find the error.
+
+    The emulated device has the same watchdogs as the real device, but checks them only when one of
+    its methods is called. The methods must therefore be called often, with the present time.
 
     Parameters
     ----------
     name
-        Name of the device in the rig file.
+        Name of the device in the rig file (TOML file that describes the telemanipulator).
     settings
         Section of the device in the rig file.
     mount
@@ -63,9 +78,11 @@ class EmulatedDevice(ABC):  # noqa: B024
         self.mount = mount
 
     def due(self) -> float:
-        """Return the time [s] at which `emit` next returns a frame that the host did not request.
+        """Return the time [s] at which the device next sends a frame without a request.
 
-        The time is infinite if there is no such frame.
+        At this time, the emulator calls `emit`. The emulator also calls `emit` periodically. If
+        this is sufficient for the device, or if the device sends no such frame, the time is
+        infinite.
         """
         return math.inf
 
@@ -75,15 +92,18 @@ class EmulatedSerialDevice(EmulatedDevice):
 
     @abstractmethod
     def receive(self, data: bytes, now: float) -> None:
-        """Process bytes from the host at time `now` [s]. They may be parts of frames."""
+        """Process bytes from the host at time `now` [s]. The last frame may be incomplete."""
 
     @abstractmethod
     def emit(self, now: float) -> list[bytes]:
-        """Return the frames to be sent at time `now` [s]: answers and unrequested frames."""
+        """Return the frames that the device sends at time `now` [s], including answers."""
 
 
 class EmulatedCanDevice(EmulatedDevice):
-    """Base class of emulated devices on a CAN bus. A device receives all frames of the bus."""
+    """Base class of emulated devices on a CAN bus.
+
+    A device receives all CAN frames of the host and of the other devices on the bus.
+    """
 
     @abstractmethod
     def receive(self, frame: can.Message, now: float) -> None:
@@ -91,4 +111,4 @@ class EmulatedCanDevice(EmulatedDevice):
 
     @abstractmethod
     def emit(self, now: float) -> list[can.Message]:
-        """Return the CAN frames to be sent at time `now` [s]."""
+        """Return the CAN frames that the device sends at time `now` [s], including answers."""

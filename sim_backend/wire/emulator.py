@@ -1,4 +1,8 @@
-"""Emulator of all devices in a rig file. It creates the serial ports and CAN buses for a host."""
+"""Emulator of all devices in a rig file (TOML file that describes a telemanipulator).
+
+It creates serial ports and CAN buses. A host (the program that controls the devices) can open them
+like those of real devices.
+"""
 
 from __future__ import annotations
 
@@ -22,35 +26,36 @@ from sim_backend.wire.wire_faults import FAULTS
 
 
 class PlannedFault(NamedTuple):
-    """A fault that occurs at a given time."""
+    """A fault of a device or of its communication, which the emulator applies at a given time."""
 
     kind: str
-    """One of `FAULTS` or `ACTIONS`."""
+    """Kind of the fault: one of the names in `FAULTS` or `ACTIONS`."""
     where: str
-    """Name of the bus with the fault. For the kind `reset`, name of the device."""
+    """Name of the bus to which the fault is applied. For the kind `reset`, name of the device."""
     at: float
-    """Time after a drive was first enabled [s]."""
+    """Planned time of the fault [s], counted from the time at which a drive is first enabled."""
 
 
 LATEST = 0.1
-"""Largest delay that the emulator makes up for [s]. Steps overdue for longer are omitted."""
+"""Largest delay of a periodic step of the emulator [s]. Steps with a larger delay are omitted."""
 ACTIONS = ("unplug", "replug", "reset")
-"""Further kinds of faults: a bus is disconnected or connected again, or a device restarts."""
+"""Kinds of faults that are not in `FAULTS`: disconnect or reconnect a bus, restart a device."""
 
 
 class Emulator:
-    """Emulated devices of a rig file, with one wire per bus in the file.
+    """Emulated devices of a rig file (TOML file that describes a telemanipulator).
 
-    The emulator is a context manager, which opens and closes the wires. Serial ports and slcan
-    adapters are pseudo-terminals. For a CAN bus with another interface, python-can connects the
-    emulator to the bus.
+    For each bus (serial line or CAN bus) in the rig file, the emulator has a `Wire`, which connects
+    the devices on the bus to the host. The emulator is a context manager. It opens the wires at the
+    start and closes them at the end. Serial ports, and the serial ports of slcan adapters, are
+    pseudo-terminals. Other CAN buses are opened with python-can.
 
     Parameters
     ----------
     file
         The rig file.
     make_rig
-        Function that returns a new simulated telemanipulator.
+        Function that returns a new simulated telemanipulator, with which the devices are connected.
     folder
         Folder of the pseudo-terminals. Each pseudo-terminal has the name of its bus.
     faults
@@ -61,7 +66,7 @@ class Emulator:
     Raises
     ------
     ValueError
-        The rig file has a device of a kind without emulation.
+        The rig file contains a device of a kind that cannot be emulated.
     """
 
     def __init__(
@@ -81,7 +86,7 @@ class Emulator:
         self.wires = {name: self._wire(name, folder) for name in file.sections.buses}
 
     def _emulated(self) -> list[tuple[str, EmulatedDevice]]:
-        """Return the name and the emulated device of each device that is on a bus."""
+        """Return name and emulated device for each device of the rig file that is on a bus."""
         found = []
         for name, settings in self.file.devices.items():
             if not hasattr(settings, "bus"):
@@ -112,7 +117,7 @@ class Emulator:
         return InterfaceWire(settings.interface, settings.channel, devices)
 
     def reset(self, name: str) -> None:
-        """Restart a device, as after a loss of power."""
+        """Restart the device with this name, as after an interruption of its power supply."""
         old = self.devices[name]
         new = type(old)(name, old.settings, old.mount)
         self.devices[name] = new
@@ -120,7 +125,7 @@ class Emulator:
             wire.exchange(old, new)
 
     def inject(self, fault: PlannedFault) -> None:
-        """Apply a planned fault now, independently of its planned time."""
+        """Apply a fault now. The planned time of the fault is ignored."""
         if fault.kind == "reset":
             self.reset(fault.where)
         elif fault.kind == "unplug":
@@ -131,12 +136,14 @@ class Emulator:
             self.wires[fault.where].fault = FAULTS[fault.kind]()
 
     def step(self, wires: Iterable[Wire] | None = None) -> None:
-        """Advance the telemanipulator and the devices to the present time.
+        """Advance the simulated telemanipulator and the emulated devices to the present time.
+
+        Planned faults whose time is reached are applied before the devices are advanced.
 
         Parameters
         ----------
         wires
-            Wires whose devices are advanced; None for all.
+            Wires whose devices are advanced; None for all wires of the emulator.
         """
         self.mechanism.advance()
         now = self._now()
@@ -150,17 +157,18 @@ class Emulator:
     def serve(
         self, stopped: Callable[[], bool], each_period: Callable[[], None] = lambda: None
     ) -> None:
-        """Serve all wires until `stopped()` is True.
+        """Pass data between the emulated devices and the host until `stopped()` is True.
 
-        A wire is served when a frame of its devices is due, or when the host has sent data. All
-        wires are also served at the rate of the rig, so that watchdogs can expire.
+        The data of a wire (serial line or CAN bus) are passed when one of its devices must send a
+        frame, or when the host has sent data. The data of all wires are also passed periodically,
+        at the sample rate in the rig file, so that watchdogs of the devices can expire.
 
         Parameters
         ----------
         stopped
-            Function that returns whether to end.
+            Function that returns True when this method must end.
         each_period
-            Function that is called in each period of the rig. It must not block.
+            Function that is called once per sample period. It must not block.
         """
         period = 1.0 / self.file.sections.rate_hz
         wires = list(self.wires.values())
@@ -198,9 +206,19 @@ class Emulator:
 
 
 def host_ports(file: RigFile, folder: Path) -> dict[str, str]:
-    """Return the serial port or CAN channel that a host must open for each bus, by name of the bus.
+    """Return the serial ports and CAN channels that a host must open to connect to the emulator.
 
-    `folder` is the folder of the pseudo-terminals.
+    Parameters
+    ----------
+    file
+        The rig file that the emulator uses.
+    folder
+        Folder of the pseudo-terminals, as for the `Emulator`.
+
+    Returns
+    -------
+    dict
+        Serial port or CAN channel of each bus, by the name of the bus in the rig file.
     """
     return {
         name: bus.channel
@@ -211,9 +229,17 @@ def host_ports(file: RigFile, folder: Path) -> dict[str, str]:
 
 
 def host_file(file: RigFile, folder: Path) -> str:
-    """Return the text of the rig file for a host, with the ports of the emulator.
+    """Return the text of a rig file with which a host connects to the emulated devices.
 
-    Paths of files in this text are absolute. `folder` is the folder of the pseudo-terminals.
+    The text is that of `file`, with two changes. The serial ports and CAN channels are those of the
+    emulator (see `host_ports`), and the paths of files are absolute.
+
+    Parameters
+    ----------
+    file
+        The rig file that the emulator uses.
+    folder
+        Folder of the pseudo-terminals, as for the `Emulator`.
     """
     import tomlkit
 

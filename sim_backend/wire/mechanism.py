@@ -1,4 +1,4 @@
-"""Simulated telemanipulator that emulated devices measure and move."""
+"""Simulated telemanipulator whose motion emulated sensors measure and emulated drives command."""
 
 from __future__ import annotations
 
@@ -29,13 +29,15 @@ enabled before. With this number, the operator and the sensor noise can differ f
 
 
 class Source(NamedTuple):
-    """Channel from which a signal of an emulated device is computed.
+    """Channel (measured quantity) from which a signal of an emulated device is computed.
 
     signal = (value of the channel - offset) / gain
+
+    The driver of the device later computes the value of the channel from the signal again.
     """
 
     channel: str
-    """Name of the channel."""
+    """Name of the channel, for example `master_force`."""
     gain: float
     """Gain, in the SI unit of the channel per unit of the signal."""
     offset: float
@@ -43,15 +45,18 @@ class Source(NamedTuple):
 
 
 class Mechanism:
-    """Simulated telemanipulator, with one mount (interface) for each emulated device.
+    """Simulated telemanipulator to which the emulated devices are connected.
 
-    When all drives have been disabled for the time `PUT_BACK`, the telemanipulator is reset to its
-    initial state. A person would do the same between two trials.
+    The attribute `mounts` contains the interface of each device to the telemanipulator. When all
+    drives have been disabled for the time `PUT_BACK`, the telemanipulator is replaced by a new one
+    in its initial state. With a real telemanipulator, the experimenter moves it back to the start
+    position between two trials.
 
     Parameters
     ----------
     file
-        The rig file, which assigns channels and drives to devices.
+        The rig file (TOML file that describes the telemanipulator). It states which device measures
+        each channel (measured quantity), and which device has the drive of each axis.
     make_rig
         Function that returns a new telemanipulator in its initial state.
     now
@@ -68,9 +73,13 @@ class Mechanism:
         self._now = now
         self._velocities = dict.fromkeys(AXES, 0.0)
         self.driven: set[str] = set()
-        """Names of the axes whose drives are enabled."""
+        """Names of the axes (`master`, `slave`) whose drives are enabled."""
         self.early = 0
-        """Number of times that a drive was enabled before the reset to the initial state."""
+        """Number of times that a drive was enabled too early.
+
+        Too early means that the telemanipulator was not yet reset to its initial state after the
+        last time that the drives were disabled.
+        """
         self._idle_since = math.inf
         self._enabled = 0
         self.rig = self._fresh()
@@ -90,22 +99,23 @@ class Mechanism:
         return rig
 
     def exchange(self, make_rig: RigMaker) -> None:
-        """Replace the telemanipulator.
+        """Replace the simulated telemanipulator by another one, for example with another specimen.
 
-        If a drive is enabled, the present telemanipulator is used until the next reset to the
-        initial state.
+        If all drives are disabled, the next call of `advance` replaces the telemanipulator. If a
+        drive is enabled, the telemanipulator is replaced later, when the drives have been disabled
+        for the time `PUT_BACK`.
 
         Parameters
         ----------
         make_rig
-            Function that returns the new telemanipulator, as in the constructor.
+            Function that returns the new telemanipulator in its initial state.
         """
         self._make_rig = make_rig
         if not self.driven:
             self._idle_since = -math.inf
 
     def advance(self) -> Measurement:
-        """Advance the telemanipulator to the present time; return its measurement."""
+        """Advance the telemanipulator to the present time; return the values of its sensors."""
         now = self._now()
         if now - self._idle_since > PUT_BACK:
             self.rig, self._idle_since = self._fresh(), math.inf
@@ -115,7 +125,15 @@ class Mechanism:
         return self.measurement
 
     def drive(self, axis: str, velocity: float) -> None:
-        """Enable the drive of an axis if it is disabled, and move the axis at a velocity [m/s]."""
+        """Command a velocity of an axis. If the drive of the axis is disabled, enable it first.
+
+        Parameters
+        ----------
+        axis
+            `master` or `slave`.
+        velocity
+            Velocity of the axis [m/s].
+        """
         if not self.driven:
             self.rig.enable()
             self._enabled += 1
@@ -125,7 +143,7 @@ class Mechanism:
         self._velocities[axis] = velocity
 
     def brake(self, axis: str) -> None:
-        """Disable the drive of an axis, and hold the axis."""
+        """Disable the drive of an axis (`master` or `slave`). The axis stops."""
         self._velocities[axis] = 0.0
         if self.driven == {axis}:
             self.rig.idle()
@@ -135,8 +153,13 @@ class Mechanism:
     def state(self, axis: str, signal: str) -> float:
         """Return the true position [m], velocity [m/s] or motor force [N] of an axis.
 
-        `signal` is `position`, `velocity` or `force`. The result is 0 for other signals, and for
-        the force of the master.
+        Parameters
+        ----------
+        axis
+            `master` or `slave`.
+        signal
+            `position`, `velocity` or `force`. For another signal, and for the force of the master,
+            the result is 0.
         """
         plant = self.rig.plant
         body = plant.slave if axis == "slave" else plant.handle
@@ -146,21 +169,37 @@ class Mechanism:
 
 
 class DeviceMount(Mount):
-    """Interface of one emulated device to the simulated telemanipulator."""
+    """Interface of one emulated device to the simulated telemanipulator.
+
+    Parameters
+    ----------
+    mechanism
+        The simulated telemanipulator.
+    rate
+        Sample rate [Hz] of devices that send samples periodically.
+    """
 
     def __init__(self, mechanism: Mechanism, rate: float) -> None:
         self.rate = rate
         self._mechanism = mechanism
         self.sources: dict[str, Source] = {}
-        """For each signal that the rig file uses: the channel from which it is computed."""
+        """Channel from which a signal is computed, by the name of the signal.
+
+        Signals that no channel of the rig file uses are not contained.
+        """
         self.axes: dict[str, tuple[str, int]] = {}
-        """For each drive, by name: name of its axis, and sign (1 or -1) of its direction."""
+        """Axis that a drive moves, and sign of the drive, by the name of the drive.
+
+        The sign is -1 if the positive directions of axis and drive are opposite, otherwise 1.
+        """
 
     def sense(self, signal: str) -> float:
-        """Return the value of a signal of the device.
+        """Return the present value of a signal of the device.
 
-        A signal that the rig file uses is computed from its channel. Any other signal is computed
-        from the axis of the device's first drive. If the device has no drive, the result is 0.
+        If the rig file assigns the signal to a channel (measured quantity), the signal is computed
+        from the simulated value of the channel. If not, the signals `position`, `velocity` and
+        `force` are those of the axis that the first drive of the device moves, multiplied by the
+        sign of the drive. For another signal, or if the device has no drive, the result is 0.
         """
         if source := self.sources.get(signal):
             value: float = getattr(self._mechanism.measurement, source.channel)
@@ -170,12 +209,21 @@ class DeviceMount(Mount):
         return 0.0
 
     def drive(self, name: str, velocity: float) -> None:
-        """Move the axis of a drive at a velocity [m/s], with the sign that the drive uses."""
+        """Enable a drive if it is disabled, and command its velocity.
+
+        Parameters
+        ----------
+        name
+            Name of the drive in its device.
+        velocity
+            Velocity [m/s], positive in the positive direction of the drive. This direction can be
+            opposite to the positive direction of the axis.
+        """
         if name in self.axes:
             axis, sign = self.axes[name]
             self._mechanism.drive(axis, sign * velocity)
 
     def brake(self, name: str) -> None:
-        """Disable a drive, and hold its axis."""
+        """Disable the drive with this name. Its axis stops."""
         if name in self.axes:
             self._mechanism.brake(self.axes[name][0])

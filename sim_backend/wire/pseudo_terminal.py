@@ -1,4 +1,4 @@
-"""Pseudo-terminal that a host uses as a serial port."""
+"""Pseudo-terminal that the host of an emulated device uses as a serial port."""
 
 from __future__ import annotations
 
@@ -11,12 +11,15 @@ CHUNK = 1 << 16
 
 
 class PseudoTerminal:
-    """A pseudo-terminal with a fixed path, which a host opens like a serial port.
+    """A pseudo-terminal that connects an emulated device to a host (a control program).
+
+    The host opens one end of the pseudo-terminal like a serial port. The emulated device uses the
+    other end with the methods of this class.
 
     Parameters
     ----------
     path
-        Path of the port, a symbolic link.
+        Path that the host opens. `open` creates a symbolic link to the pseudo-terminal there.
     """
 
     def __init__(self, path: Path) -> None:
@@ -24,7 +27,7 @@ class PseudoTerminal:
         self._ends: tuple[int, ...] = ()
 
     def open(self) -> None:
-        """Create the port, and the link to it at `path`.
+        """Create the pseudo-terminal, and a symbolic link to it at the path `self.path`.
 
         Raises
         ------
@@ -44,23 +47,23 @@ class PseudoTerminal:
         self.path.symlink_to(os.ttyname(host))
 
     def filenos(self) -> list[int]:
-        """Return the file descriptor of the device's end, if the port is open."""
+        """Return a list with the file descriptor of the emulated device's end; empty if closed."""
         return list(self._ends[:1])
 
     def read(self) -> bytes:
-        """Return the bytes that the host has sent, without waiting."""
+        """Return the bytes that the host has sent since the last call. Do not wait for bytes."""
         with contextlib.suppress(BlockingIOError, OSError, IndexError):
             return os.read(self._ends[0], CHUNK)
         return b""
 
     def write(self, data: bytes) -> None:
-        """Send bytes to the host. Bytes that the host does not read in time are lost."""
+        """Send bytes to the host. If the buffer of the pseudo-terminal is full, bytes are lost."""
         if data:
             with contextlib.suppress(BlockingIOError, OSError, IndexError):
                 os.write(self._ends[0], data)
 
     def close(self) -> None:
-        """Remove the port and the link to it."""
+        """Remove the pseudo-terminal and the symbolic link to it."""
         for end in self._ends:
             os.close(end)
         self._ends = ()

@@ -1,6 +1,7 @@
-"""Find the class of an emulated device for the kind that a rig file gives.
+"""Find the class of the emulated device for a kind of device, for example `odrive`.
 
-The class can be in this package or in another installed package.
+The section of each device in a rig file contains its kind. The class can be in this package or in
+another installed package.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from importlib.metadata import entry_points
 from sim_backend.wire.emulated_device import EmulatedDevice
 
 GROUP = "teleop.emulators"
-"""Group of the entry points with which other packages register emulated devices."""
+"""Name of the group of Python entry points by which other packages add emulated devices."""
 BUILT_IN = {
     "board": "sim_backend.wire.devices.board:EmulatedBoard",
     "bota": "sim_backend.wire.devices.bota:EmulatedBota",
@@ -23,7 +24,18 @@ BUILT_IN = {
 
 
 def emulated_class(kind: str) -> type[EmulatedDevice]:
-    """Return the class of the emulated devices of a kind; raise KeyError if there is none."""
+    """Return the class that emulates devices of a kind.
+
+    Parameters
+    ----------
+    kind
+        Kind of the device in the rig file, for example `odrive`.
+
+    Raises
+    ------
+    KeyError
+        There is no class for this kind.
+    """
     if kind in BUILT_IN:
         module, _, name = BUILT_IN[kind].partition(":")
         found: type[EmulatedDevice] = getattr(import_module(module), name)

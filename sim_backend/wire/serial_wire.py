@@ -1,4 +1,4 @@
-"""Serial line between an emulated device and a host."""
+"""Serial line between an emulated device and a host (the program that controls the device)."""
 
 from __future__ import annotations
 
@@ -11,20 +11,23 @@ from sim_backend.wire.pseudo_terminal import PseudoTerminal
 from sim_backend.wire.wire import Wire
 
 BITS = 10
-"""Number of bits per byte on the line, including start and stop bit."""
+"""Number of transmitted bits per byte, including start bit and stop bit."""
 
 
 class SerialWire(Wire):
-    """A wire with one device on a pseudo-terminal. Frames arrive after their transmission time.
+    """A serial line between one emulated device and the host, on a pseudo-terminal.
+
+    The host receives a frame of the device only when the time has passed that the transmission of
+    the frame takes on a real serial line.
 
     Parameters
     ----------
     path
-        Path of the port.
+        Path of the pseudo-terminal, which the host opens like a serial port.
     device
         The emulated device.
     baud
-        Line rate [bit/s].
+        Bit rate of the serial line [bit/s].
     """
 
     def __init__(self, path: Path, device: EmulatedSerialDevice, baud: int) -> None:
@@ -33,16 +36,21 @@ class SerialWire(Wire):
         self._byte_time = BITS / baud
         self._line: deque[tuple[float, bytes]] = deque()
         self._free = 0.0
-        """Time at which the transmission of all frames on the line ends [s]."""
+        """Time at which the last of the stored frames is completely transmitted [s]."""
 
     def open(self) -> None:
-        """Create the port."""
+        """Create the pseudo-terminal that the host opens as a serial port."""
         self.port.open()
 
     def serve(self, now: float) -> None:
         """Pass the bytes of the host to the device, and frames of the device to the host.
 
-        A frame is passed to the host when its transmission has ended.
+        A frame of the device is stored until its transmission ends, and is then passed to the host.
+
+        Parameters
+        ----------
+        now
+            Present time [s].
         """
         if data := self.port.read():
             self.device.receive(data, now)
@@ -59,21 +67,25 @@ class SerialWire(Wire):
         self.port.write(data)
 
     def exchange(self, old: EmulatedDevice, new: EmulatedDevice) -> None:
-        """Replace the old device on the port by the new device."""
+        """Replace the device `old` by `new`. Do nothing if `old` is not on this serial line."""
         if old is self.device:
             assert isinstance(new, EmulatedSerialDevice)
             self.device = new
 
     def close(self) -> None:
-        """Remove the port, and discard the frames on the line."""
+        """Remove the pseudo-terminal, and discard frames that the host has not yet received."""
         self.port.close()
         self._line.clear()
 
     def filenos(self) -> list[int]:
-        """Return the file descriptor of the pseudo-terminal."""
+        """Return a list with the file descriptor of the pseudo-terminal; empty if it is closed."""
         return self.port.filenos()
 
     def due(self) -> float:
-        """Return the time [s] of the device's next frame, or of the next arrival at the host."""
+        """Return the time [s] at which `serve` must next be called.
+
+        This is the time at which the device sends a frame without a request, or the time at which
+        the transmission of a stored frame ends, whichever is earlier.
+        """
         arrival = self._line[0][0] if self._line else math.inf
         return min(self.device.due(), arrival)

@@ -1,4 +1,8 @@
-"""Protocol of an slcan adapter (Lawicel CANUSB), independent of the serial port."""
+"""Emulated slcan adapter: a CAN adapter that sends CAN frames as text on a serial port.
+
+The emulated adapter is the CANUSB of Lawicel. This module only processes the text. The caller reads
+from the serial port and writes to it.
+"""
 
 from __future__ import annotations
 
@@ -22,17 +26,19 @@ EXTENDED = re.compile("([TR])([01][0-9A-Fa-f]{7})([0-8])([0-9A-Fa-f]*)")
 DONE, REFUSED = "\r", "\a"
 TRANSMIT_QUEUE_FULL = 0x02
 LONGEST = 40
-"""Largest number of characters of a line that are stored. All commands are shorter."""
+"""Largest number of stored characters of a line. All valid lines are shorter."""
 
 
 class SlcanAdapter:
-    """An slcan adapter between a host and a CAN bus.
+    """An emulated slcan adapter, which connects a host to a CAN bus by lines of text.
 
-    The caller passes the bytes of the host and the frames of the bus to the adapter. Initially the
-    channel is closed and has no bit rate. Like the adapter of Lawicel, it answers frames of the
-    host with `z` or `Z` (auto poll). While the channel is closed, it refuses frames, the request
-    for status flags, and the command to close. While the channel is open, it refuses settings and
-    the command to open.
+    A line of the host contains a CAN frame or a command. The adapter answers each line. The answer
+    to a CAN frame is `z`, or `Z` if the frame has an extended identifier.
+
+    The CAN channel of the adapter is open or closed. At the start, it is closed. While the channel
+    is closed, the adapter refuses CAN frames, the request of the status flags, and the command that
+    closes the channel. While the channel is open, the adapter refuses changes of its settings, and
+    the command that opens the channel.
 
     Attributes
     ----------
@@ -41,10 +47,10 @@ class SlcanAdapter:
     bitrate
         Bit rate of the bus [bit/s]; None until the host sets it.
     flags
-        Status flags, which the host can request. While bit 1 (transmit queue full) is set, the
-        adapter refuses frames of the host.
+        Status flags, which the host can request. While the flag `TRANSMIT_QUEUE_FULL` is set, the
+        adapter refuses CAN frames of the host.
     stamps
-        Whether frames for the host have a time stamp [ms]. The host requests this with `Z1`.
+        Whether the CAN frames that the adapter sends to the host have a time stamp [ms].
     """
 
     def __init__(self) -> None:
@@ -56,7 +62,10 @@ class SlcanAdapter:
         self._replies = ""
 
     def receive(self, data: bytes) -> list[can.Message]:
-        """Process bytes of the host; return the CAN frames to be sent to the bus."""
+        """Process bytes from the host; return the CAN frames that they contain, for the bus.
+
+        An incomplete line at the end is stored until the next call.
+        """
         frames = []
         for character in data.decode("latin-1"):
             if character != "\r":
@@ -70,14 +79,14 @@ class SlcanAdapter:
         return frames
 
     def pending(self) -> bytes:
-        """Return the answers to commands that were received since the last call."""
+        """Return all answers for the host that no earlier call of this method has returned."""
         replies, self._replies = self._replies, ""
         return replies.encode("latin-1")
 
     def encode(self, message: can.Message) -> bytes:
-        """Return a CAN frame of the bus as a line of text for the host.
+        """Return the line of text by which the adapter sends a CAN frame of the bus to the host.
 
-        The result is empty while the channel is closed.
+        The line is empty while the channel is closed.
         """
         if not self.is_open:
             return b""
@@ -107,9 +116,14 @@ class SlcanAdapter:
         )
 
     def _reply(self, line: str, frame: can.Message | None) -> str:
-        """Execute the command in a line, and return its answer.
+        """Execute the command in a line of the host, and return the answer to the line.
 
-        `frame` is the CAN frame in the line; None if the line is another command.
+        Parameters
+        ----------
+        line
+            The line without its end.
+        frame
+            CAN frame in the line; None if the line is a command, or if the frame is refused.
         """
         if frame:
             return "Z\r" if frame.is_extended_id else "z\r"

@@ -1,4 +1,4 @@
-"""Base class of wires. A wire connects the emulated devices of one bus to a host."""
+"""Base class of wires. A wire connects emulated devices to the program that uses them (host)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from sim_backend.wire.wire_faults import WireFault
 
 
 class Wire(ABC):
-    """Connection between the emulated devices of one CAN bus or serial line and the host.
+    """CAN bus or serial line that connects emulated devices to the host.
+
+    An emulated device is software with the protocol of a real device. The host is the program that
+    uses the devices.
 
     Attributes
     ----------
@@ -21,31 +24,37 @@ class Wire(ABC):
 
     @abstractmethod
     def open(self) -> None:
-        """Make the port or bus available to hosts."""
+        """Create the serial port, or connect to the CAN bus, so that a host can use the devices."""
 
     @abstractmethod
     def serve(self, now: float) -> None:
         """Pass the data of the host to the devices, and the data of the devices to the host.
 
-        `now` is the present time [s]. Data that the host must receive later are stored.
+        Data that reach the host only later, for example because their transmission takes time, are
+        stored. A later call passes them to the host.
+
+        Parameters
+        ----------
+        now
+            Present time [s].
         """
 
     @abstractmethod
     def exchange(self, old: EmulatedDevice, new: EmulatedDevice) -> None:
-        """Replace the device `old` by `new`, if `old` is on this wire."""
+        """Replace the device `old` by `new`. Do nothing if `old` is not on this wire."""
 
     @abstractmethod
     def close(self) -> None:
-        """Remove the port or bus. For a host that has opened the port, the connection is lost."""
+        """Remove the serial port, or disconnect from the CAN bus. The host loses the connection."""
 
     @abstractmethod
     def filenos(self) -> list[int]:
-        """Return the file descriptors that become readable when the host sends data."""
+        """Return the file descriptors that become readable when the host sends data, if any."""
 
     @abstractmethod
     def due(self) -> float:
-        """Return the time [s] at which `serve` must next be called.
+        """Return the time [s] at which `serve` must next be called, even if the host sends no data.
 
-        This is the time of the next unrequested frame, or the time at which the transmission of a
-        frame to the host ends.
+        At this time, a device sends a frame that the host has not requested, or the transmission of
+        a frame to the host ends. The time is infinite if neither of them is expected.
         """

@@ -13,25 +13,35 @@ Frame = TypeVar("Frame")
 
 
 class WireFault:
-    """Base class of faults, which change the frames or bytes that the host receives.
+    """Base class of faults. A fault changes the frames or bytes that the host receives.
 
-    This class changes nothing.
+    The host is the program that uses the emulated devices. A frame is one message of a device.
+    Each fault is a subclass, which overrides some of the methods. The methods of this class return
+    all frames and bytes unchanged.
     """
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """Return the frames that arrive at time `now` [s], if `frames` are sent at this time."""
+        """Return the frames that the host receives now.
+
+        Parameters
+        ----------
+        frames
+            Frames that the devices send now.
+        now
+            Present time [s].
+        """
         return frames
 
     def octets(self, data: bytes) -> bytes:
-        """Return the bytes that the host receives from a serial line, if `data` are sent."""
+        """Return the bytes that the host receives on a serial line if a device sends `data`."""
         return data
 
     def frame(self, frame: can.Message) -> can.Message:
-        """Return the CAN frame that the host receives, if `frame` is sent."""
+        """Return the CAN frame that the host receives if a device sends `frame`."""
         return frame
 
     def noise(self) -> bytes:
-        """Return additional bytes that the host receives although no device has sent them."""
+        """Return bytes that the host receives on a serial line although no device has sent them."""
         return b""
 
 
@@ -41,7 +51,7 @@ class Random(WireFault):
     Parameters
     ----------
     share
-        Probability that a frame is affected, from 0 to 1.
+        Probability that the fault affects a frame, from 0 to 1.
     seed
         Seed of the random choice.
     """
@@ -51,35 +61,40 @@ class Random(WireFault):
         self._random = random.Random(seed)
 
     def is_affected(self) -> bool:
-        """Choose at random whether the next frame is affected; return the result."""
+        """Decide at random whether the fault affects the next frame, and return the decision."""
         return self._random.random() < self._share
 
 
 class Dropped(Random):
-    """Fault: random frames are lost."""
+    """Fault: frames chosen at random are lost."""
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """Return the frames that are not lost."""
+        """Return the given frames except those that are lost, which are chosen at random."""
         return [frame for frame in frames if not self.is_affected()]
 
 
 class Doubled(Random):
-    """Fault: random frames are received twice."""
+    """Fault: some frames, chosen at random, arrive twice at the host."""
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """Return each frame once or twice."""
+        """Return the given frames in their order. Frames chosen at random are repeated once."""
         return [frame for frame in frames for _ in range(1 + self.is_affected())]
 
 
 class Reordered(Random):
-    """Fault: random frames are received after the next frame."""
+    """Fault: pairs of successive frames, chosen at random, are received in exchanged order."""
 
     def __init__(self, share: float = 1.0, seed: int = 0) -> None:
         super().__init__(share, seed)
         self._held: list[object] = []
+        """First frame of a pair whose second frame has not been sent yet; otherwise empty."""
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """Return the frames, with random pairs of successive frames in exchanged order."""
+        """Return the given frames, with random pairs of successive frames in exchanged order.
+
+        If the last given frame is the first one of such a pair, it is stored. The next call with a
+        frame then returns both frames of the pair.
+        """
         out: list[Frame] = []
         for frame in frames:
             if not self._held and self.is_affected():
@@ -91,7 +106,7 @@ class Reordered(Random):
 
 
 class Delayed(WireFault):
-    """Fault: all frames arrive with a constant delay.
+    """Fault: the host receives all frames with a constant delay.
 
     Parameters
     ----------
@@ -102,9 +117,10 @@ class Delayed(WireFault):
     def __init__(self, delay: float) -> None:
         self._delay = delay
         self._queue: list[tuple[float, object]] = []
+        """Frames that have not arrived yet, each after the time of its arrival [s]."""
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """Return the frames whose delay has ended since the last call."""
+        """Store the given frames, and return the stored frames whose delay has ended."""
         self._queue += [(now + self._delay, frame) for frame in frames]
         due = [frame for time, frame in self._queue if time <= now]
         self._queue = [(time, frame) for time, frame in self._queue if time > now]
@@ -112,12 +128,12 @@ class Delayed(WireFault):
 
 
 class Burst(WireFault):
-    """Fault: frames are collected and received in bursts.
+    """Fault: frames are stored, and the host then receives all stored frames at once (a burst).
 
     Parameters
     ----------
     every
-        Time between two bursts [s].
+        Shortest time between two bursts [s].
     """
 
     def __init__(self, every: float) -> None:
@@ -126,7 +142,10 @@ class Burst(WireFault):
         self._queue: list[object] = []
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """Return all collected frames if a burst is due, otherwise no frames."""
+        """Store the given frames, and return either all stored frames or none.
+
+        All stored frames are returned when the time `every` has passed since this happened last.
+        """
         self._queue += frames
         if now < self._next:
             return []
@@ -136,28 +155,28 @@ class Burst(WireFault):
 
 
 class Truncated(Random):
-    """Fault: random frames are truncated to half of their length."""
+    """Fault: frames chosen at random lose the second half of their bytes."""
 
     def octets(self, data: bytes) -> bytes:
-        """Return the bytes. If the fault affects them, return only the first half."""
+        """Return `data`, or only the first half of `data` if the fault affects this frame."""
         return data[: len(data) // 2] if data and self.is_affected() else data
 
     def frame(self, frame: can.Message) -> can.Message:
-        """Return the frame. If the fault affects it, return it with the first half of its data."""
+        """Return the frame. If the fault affects it, only the first half of its data remains."""
         return with_data(frame, frame.data[: len(frame.data) // 2]) if self.is_affected() else frame
 
 
 class WrongLength(Random):
-    """Fault: random frames have a wrong length."""
+    """Fault: frames chosen at random have a wrong number of bytes."""
 
     def octets(self, data: bytes) -> bytes:
-        """Return the bytes. If the fault affects them, insert three bytes before the last one."""
+        """Return `data`. If the fault affects this frame, insert bytes before the last byte."""
         return data[:-1] + b"\x55\x55\x55" + data[-1:] if data and self.is_affected() else data
 
     def frame(self, frame: can.Message) -> can.Message:
-        """Return the frame. If the fault affects it, return it with one byte more.
+        """Return the frame. If the fault affects it, append one byte to its data.
 
-        A frame of eight bytes, which is the largest length, has one byte less instead.
+        If the data already have the largest length of a CAN frame, remove the last byte instead.
         """
         if not self.is_affected():
             return frame
@@ -165,13 +184,14 @@ class WrongLength(Random):
 
 
 class Corrupted(Random):
-    """Fault: in random serial frames, one bit is inverted.
+    """Fault: in serial frames chosen at random, one bit is inverted.
 
-    CAN frames do not have this fault, because CAN controllers discard frames with bit errors.
+    This fault does not exist for CAN frames, because CAN controllers discard frames with bit
+    errors.
     """
 
     def octets(self, data: bytes) -> bytes:
-        """Return the bytes, with one bit inverted if the fault affects them."""
+        """Return `data`. If the fault affects this frame, invert one bit, chosen at random."""
         if not data or not self.is_affected():
             return data
         flipped = bytearray(data)
@@ -180,46 +200,48 @@ class Corrupted(Random):
 
 
 class Noise(Random):
-    """Fault: random bytes are received between the frames."""
+    """Fault: on a serial line, the host receives random bytes between the frames."""
 
     def noise(self) -> bytes:
-        """Return 1 to 19 random bytes, or none if the fault does not occur now."""
+        """Return some random bytes with the probability `share`, and otherwise no bytes."""
         return self._random.randbytes(self._random.randrange(1, 20)) if self.is_affected() else b""
 
 
 class BaudMismatch(WireFault):
-    """Fault: the host has half the line rate of the device, and receives two bytes as one byte."""
+    """Fault: the host reads at half the line rate of the device, and so receives wrong bytes."""
 
     def octets(self, data: bytes) -> bytes:
-        """Return half as many bytes, with wrong values."""
+        """Return one byte with a wrong value for every two bytes of `data`."""
         return bytes(
             (a << 4 | b >> 4) & 0xFF | 0x80 for a, b in zip(data[::2], data[1::2], strict=False)
         )
 
 
 class Silent(WireFault):
-    """Fault: the port exists, but no frames are received, as with a broken cable to the device."""
+    """Fault: the port can be opened, but no frames arrive, as with a broken cable to the device."""
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """Return no frames."""
+        """Discard the given frames, and return an empty list."""
         return []
 
 
 class ErrorFrames(WireFault):
-    """Fault: error frames are received between the CAN frames, as on a disturbed bus.
+    """Fault: the host receives error frames besides the frames of the devices.
+
+    An error frame is a message in which the CAN controller reports an error of the bus.
 
     Parameters
     ----------
     identifier
-        Identifier of the error frames. It consists of the error flags of Linux, for example 0x40
-        for bus-off and 0x4 for a problem of the CAN controller.
+        Identifier of the error frames: the sum of one or more error flags of Linux (SocketCAN), for
+        example 0x40 for bus-off and 0x4 for a problem of the CAN controller.
     """
 
     def __init__(self, identifier: int) -> None:
         self._identifier = identifier
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """Return a CAN error frame, and then the given frames."""
+        """Return a list of one CAN error frame, followed by the given frames."""
         error = can.Message(
             arbitration_id=self._identifier, is_error_frame=True, is_extended_id=False, dlc=8
         )
@@ -241,7 +263,7 @@ FAULTS: dict[str, Callable[[], WireFault]] = {
     "error-frames": lambda: ErrorFrames(0x4),
     "bus-off": lambda: ErrorFrames(0x40),
 }
-"""For each fault of a bus, by name: a function that returns a new object of this fault."""
+"""Functions that return a new object of a fault, by the name of the fault."""
 ON_CAN = ("error-frames", "bus-off")
 """Names of the faults that exist only on CAN buses."""
 ON_SERIAL_LINES = ("corrupt", "noise", "baud", "unplug", "replug")
@@ -249,7 +271,7 @@ ON_SERIAL_LINES = ("corrupt", "noise", "baud", "unplug", "replug")
 
 
 def with_data(frame: can.Message, data: bytes | bytearray) -> can.Message:
-    """Return a copy of a CAN frame with other data."""
+    """Return a CAN frame with the identifier of `frame`, and with the given data."""
     return can.Message(
         arbitration_id=frame.arbitration_id,
         is_extended_id=frame.is_extended_id,

@@ -1,4 +1,4 @@
-"""Create the parts of a trial from their names in options, such as the signal and the model."""
+"""Convert the texts of options, such as the name of a signal or a model, to objects."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ POSITION_GAIN = 10.0
 
 
 def make_signal(name: SignalName, frequency: float) -> AnySignal:
-    """Return an excitation signal: a sine, a multisine of five harmonics, or a two-octave chirp.
+    """Return the excitation signal that has the given name.
 
     Parameters
     ----------
     name
-        Name of the signal.
+        `sine`; `multisine`, a sum of sines at `frequency` and its first harmonics; or `chirp`, a
+        sine whose frequency increases from `frequency` and decreases again.
     frequency
-        Lowest frequency of the signal [Hz].
+        Frequency of the sine, or lowest frequency of the multisine or the chirp [Hz].
 
     Raises
     ------
@@ -44,7 +45,13 @@ def make_signal(name: SignalName, frequency: float) -> AnySignal:
 
 
 def make_coupling(name: CouplingName) -> Coupling:
-    """Return the coupling of master and slave: by velocity only, or by velocity and position.
+    """Return the coupling, which computes the velocity of the slave from the motion of the master.
+
+    Parameters
+    ----------
+    name
+        `velocity`: the slave follows the velocity of the master. `position`: the slave also follows
+        the position of the master.
 
     Raises
     ------
@@ -59,7 +66,12 @@ def make_coupling(name: CouplingName) -> Coupling:
 
 
 def make_channel(text: str) -> ChannelSettings:
-    """Convert a text such as `delay=100ms,jitter=20ms,loss=5%` to communication channel settings.
+    """Return the settings of the communication channel between master and slave.
+
+    Parameters
+    ----------
+    text
+        Settings as a text, such as `delay=100ms,jitter=20ms,loss=5%`.
 
     Raises
     ------
@@ -71,19 +83,21 @@ def make_channel(text: str) -> ChannelSettings:
 
 
 def choose_estimators(names: str) -> tuple[str, ...]:
-    """Split a comma-separated list of estimator names; return all names for the text `all`.
+    """Return the names of estimators in a text in which they are separated by commas.
+
+    For the text `all`, the names of all estimators are returned.
 
     Raises
     ------
     InputError
-        A name is unknown.
+        A name is unknown or occurs twice, or there is no name.
     """
     with as_input_error():
         return named_estimators(names)
 
 
 def choose_model(name: str) -> Model:
-    """Return the model of the environment that has the given name, such as kelvin-voigt.
+    """Return the model of the specimen that has the given name, such as kelvin-voigt.
 
     Raises
     ------

@@ -16,7 +16,7 @@ config = App(name="config", help="Write and check configuration files of trials.
 def init(
     out: Path = Path("trial.toml"), /, *, source: Path | None = None, overwrite: Overwrite = False
 ) -> int:
-    """Write a configuration file with comments and all defaults.
+    """Write a configuration file with the default settings of a trial, and with comments.
 
     Example: `teleop config init trial.toml`
 
@@ -41,7 +41,7 @@ def init(
 
 @config.command(help_format="markdown")
 def check(file: Path, /, *, json: Annotated[bool, Parameter(negative="")] = False) -> int:
-    """Check a configuration file, and report all problems.
+    """Check the settings in a configuration file, and report all problems.
 
     Example: `teleop config check trial.toml`
 

@@ -14,7 +14,15 @@ if TYPE_CHECKING:
 
 
 def truth_of(recording: Recording | None) -> Truth | None:
-    """Return the true parameters of a trial on the simulated rig; None for any other recording."""
+    """Return the true stiffness and damping of the specimen in a trial on the simulated rig.
+
+    The result is None for any other recording, because the true values are not known.
+
+    Parameters
+    ----------
+    recording
+        The recorded trial; None for a file of another program.
+    """
     from estimation.figures import known_truth
     from teleop.trial.true_values import recorded_truth
 
@@ -29,14 +37,28 @@ def draw_trial(
     width: WidthName,
     overwrite: bool,
 ) -> None:
-    """Draw the figures of the estimates, the force and the target tracking, each to its own file.
+    """Draw up to three figures of a trial, each to its own file.
 
-    A figure whose path is None is not drawn.
+    Parameters
+    ----------
+    trial
+        The trial.
+    plot
+        File of the figure of the estimates; None to draw no such figure.
+    plot_force
+        File of the figure of the measured and the predicted force, or None.
+    plot_tracking
+        File of the figure of the target and the position of the slave, or None.
+    width
+        Width of the figures: `screen`, `single`, `double` or `a4`.
+    overwrite
+        Whether existing files are overwritten.
 
     Raises
     ------
     InputError
-        A file cannot be written, or the trial has no target that the operator tracks.
+        A file cannot be written, or `plot_tracking` is given for a trial without a target. Only the
+        condition `mimic` has a target, which the operator follows.
     """
     from teleop.output.figure_files import save
 

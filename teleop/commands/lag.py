@@ -20,14 +20,15 @@ def lag(
     seed: int = 0,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Measure the lag of the force channel and lost motion on a reference spring without damping.
+    """Measure the lag of the force channel and lost motion with a spring that has no damping.
 
-    A lag that is not compensated changes the estimate of the damping from b to b - k * lag. Lost
-    motion between the encoder and the tip also lowers the estimate. Record position and force
-    while the rig deforms a steel spring, and pass the file to this command. Use several
-    frequencies up to about 10 Hz, or several amplitudes. If all strokes have about the same speed,
-    lag and lost motion cannot be measured separately. Without a file, a simulated spring is
-    palpated with a chirp.
+    If the lag is not compensated, the estimated damping is b - k * lag instead of b, where k is
+    the stiffness and b is the true damping. Lost motion (backlash) between the encoder and the tip
+    also makes the estimated damping too small. Record position and force while the rig deforms a
+    steel spring, and pass the file to this command. Use several frequencies up to about 10 Hz, or
+    several amplitudes. If all motions back and forth have about the same mean speed, lag and lost
+    motion cannot be measured separately. Without a file, the simulated rig deforms a simulated
+    spring with a chirp (a sine with varying frequency).
 
     Example: `teleop lag spring.csv`
 

@@ -16,10 +16,10 @@ def live(
     port: int = 0,
     open: Annotated[bool, Parameter(negative="")] = False,  # noqa: A002
 ) -> int:
-    """Replay a recording in the live page, until stopped with Ctrl-C.
+    """Replay a recording in a web page, until the command is stopped with Ctrl-C.
 
     The command prints the address of the page. By default, only a browser on this machine can open
-    the page. `teleop run --live` shows a running trial in the same page.
+    the page. `teleop run --live` shows a running trial in such a page.
 
     Example: `teleop live trial.mcap --open`
 

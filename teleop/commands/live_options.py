@@ -1,4 +1,4 @@
-"""Define the options of the live page for the commands that run trials, and serve the page."""
+"""Define the options of the live page, a web page that shows a running trial, and serve it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from teleop.trial.settings import TrialSettings
 
 POINTER = "pointer"
-"""Name of the operator who moves the handle with the pointer (mouse, finger) in the live page."""
+"""Value of --operator with which the mouse or a finger in the live page moves the handle."""
 FOXGLOVE_PORT = 8765
 """Port at which Foxglove and similar viewers look for a server by default."""
 DURATIONS = (5.0, 10.0, 20.0, 30.0, 60.0)
@@ -26,7 +26,7 @@ DURATIONS = (5.0, 10.0, 20.0, 30.0, 60.0)
 
 @dataclass(frozen=True)
 class LiveOptions:
-    """Options of the live page."""
+    """Options of the live page, a web page that shows a running trial and can control it."""
 
     live: Annotated[bool, Parameter(negative="")] = False
     """Show the trial in a page of the browser, and print the address of the page. On the simulated
@@ -46,26 +46,29 @@ class LiveOptions:
     the trial."""
 
     def requested(self, settings: Sequence[TrialSettings]) -> LiveOptions:
-        """Return a copy of these options, in which `live` is True if any trial requests the page.
+        """Combine the option --live with the settings of the trials.
 
-        Otherwise, `live` is the same as in these options.
+        Returns
+        -------
+        A copy of these options. Its `live` is True if the option --live is given, or if the
+        settings of at least one trial contain `live = True`.
         """
         return replace(self, live=self.live or any(one.live for one in settings))
 
     def arms(self, settings: Sequence[TrialSettings], yes: bool) -> bool:
-        """Return whether a person arms the drives in the live page.
+        """Return whether a person arms the drives in the live page, that is, permits them to move.
 
         Parameters
         ----------
         settings
             Settings of all trials.
         yes
-            Whether the drives are armed without asking.
+            Whether the option --yes is given, with which the drives are armed without asking.
 
         Raises
         ------
         InputError
-            The options contradict each other or the settings.
+            Two options contradict each other, or an option contradicts the settings of a trial.
         """
         from teleop.errors import InputError
 
@@ -91,25 +94,27 @@ class LiveOptions:
     def linked(
         self, settings: Sequence[TrialSettings], by_page: bool, choose: bool
     ) -> Iterator[LiveLink | None]:
-        """Serve the live page within the block.
+        """Serve the live page, a web page that shows the running trials, during a `with` block.
 
         Parameters
         ----------
         settings
             Settings of all trials.
         by_page
-            Whether a person arms the drives in the live page.
+            Whether a person arms the drives in the live page (permits them to move), see `arms`.
         choose
-            Whether this person may choose other settings for trials on the simulated rig.
+            Whether a person can choose settings of the next trial in the live page, see
+            `choices_of`.
 
         Yields
         ------
-        The link to the page; None without the option --live.
+        The object that sends the data of the trials to the live page, and receives the requests of
+        the page; None if `live` is False.
 
         Raises
         ------
         InputError
-            The page cannot be served.
+            The live page cannot be served, for example because a package is not installed.
         """
         if not self.live:
             yield None
@@ -137,19 +142,28 @@ class LiveOptions:
 
 
 NOT_LIVE = LiveOptions()
-"""The default options, with which no live page is served."""
+"""Default options, with which no live page is served."""
 Live = Annotated[LiveOptions, Parameter(name="*")]
 """Type of the parameter with which a command receives `LiveOptions`.
 
-The names of the options get no prefix.
+Each field of `LiveOptions` is an option with the name of the field, for example --live-arm.
 """
 NO_CHOICES: dict[str, list[Any]] = {"condition": [], "specimen": [], "duration": []}
+"""Replacement for the result of `choices_of` if a person can choose no settings in the page."""
 
 
 def choices_of(settings: TrialSettings) -> dict[str, list[Any]]:
-    """Return the conditions, specimens and durations [s] that the live page offers for choice.
+    """Return the values that a person can choose in the live page for the settings of a trial.
 
-    For a hardware rig or a custom setup, only the values in the settings are offered.
+    Parameters
+    ----------
+    settings
+        Settings of the first trial. For a hardware rig, or for a custom setup of the simulated rig,
+        only the values in these settings can be chosen.
+
+    Returns
+    -------
+    Lists of the values of `condition`, `specimen` and `duration` [s], by the name of the setting.
     """
     from sim_backend import CUBES
     from teleop.control.conditions import CONDITIONS
@@ -169,7 +183,7 @@ def choices_of(settings: TrialSettings) -> dict[str, list[Any]]:
 
 
 def free_port(port: int) -> int:
-    """Return the port, or 0 (for any free port) if another program uses this port."""
+    """Return `port` if it is free; otherwise 0, with which the system chooses a free port."""
     with socket.socket() as probe:
         try:
             probe.bind(("127.0.0.1", port))
@@ -179,12 +193,12 @@ def free_port(port: int) -> int:
 
 
 def check_installed() -> None:
-    """Check that the library of the live page is installed.
+    """Check that the package that is needed to serve the live page is installed.
 
     Raises
     ------
     InputError
-        The library is not installed.
+        The package is not installed.
     """
     from teleop.errors import InputError
 
@@ -193,9 +207,17 @@ def check_installed() -> None:
 
 
 def show_address(url: str, host: str, open_page: bool) -> None:
-    """Print the address of the live page, and open the page in the browser if requested.
+    """Print the address of the live page, a web page that shows a trial; open it if requested.
 
-    A warning is printed if other machines can connect.
+    Parameters
+    ----------
+    url
+        Address of the page.
+    host
+        Network address at which the page is served. If other machines can connect to this address,
+        a warning is printed.
+    open_page
+        Whether to open the page in the browser.
     """
     from teleop.live.security import LOOPBACK
     from teleop.printable import print_error

@@ -1,4 +1,4 @@
-"""Run the trials that a person starts from the live page, one after another."""
+"""Run the trials that a person starts in the live page, a web page that controls the trials."""
 
 from __future__ import annotations
 
@@ -14,11 +14,23 @@ if TYPE_CHECKING:
     from teleop.trial.settings import TrialSettings
 
 WAIT = 0.2
-"""Time between two checks of whether the session must end [s]."""
+"""Time between two checks whether the command must end [s]."""
 
 
 def next_request(link: LiveLink, stopped: Callable[[], bool]) -> dict[str, Any] | None:
-    """Wait for the next request from the live page. Return it, or None if the session must end."""
+    """Wait for the next request of the live page, such as the button NEXT, and return it.
+
+    Parameters
+    ----------
+    link
+        Connection to the live page, the web page in which a person controls the trials.
+    stopped
+        Function that returns whether a signal such as Ctrl-C has arrived.
+
+    Returns
+    -------
+    The request; None after a signal, or if the process that serves the live page has ended.
+    """
     while link.is_running and not stopped():
         if request := link.wait_for_request(WAIT):
             return request
@@ -28,18 +40,24 @@ def next_request(link: LiveLink, stopped: Callable[[], bool]) -> dict[str, Any] 
 def run_from_page(link: LiveLink, settings: TrialSettings, runner: TrialRunner, once: bool) -> int:
     """Run each trial that the live page requests, and return the exit code of the last trial.
 
-    The function ends after a signal such as Ctrl-C, or when the live process ends.
+    The function returns after a signal such as Ctrl-C, or when the process that serves the live
+    page has ended.
 
     Parameters
     ----------
     link
-        Link to the live page.
+        Connection to the live page, the web page in which a person controls the trials.
     settings
         Settings of the first trial.
     runner
         Object that runs a trial and writes its outputs.
     once
-        Whether to end after the first trial in which the drives were armed.
+        Whether to return after the first trial in which the drives were armed (permitted to move).
+
+    Raises
+    ------
+    SafetyStop
+        A fault stopped a trial, and `once` is True.
     """
     from teleop.errors import SafetyStop
     from teleop.interruption import stop_signals
@@ -67,10 +85,24 @@ def run_from_page(link: LiveLink, settings: TrialSettings, runner: TrialRunner, 
 def next_settings(
     link: LiveLink, settings: TrialSettings, stopped: Callable[[], bool]
 ) -> TrialSettings | None:
-    """Wait for a request from the live page, and return the settings of the next trial.
+    """Wait for requests of the live page, and return the settings of the next trial.
 
-    If the page changes the settings of a trial that still waits for START, the changed settings
-    are returned at once. The result is None if the session must end.
+    The settings are returned when a person presses the button NEXT or REPEAT in the page. There is
+    one exception. If the last trial ended before a person had started it, and the person changes a
+    setting, the changed settings are returned at once.
+
+    Parameters
+    ----------
+    link
+        Connection to the live page, the web page in which a person controls the trials.
+    settings
+        Settings of the last trial.
+    stopped
+        Function that returns whether a signal such as Ctrl-C has arrived.
+
+    Returns
+    -------
+    The settings; None after a signal, or if the process that serves the live page has ended.
     """
     waiting = link.trial is not None and not link.trial.armed
     why = f"{link.trial.ticks.events[-1]['text']}; " if link.trial and waiting else ""
@@ -89,7 +121,16 @@ def next_settings(
 
 
 def chosen(settings: TrialSettings, request: dict[str, Any]) -> TrialSettings:
-    """Return the settings with the values from the live page, which have been checked before."""
+    """Return the settings of a trial, changed by a request of the live page (a web page).
+
+    Parameters
+    ----------
+    settings
+        Settings before the change.
+    request
+        The request. It contains the new values, which are already checked, for `condition`,
+        `specimen` and `duration` [s], or for some of them.
+    """
     changes: dict[str, Any] = {
         name: request[name] for name in ("condition", "duration") if name in request
     }
@@ -99,12 +140,15 @@ def chosen(settings: TrialSettings, request: dict[str, Any]) -> TrialSettings:
 
 
 class PageOfSeries:
-    """Asks the person at the live page what to do before each trial, and for a note afterwards.
+    """Asks a person in the live page, a web page, before and after each trial of a series.
+
+    Before a trial, the question is whether to run the trial. After a trial, the person can write a
+    note on the trial.
 
     Parameters
     ----------
     link
-        Link to the live page.
+        Connection to the live page, the web page in which a person controls the trials.
     count
         Number of trials in the series.
     """
@@ -113,11 +157,23 @@ class PageOfSeries:
         self._link = link
         self._count = count
         self._pending: dict[str, Any] | None = None
+        """Request that `ask_note` has received, and that is the answer to the next question."""
 
     def ask(self, question: Question) -> tuple[Answer, str]:
-        """Return the answer of the person (run, skip or repeat), and a note.
+        """Ask the person in the live page whether to run a trial, and wait for the answer.
 
-        The answer is "quit" if the session must end.
+        Parameters
+        ----------
+        question
+            The question, with the trial that is next.
+
+        Returns
+        -------
+        answer
+            "run"; "skip"; "repeat" to return to the previous trial; or "quit" after a signal such
+            as Ctrl-C, or if the process that serves the live page has ended.
+        note
+            Notes that the person wrote before the answer; empty if there are none.
         """
         from teleop.interruption import stop_signals
 
@@ -140,7 +196,12 @@ class PageOfSeries:
         return "quit", "; ".join(notes)
 
     def ask_note(self, trial: PlannedTrial) -> str:
-        """Return the note on a trial; empty if the person continues without a note."""
+        """Ask the person in the live page for a note on a trial that has ended, and return it.
+
+        The note is empty if the person presses the button NEXT, REPEAT or SKIP instead. This button
+        is then also the answer to the next question, see `ask`. After a signal such as Ctrl-C, the
+        note is empty, too.
+        """
         from teleop.interruption import stop_signals
 
         text = f"Note on trial {trial.number}, {trial.label}; NEXT for no note."

@@ -22,25 +22,34 @@ class TrialRunner:
     record: Path | None
     """File of the recording; None for a new file in the folder recordings."""
     no_record: bool
+    """Whether the trials are not recorded."""
     plot: Path | None
+    """File of the figure of the estimates; None for no such figure."""
     plot_force: Path | None
+    """File of the figure of the measured and the predicted force; None for no such figure."""
     plot_tracking: Path | None
+    """File of the figure of the target and the position of the slave; None for no such figure."""
     width: WidthName
+    """Width of the figures, for a screen or for a page."""
     overwrite: bool
+    """Whether the figures overwrite existing files."""
     json: bool
+    """Whether the results are printed as one JSON document instead of tables."""
     realtime: RealtimeName
+    """Whether real-time settings, such as real-time scheduling, are required, tried or not used."""
     link: LiveLink | None = None
-    """Link to the live page; None without a live page."""
+    """Connection to the live page, a web page that shows the trial; None without this page."""
     explained: bool = False
-    """Whether a person has read how to stop the trial, before the drives were armed."""
+    """Whether a person was shown how to stop the trial before the drives were armed."""
     interrupted: bool = False
     """Whether a signal or the closing of the terminal ended the latest trial."""
 
     def run(self, settings: TrialSettings) -> int:
         """Run a trial, and return the exit code.
 
-        If a person at the live page ends the trial before the drives are armed, no results are
-        printed and the recording is deleted.
+        A trial with a live page (web page that shows the trial) can end before a person arms the
+        drives, that is, permits them to move. If there is no fault and no signal such as Ctrl-C, no
+        results are then printed, the recording is deleted, and the exit code is 0.
 
         Raises
         ------
@@ -106,7 +115,10 @@ class TrialRunner:
         return 130 if trial.interrupted else 0
 
     def _draw(self, trial: Trial, problems: list[str]) -> None:
-        """Draw the figures. If a figure cannot be drawn, append the reason to `problems`."""
+        """Draw the figures of a trial. If this fails, append the reason to the list `problems`.
+
+        If the trial has no estimates, a message is printed instead.
+        """
         from teleop.commands.figures import draw_trial
         from teleop.errors import InputError
         from teleop.printable import print_error

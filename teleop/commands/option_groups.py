@@ -1,4 +1,4 @@
-"""Assign options to groups in the help of each command; define the help of --estimators."""
+"""Assign the options of each command to groups in its help; define the help of --estimators."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ GROUPS = {
         "json",
     ),
 }
-"""Options of each group, in the order in which the help shows the groups."""
+"""Options in each group of the help, by the title of the group, in the order of the help."""
 ESTIMATORS = (
     f"Names of estimators, separated by commas, or all: {', '.join(ESTIMATOR_NAMES)}. "
     "Default: the estimators of the recording, and rls,ai,me for a new trial or a file of another "
@@ -68,8 +68,8 @@ def grouped(command: Callable[..., int]) -> Callable[..., int]:
     Parameters
     ----------
     command
-        A function of `teleop.commands`. Its options that are not in `GROUPS` are listed in the
-        help without a group.
+        Function that runs a subcommand. Its parameters are the options. An option that `GROUPS`
+        does not contain remains in the group Parameters, the default group of cyclopts.
     """
     hints: dict[str, Any] = get_type_hints(command, include_extras=True)
     for place, (title, names) in enumerate(GROUPS.items()):

@@ -1,4 +1,4 @@
-"""Define the option --overwrite of every command that writes a file."""
+"""Define the option --overwrite, which is the same in all commands that can overwrite files."""
 
 from __future__ import annotations
 

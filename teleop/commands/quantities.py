@@ -12,12 +12,13 @@ if TYPE_CHECKING:
     from cyclopts import Token
 
 EXAMPLES = {"time": "5ms", "frequency": "20Hz", "position": "5mm", "angle": "30deg"}
-"""Example of each kind of quantity, for error messages."""
+"""Example of a value of each kind of quantity, for error messages."""
 NOUNS = {"time": "time", "frequency": "frequency", "position": "length", "angle": "angle"}
+"""Word for each kind of quantity, for error messages."""
 
 
 def in_si(kind: str, unit: str = "") -> Callable[[Any, Sequence[Token]], float]:
-    """Return the function that converts the text of an option to a number in SI units.
+    """Return a function that converts the text of an option, such as 5mm, to a value in SI units.
 
     Parameters
     ----------
@@ -30,10 +31,16 @@ def in_si(kind: str, unit: str = "") -> Callable[[Any, Sequence[Token]], float]:
     def convert(_: Any, tokens: Sequence[Token]) -> float:
         """Return the value of the option in SI units.
 
+        Parameters
+        ----------
+        tokens
+            Texts of the command line that belong to the option. Only the first text is used.
+
         Raises
         ------
         InputError
-            The text is not a number with a unit, or the unit does not belong to this quantity.
+            The text is not a number with a unit of the quantity `kind` of `in_si`. A number without
+            a unit is valid only if the argument `unit` of `in_si` is given.
         """
         from teleop.errors import InputError
         from teleop.evaluation.units import OPTION_UNITS, quantity

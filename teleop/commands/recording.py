@@ -1,4 +1,4 @@
-"""Define the options that select the columns of a file, for the commands that read recordings."""
+"""Define the options with which a user selects the columns of a measurement file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns of position, force and time in a file, and the zeros of position and force."""
+    """Options that select the columns of a file, and that set the zeros of position and force."""
 
     position: str | None = None
     """Column of the position, as NAME or, if the header has no unit, as NAME=UNIT. NAME can be the
@@ -58,21 +58,23 @@ class Columns:
         file
             A recording of `teleop run`, a file of `teleop export`, or a file of another program.
         is_wanted
-            Function that takes the name of a column of a recording, and returns whether the column
-            is in the returned recording. By default, the recording contains all columns.
+            For a recording of `teleop run`: function that takes the name of a column, and returns
+            whether the returned `recording` contains this column. By default, it contains all
+            columns.
 
         Returns
         -------
         samples
             Position, force and time.
         recording
-            The recorded trial; None for a file of another program. If the recording is long, only
-            its last ticks are returned, see `RecordedSamples`.
+            The recorded trial; None for a file of another program. If a recording of `teleop run`
+            is long, this is only its end, see `RecordedSamples`.
 
         Raises
         ------
         InputError
-            The file cannot be read, or columns were selected in a recording of `teleop run`.
+            The file cannot be read, an option is out of range, or an option that selects columns
+            was given for a recording of `teleop run`.
         """
         from teleop.errors import InputError
         from teleop.evaluation import exported
@@ -100,13 +102,13 @@ class Columns:
         return recorded_samples, recorded_samples.recording
 
     def wanted(self) -> Wanted:
-        """Return the columns to read from a table, with their units and signs, from the options.
+        """Check the options that describe the columns of a table, and return their values.
 
         Raises
         ------
         InputError
-            The sampling rate or the lever length is out of range, or both rate and time column
-            are given.
+            The sampling rate or the length of the lever is out of range, or both the sampling rate
+            and a column of the time are given.
         """
         from teleop.errors import InputError
         from teleop.evaluation.formats.columns import Wanted
@@ -134,7 +136,7 @@ OF_TABLES = ("position", "force", "time", "block", "topic", "rate", "lever", "in
 ColumnOptions = Annotated[Columns, Parameter(name="*")]
 """Type of the parameter with which a command receives `Columns`.
 
-The names of the options get no prefix.
+Each field of `Columns` is an option with the name of the field, for example --position.
 """
 BY_NAME = Columns()
-"""The default options, with which columns are found by their usual names."""
+"""Default options, with which the columns of a file are found by their usual names."""

@@ -23,8 +23,10 @@ def reproduce(
 ) -> int:
     """Reproduce the paper's Table I and Figures 3 to 5 on the simulated rig.
 
-    The command runs nine trials (three cubes, three conditions) with the paper's settings. It
-    checks the paper's claims against the results, and shows why the estimated damping is negative.
+    The paper is "Techniques for environment parameter estimation during telemanipulation"
+    (Yamamoto et al., BioRob 2008). The command runs nine trials (three cubes, three conditions)
+    with the settings of the paper. It checks whether the statements of the paper are true for the
+    results, and shows why the estimated damping is negative although the true damping is positive.
 
     Example: `teleop reproduce --seeds 20 --out reproduction`
 

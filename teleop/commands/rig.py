@@ -1,4 +1,4 @@
-"""`teleop rig`: set up a rig with the commands list, check, emulate and tare."""
+"""`teleop rig`: the commands list, check, emulate and tare, with which a rig is set up."""
 
 from __future__ import annotations
 

@@ -22,9 +22,10 @@ def check(
 ) -> int:
     """Connect to a rig, show every channel live, and test the watchdogs of its drives.
 
-    If all channels work, the drives are enabled at standstill for the watchdog test. Nothing
-    moves without --move. The safety supervisor is active, and Enter is an emergency stop. The
-    exit code is 2 if there is a problem, and 3 after a safety stop.
+    A channel is a measured quantity. A watchdog stops a drive that receives no commands. If all
+    channels work, the drives are enabled at standstill to test the watchdogs. Nothing moves
+    without --move. The safety supervisor is active, and Enter is an emergency stop. The exit code
+    is 2 if there is a problem, and 3 after a safety stop.
 
     Example: `teleop rig check rigs/serial-board.toml`
 

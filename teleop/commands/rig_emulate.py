@@ -1,4 +1,4 @@
-"""`teleop rig emulate`: emulate the devices of a rig on pseudo-terminals and SocketCAN buses."""
+"""`teleop rig emulate`: emulate the serial and CAN devices of a rig, without hardware."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from teleop.commands.quantities import Hertz, Length
 from teleop.names import CubeName, PalpationName, RealtimeName
 
 REALTIME_STEPS = ("SCHED_FIFO", "no garbage collection")
-"""Real-time settings of the emulator. It reserves no processor, as the controller may need one."""
+"""Real-time settings of the emulator. The emulator does not reserve a processor for itself, because
+the control loop may need it."""
 WRITER = "teleop rig emulate"
 """Name of this command, which is written to the first line of the rig file."""
 

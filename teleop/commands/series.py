@@ -132,9 +132,25 @@ def series(
 def run(
     settings: TrialSettings, path: Path, link: LiveLink | None = None, explained: bool = False
 ) -> Trial:
-    """Run and record a trial, with a progress line, the emergency stop key, and the live page.
+    """Run and record one trial of a series.
 
-    `explained` is whether a person has read how to stop the trials on a hardware rig.
+    A progress line is shown in the terminal, and Enter or Space in the terminal stops the drives.
+
+    Parameters
+    ----------
+    settings
+        Settings of the trial.
+    path
+        File of the recording.
+    link
+        Connection to the live page in a browser; None for no live page.
+    explained
+        Whether the instructions for stopping a hardware rig were already shown to a person.
+
+    Returns
+    -------
+    trial
+        Results of the trial.
     """
     from teleop.trial.run import run_trial
     from teleop.trial.stop_switch import StopSwitch
@@ -148,9 +164,20 @@ def run(
 
 
 def person(question: Question) -> tuple[Answer, str]:
-    """Ask a person to choose: run or skip the trial, return to the previous trial, or quit.
+    """Ask a person whether to run or skip a trial, to return to the previous trial, or to quit.
 
-    If the input is closed, the answer is "quit".
+    Parameters
+    ----------
+    question
+        The trial and the texts of the question.
+
+    Returns
+    -------
+    answer
+        "run", "skip", "repeat" (return to the previous trial) or "quit". If the input is closed,
+        the answer is "quit".
+    note
+        Text that the person typed after the letter of the answer; empty if there is none.
     """
     answers: dict[str, Answer] = {"": "run", "s": "skip", "r": "repeat", "q": "quit"}
     from teleop.trial.arming import arming_text, discard_typed_ahead
@@ -172,6 +199,9 @@ def person(question: Question) -> tuple[Answer, str]:
 
 
 def note_of_person(trial: PlannedTrial) -> str:
-    """Return the note that a person types on a trial; an empty text if the input is closed."""
+    """Ask a person for a note on a trial, and return it.
+
+    The note is empty if the person types nothing, or if the input is closed.
+    """
     print(f"Note on trial {trial.number}, {trial.label}; Enter for no note.", file=sys.stderr)
     return sys.stdin.readline().strip()

@@ -1,4 +1,4 @@
-"""Print the result of `teleop series` at its end, with the command that resumes the series."""
+"""Print the numbers of finished and pending trials of a series, and the commands to type next."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ if TYPE_CHECKING:
 
 
 def resuming_command(plan: Path, options: Mapping[str, Any], live: LiveOptions) -> list[str]:
-    """Return the words of the command that resumes a series.
+    """Return the command that resumes a series, as a list of words.
 
-    The series was started with the same command.
+    It is the command with which the series was started.
 
     Parameters
     ----------
     plan
-        The plan.
+        File with the plan of the trials.
     options
-        Values of the options by name. An option that was not given has the value None or False.
+        Value of each option of the command, by name. The value is None or False if the option was
+        not given.
     live
         Options of the live page.
     """
@@ -40,21 +41,21 @@ def resuming_command(plan: Path, options: Mapping[str, Any], live: LiveOptions) 
 def print_end(
     folder: Path, trials: Sequence[PlannedTrial], resume: Sequence[str], json: bool
 ) -> None:
-    """Print the numbers of trials that are done, skipped and pending, and the next commands.
+    """Print how many trials are done, skipped and pending, and the commands to type next.
 
-    If trials are pending, `resume` is printed. If a trial is done, the command for the table and
-    the figure is printed.
+    If trials are pending, the command that resumes the series is printed. If at least one trial is
+    done, the command that makes the table and the figure of the series is printed.
 
     Parameters
     ----------
     folder
-        Folder of the series. Nothing is printed if the series has not begun.
+        Folder of the series. If the series has not begun, nothing is printed.
     trials
         The trials of the plan.
     resume
-        The command that resumes the series.
+        Words of the command that resumes the series.
     json
-        Whether to print one JSON document instead of lines.
+        Whether to print one JSON document, without commands, instead of lines of text.
     """
     from teleop.output.console import plain_console, print_json
     from teleop.output.next_command import print_command

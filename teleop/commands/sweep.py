@@ -1,4 +1,4 @@
-"""`teleop sweep`: run trials or evaluations with many settings, in parallel."""
+"""`teleop sweep`: run trials, or estimate from recordings, with many settings in parallel."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The admittance, a virtual mass that converts a force to a velocity of the master."""
+"""Admittance of the master (the handle): a virtual mass converts a force to a velocity."""
 
 from __future__ import annotations
 
@@ -7,25 +7,28 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 NEGLIGIBLE = 1e-12
-"""A virtual stiffness below `NEGLIGIBLE` times mass / dt^2 is treated as 0, because the computed
-rest position would be too far away."""
+"""A stiffness below `NEGLIGIBLE` times mass / dt^2 is treated as 0. The rest position, which is
+force / stiffness, would otherwise be so far away that the rounding errors are large."""
 
 
 class Environment(NamedTuple):
-    """Model of an environment, with the force b v + k x + k3 x^3 and the contact point x = 0."""
+    """Model of an environment, which is a body that exerts the force b v + k x + k3 x^3.
+
+    x is the displacement into the body, and v is its derivative. Contact begins at x = 0.
+    """
 
     k: float
     """Stiffness [N/m], >= 0."""
     k3: float = 0.0
-    """Stiffening coefficient [N/m^3], >= 0."""
+    """Coefficient k3 of the cubic term of the force [N/m^3], >= 0."""
     b: float = 0.0
     """Damping [N s/m], >= 0."""
     glued: bool = True
-    """Whether the body is glued, so that it also pulls at x < 0. If not, its force at x < 0 is
-    zero."""
+    """Whether the body is glued to the part that presses on it, so that the body also pulls. If
+    not, the result of `force` is never negative, and it is zero at x < 0."""
 
     def force(self, x: float, v: float) -> float:
-        """Return the force [N] at position x [m] and velocity v [m/s]."""
+        """Return the force of the body [N] at displacement x [m] and velocity v [m/s]."""
         k, k3, b, glued = self
         if x < 0.0 and not glued:
             return 0.0
@@ -33,17 +36,17 @@ class Environment(NamedTuple):
         return force if glued else max(force, 0.0)
 
     def energy(self, x: float) -> float:
-        """Return the elastic energy [J] at position x [m]."""
+        """Return the elastic energy that the body stores [J] at displacement x [m]."""
         square = x * x if x > 0.0 or self.glued else 0.0
         return (0.5 * self.k + 0.25 * self.k3 * square) * square
 
 
 @dataclass(frozen=True)
 class AdmittanceParameters:
-    """Mass, damping and stiffness of the virtual dynamics of the master.
+    """Mass, damping and stiffness of the virtual dynamics of the master (the handle).
 
     The dynamics are m x'' + d x' + c x = force. x is the position of the master, relative to the
-    position at which the spring force is zero.
+    centre. The centre is the position at which the force of the virtual spring is zero.
 
     Raises
     ------
@@ -56,7 +59,7 @@ class AdmittanceParameters:
     damping: float = 15.0
     """Virtual damping d [N s/m]."""
     stiffness: float = 0.0
-    """Stiffness c of a virtual spring that pulls the handle to a centre [N/m]; 0 for no spring."""
+    """Stiffness c of a virtual spring that pulls the handle to the centre [N/m]; 0: no spring."""
 
     def __post_init__(self) -> None:
         for name in ("mass", "damping"):
@@ -66,12 +69,13 @@ class AdmittanceParameters:
             raise ValueError(f"centring stiffness must be >= 0, got {self.stiffness}")
 
     def force(self, position: float, velocity: float, acceleration: float) -> float:
-        """Return the force [N] that the virtual mass needs for a given motion.
+        """Return the force [N] with which the virtual mass performs a given motion.
 
         Parameters
         ----------
         position, velocity, acceleration
-            Position [m], velocity [m/s] and acceleration [m/s^2] of the master.
+            Position relative to the centre of the virtual spring [m], velocity [m/s] and
+            acceleration [m/s^2] of the virtual mass.
         """
         return self.mass * acceleration + self.damping * velocity + self.stiffness * position
 
@@ -105,18 +109,19 @@ class Admittance:
         self.centre = 0.0
 
     def align(self, position: float) -> None:
-        """Put the virtual mass at rest at a position [m], which is also the new `centre`."""
+        """Set the position of the virtual mass and the centre to `position` [m].
+
+        The centre is the position at which the force of the virtual spring is zero. The velocity of
+        the virtual mass becomes zero.
+        """
         self.position = self.centre = position
         self.velocity = 0.0
 
     def step(self, force: float, dt: float) -> float:
-        """Apply a constant force [N] for dt [s], and return the velocity at the end [m/s].
+        """Move the virtual mass for dt [s] under a constant force [N]; return the velocity [m/s].
 
-        Let m, d and c be the mass, damping and stiffness of the virtual dynamics. Let A be the
-        matrix of the state equation for (position, velocity), I the identity matrix,
-        s = d / (2 m) and g^2 = s^2 - c / m. Then the matrix exponential of A dt is
-        e^(-s dt) (cosh(g dt) I + sinh(g dt) / g (A + s I)). If g^2 < 0, cosh and sinh become cos
-        and sin. In the code, `even` is e^(-s dt) cosh(g dt) and `odd` is e^(-s dt) sinh(g dt) / g.
+        The returned velocity is the velocity at the end of the step. The equation of motion is
+        solved exactly.
         """
         d, c = self._damping, self._stiffness
         if c == 0.0:
@@ -124,21 +129,34 @@ class Admittance:
         return self._swing(self.centre + force / c, d, c, dt)
 
     def step_against(self, force: float, environment: Environment, dt: float) -> float:
-        """Apply a constant force [N] for dt [s] against a body, and return the velocity [m/s].
+        """Move the virtual mass for dt [s] under a constant force, while it presses on a body.
 
-        The virtual mass has the mass m, the damping d and the stiffness c. The body has the
-        parameters k, k3 and b. The equation of motion is
+        m, d and c are the mass, damping and stiffness of the virtual dynamics. k, k3 and b are the
+        parameters of the body. The equation of motion is
 
             m v' + (d + b) v + c (x - centre) + k x + k3 x^3 = force
 
-        The cubic term is linearised about the position X at the start of the period: k3 x^3 is
-        about 3 k3 X^2 x - 2 k3 X^3. The linear equation is then solved exactly, as in `step`. A
-        body that is not glued has no effect if X < 0.
+        The cubic term is linearised about the position X at the start of the step: k3 x^3 is
+        replaced by 3 k3 X^2 x - 2 k3 X^3. The linear equation is then solved exactly.
 
-        If x increases, the linearised force is smaller than k3 x^3. The work of the hand is then
-        smaller than the energy that the cubic term stores. The difference is about k3 X (v dt)^2
-        per unit of travel. The damping d dissipates more energy than this difference if
-        v < d / (k3 X dt^2).
+        The linearisation generates energy. When x increases, the linearised force is smaller than
+        k3 x^3, so that the hand does less work than the energy that the cubic term stores. The
+        missing work is about k3 X (v dt)^2 per metre of travel. The damping d dissipates the energy
+        d v per metre. This is more than the missing work if v < d / (k3 X dt^2).
+
+        Parameters
+        ----------
+        force
+            Constant force on the virtual mass, without the force of the body [N].
+        environment
+            The body. If it is not glued and X < 0, it has no effect.
+        dt
+            Duration of the step [s].
+
+        Returns
+        -------
+        velocity
+            Velocity of the virtual mass at the end of the step [m/s].
         """
         d, c, x = self._damping, self._stiffness, self.position
         k, k3, b, glued = environment
@@ -151,7 +169,7 @@ class Admittance:
         return self._swing(constant / stiffness, damping, stiffness, dt)
 
     def _slide(self, force: float, d: float, dt: float) -> float:
-        """Solve m v' + d v = force over dt [s]; return the velocity at the end [m/s]."""
+        """Move the virtual mass for dt [s], with m v' + d v = force; return v at the end [m/s]."""
         m = self._mass
         slip = self.velocity - force / d
         left = slip * math.exp(-d / m * dt)
@@ -160,7 +178,32 @@ class Admittance:
         return self.velocity
 
     def _swing(self, rest: float, d: float, c: float, dt: float) -> float:
-        """Solve m v' + d v + c (x - rest) = 0 over dt [s]; return the velocity at the end [m/s]."""
+        """Move the virtual mass for dt [s], with m v' + d v + c (x - rest) = 0.
+
+        The state (x - rest, v) at the start is multiplied by the matrix exponential
+
+            exp(A dt) = even I + odd (A + s I)
+            even = e^(-s dt) cosh(g dt)
+            odd = e^(-s dt) sinh(g dt) / g
+
+        A is the matrix of the state equation, and I is the identity matrix. s is d / (2 m), and
+        g^2 is s^2 - c / m. If g^2 is negative, g is sqrt(-g^2), and cosh and sinh are replaced by
+        cos and sin.
+
+        Parameters
+        ----------
+        rest
+            Position at which the force c (x - rest) is zero [m].
+        d, c
+            Damping [N s/m] and stiffness [N/m].
+        dt
+            Duration of the step [s].
+
+        Returns
+        -------
+        velocity
+            Velocity v at the end of the step [m/s].
+        """
         m = self._mass
         s = 0.5 * d / m
         square = s * s - c / m
@@ -180,15 +223,16 @@ class Admittance:
         return self.velocity
 
     def follow(self, velocity: float, dt: float) -> None:
-        """Replace the motion of the last step by a motion at a given constant velocity.
+        """Correct the last step, so that the virtual mass moves like the handle.
 
-        The controller calls this method when the supervisor has reduced the commanded velocity of
-        the master. The virtual mass then moves like the handle.
+        This method is called if a safety limit has reduced the velocity that `step` returned. The
+        velocity is set to the given value, and the position is changed by the difference between
+        the new and the old velocity times dt.
 
         Parameters
         ----------
         velocity
-            Velocity that the drive of the master applied [m/s].
+            Velocity with which the drive of the master really moves [m/s].
         dt
             Duration of the last step [s].
         """

@@ -1,9 +1,10 @@
-"""Pair the force samples with the positions of the slave at the times of these samples.
+"""Combine each sample of the contact force with the position of the slave at the same time.
 
-The estimators need force and displacement at the same time. A time difference of 1 ms between force
-and displacement causes a damping error of k * 1 ms, where k is the stiffness. Therefore the
-position is interpolated at the time of each force sample. If the force sensor is slower than the
-loop, there are fewer pairs than ticks. Each force sample is used in at most one pair.
+The estimators need force and position at the same time. If the force is 1 ms older or newer than
+the position, the estimated damping has an error of k * 1 ms, where k is the stiffness. Therefore
+the position is interpolated at the time of each force sample. The result is a pair of position and
+force. If the force sensor is slower than the control loop, there are fewer pairs than ticks. Each
+force sample is used in at most one pair.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ KEPT = 128
 
 
 class Pair(NamedTuple):
-    """A position and a force at the same time."""
+    """Position of the slave and contact force at the same time."""
 
     position: float
     """Position of the slave [m]."""
@@ -32,7 +33,11 @@ class Pair(NamedTuple):
 
 
 class Alignment:
-    """Computes pairs of slave position and contact force that belong to the same time."""
+    """Computes pairs of slave position and contact force at the same time.
+
+    The two sensors can take their samples at different times. Therefore the position is
+    interpolated at the time of each force sample.
+    """
 
     def __init__(self) -> None:
         self._positions: deque[tuple[float, float]] = deque(maxlen=KEPT)
@@ -40,9 +45,9 @@ class Alignment:
         self._seen = self._paired = -math.inf
 
     def update(self, measurement: Measurement, dt: float) -> Pair | None:
-        """Store position and force of a measurement, and return the next pair.
+        """Store position and force of a measurement, and return a pair if one is complete.
 
-        A force sample that is newer than the newest position sample is paired after the next
+        A force sample that is newer than the newest position sample is not used before the next
         position sample, because the position can only be interpolated between two samples.
 
         Parameters
@@ -50,13 +55,14 @@ class Alignment:
         measurement
             Measurement of this tick.
         dt
-            Time since the previous tick [s]. For the first pair, `Pair.dt` is this time, because
-            there is no previous pair.
+            Time since the previous tick [s]. It becomes `Pair.dt` of the first pair, because this
+            pair has no previous pair.
 
         Returns
         -------
         pair
-            The next pair; None if no force sample can be paired yet.
+            Position and force at the time of a force sample; None if there is no new force sample,
+            or if its position is not known yet.
         """
         now, age = measurement.time, measurement.age
         positions, forces = self._positions, self._forces
@@ -76,9 +82,15 @@ class Alignment:
         return new_tuple(Pair, (self._position_at(sampled), force, dt))
 
     def _position_at(self, sampled: float) -> float:
-        """Return the position [m] at the time `sampled` [s], interpolated between two samples.
+        """Return the position of the slave [m] at the time of a force sample.
 
-        The time is not after the newest position sample.
+        The position is interpolated between two stored position samples. If the force sample is
+        older than all of them, the oldest stored position is returned.
+
+        Parameters
+        ----------
+        sampled
+            Time of the force sample [s]. It is not later than the newest position sample.
         """
         after, later = self._positions[-1]
         if after <= sampled + SAME_TIME:

@@ -1,7 +1,8 @@
 """Link between master and slave with a communication channel and a force-feedback law.
 
-The law consists of two halves, one at the master and one at the slave. The halves exchange data
-only through the channel.
+The law computes the force that the hand feels, and the desired velocity of the slave. It consists
+of two halves, one at the master and one at the slave. The halves exchange data only through the
+channel.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from teleop.safety.channels import DetectedFault
 
 
 class LinkValues(NamedTuple):
-    """Recorded values of the link at one tick.
+    """Values that the link between master and slave records at one tick.
 
     `teleop.recording.tick_columns.FEEDBACK_COLUMNS` states the meaning and the unit of each value.
     """
@@ -43,22 +44,24 @@ NO_VALUES = LinkValues(*[math.nan] * len(LinkValues._fields))
 
 
 class BilateralLink(Link):
-    """Link that consists of a communication channel and a force-feedback law.
+    """Link between master and slave with a communication channel and a force-feedback law.
 
     Parameters
     ----------
-    admittance, coupling
-        Virtual mass of the master, and map from the motion of the master to the motion of the
-        slave.
+    admittance
+        Virtual mass of the master.
+    coupling
+        Relation between the motion of the master and the motion of the slave. It is used here only
+        to compute the initial position of the virtual mass.
     master, slave
-        Master half and slave half of the law.
+        The two halves of the force-feedback law, at the master and at the slave.
     channel
-        Settings of the channel.
+        Settings of the communication channel.
     seed
-        Seed of the random jitter and packet loss of the channel.
+        Seed of the random numbers that determine the jitter and the lost packets.
     closed
-        Whether the law displays a force to the hand. If True, a sustained oscillation at the hand
-        is a fault.
+        Whether the law displays a force to the hand, so that the loop through the hand is closed.
+        If True, a sustained oscillation of the hand is reported as a fault.
     """
 
     def __init__(
@@ -80,12 +83,17 @@ class BilateralLink(Link):
         self._energy = PortEnergy(admittance)
         self._oscillation = Oscillation() if closed else None
         self.values = NO_VALUES
-        # The controller calls these methods in each tick; a further call would add 0.3 us.
+        # The controller calls both methods at each tick. The methods of the slave half are called
+        # directly, because a method of this class that calls them would add 0.3 us.
         self.observe = slave.observe  # type: ignore[method-assign]
         self.stiffness = slave.stiffness  # type: ignore[method-assign]
 
     def align(self, measurement: Measurement) -> None:
-        """Put the virtual mass at rest at the slave's position; reset the law and the channel."""
+        """Put the virtual mass at rest, and reset the force-feedback law and the channel.
+
+        The virtual mass is put at the position that corresponds to the measured position of the
+        slave. This method is called each time the drives are armed.
+        """
         self._coupling.align(self._admittance, measurement)
         self._master.align()
         self._slave.align()
@@ -100,7 +108,18 @@ class BilateralLink(Link):
         self.faults, self.values = (), NO_VALUES
 
     def step(self, force: float, measurement: Measurement, dt: float) -> Command:
-        """Return the desired velocities [m/s] of both drives after `force` [N] acted for dt [s]."""
+        """Advance the link by one tick, and return the desired velocities of both drives [m/s].
+
+        Parameters
+        ----------
+        force
+            Force that moves the virtual mass of the master [N]: the force of the hand, or of the
+            PE (persistent excitation) injector.
+        measurement
+            Measurement of this tick.
+        dt
+            Time since the previous tick [s].
+        """
         now = measurement.time
         reports, motions, admittance = self.reports, self.motions, self._admittance
         report = reports.exchange(now, self._slave.report(measurement, dt))
@@ -137,10 +156,21 @@ class BilateralLink(Link):
         return new_tuple(Command, (admittance.velocity, slave))
 
     def follow(self, verdict: Verdict, desired: Command, applied: Command, dt: float) -> None:
-        """Move the virtual mass like the handle if a limit reduced the velocity of the master.
+        """Move the virtual mass like the handle if the supervisor changed the master's velocity.
 
-        A limit of the slave reduces only the velocity of the slave. The hand feels a limit of the
-        slave only through the channel and the force-feedback law.
+        If the supervisor changes only the velocity of the slave, the virtual mass is not changed.
+        The hand feels this change only through the channel and the force-feedback law.
+
+        Parameters
+        ----------
+        verdict
+            Output of the safety supervisor, which contains the limited velocities.
+        desired
+            Velocities that `step` returned [m/s].
+        applied
+            Velocities that the drives applied [m/s].
+        dt
+            Time since the previous tick [s].
         """
         if verdict.command.master_velocity != desired.master_velocity:
             admittance, velocity = self._admittance, applied.master_velocity
@@ -149,10 +179,22 @@ class BilateralLink(Link):
     def _detected(
         self, now: float, silence: float, energy: float, share: float
     ) -> tuple[DetectedFault, ...]:
-        """Return the faults of the link at this tick.
+        """Return the faults of the link at this tick; an empty tuple if there is none.
 
-        There are three possible faults: the channel is silent for too long, the displayed
-        environment has generated too much energy, or the loop sustains an oscillation of the hand.
+        There are three possible faults: no packet has arrived for too long, the force feedback has
+        given too much energy to the hand, or the loop sustains an oscillation of the hand.
+
+        Parameters
+        ----------
+        now
+            Time of the measurement [s].
+        silence
+            Time since the last packet arrived [s]; the larger time of the two directions.
+        energy
+            Energy that the hand has given to the force feedback [J]. If it is negative, the force
+            feedback has generated energy.
+        share
+            Fraction of the mean square velocity of the hand that the loop sustains.
         """
         faults = []
         if silence > (most := self._max_silence):

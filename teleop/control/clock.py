@@ -1,4 +1,4 @@
-"""Clocks of the control loop, in real time with absolute deadlines or in virtual time."""
+"""Clocks, which determine when each tick of the control loop starts, in real or virtual time."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ ON_TIME = Tick(0.0, False, 0)
 
 
 class Clock(ABC):
-    """A clock that starts one tick of the loop per period.
+    """Base class of clocks. A clock starts one tick of the control loop per period.
 
     Parameters
     ----------
@@ -62,17 +62,22 @@ class Clock(ABC):
 
     @abstractmethod
     def stopwatch(self) -> float:
-        """Return a time [s] for the measurement of durations within a tick."""
+        """Return a time [s]. The difference between two such times is a duration in a tick."""
 
     @abstractmethod
     def wait(self) -> Tick:
-        """Wait until the next deadline. The first call sets the first deadline, without waiting."""
+        """Wait until the deadline of the next tick, and return the timing of this tick.
+
+        The deadline of a tick is the time at which the tick should start. The first call does not
+        wait, because the first tick starts immediately.
+        """
 
 
 class VirtualClock(Clock):
-    """Clock with virtual time, which advances by one period per tick.
+    """Clock with virtual time, which increases by one period at each tick.
 
     The virtual time does not depend on the speed of the machine. Trials are therefore repeatable.
+    `stopwatch` also returns the virtual time, so that all durations within a tick are zero.
     """
 
     def __init__(self, rate: float) -> None:
@@ -81,24 +86,24 @@ class VirtualClock(Clock):
         self._now = 0.0
 
     def now(self) -> float:
-        """Return the virtual time of the present tick [s]."""
+        """Return the virtual time of the present tick [s], which is 0 at the first tick."""
         return self._now
 
     stopwatch = now
 
     def wait(self) -> Tick:
-        """Advance to the next deadline without waiting."""
+        """Set the virtual time to the deadline of the next tick, without waiting."""
         self._tick += 1
         self._now = self._tick / self.rate
         return ON_TIME
 
 
 class RealClock(Clock):
-    """Clock in real time, with deadlines at whole periods after the first tick.
+    """Clock in real time. The deadline of tick n is n periods after the first tick.
 
-    The time is that of the machine's monotonic clock. The deadlines do not depend on when earlier
-    ticks began, so that delays do not accumulate. If a tick is late by one or more whole periods,
-    these periods are skipped. The later deadlines do not change.
+    The deadline is the time at which the tick should start. A late tick does not change the later
+    deadlines, so that delays do not accumulate. If a tick is late by one or more whole periods,
+    these periods are skipped. The clock uses the monotonic clock of the machine.
     """
 
     def __init__(self, rate: float) -> None:
@@ -109,18 +114,22 @@ class RealClock(Clock):
         self._tick = -1
 
     def now(self) -> float:
-        """Return the time since the clock was created [s]."""
+        """Return the time since this object was created [s]."""
         return (time.monotonic_ns() - self._origin) * 1e-9
 
     def stopwatch(self) -> float:
-        """Return the time of the machine's highest-resolution clock [s]."""
+        """Return the time of `time.perf_counter` [s], the clock with the highest resolution."""
         return time.perf_counter()
 
     def _deadline(self, tick: int) -> int:
         return self._first + round(tick * 1e9 / self.rate)
 
     def wait(self) -> Tick:
-        """Wait until the next deadline: sleep until shortly before it, then poll the clock."""
+        """Wait until the deadline of the next tick, and return the timing of this tick.
+
+        The method sleeps until shortly before the deadline. Then it reads the clock repeatedly,
+        which is more exact than sleeping.
+        """
         now = time.monotonic_ns()
         if self._tick < 0:
             self._first = self._woken = now

@@ -1,7 +1,8 @@
 """Control conditions, which compute the force that moves the master.
 
-The force is either that of the operator or that of the PE (persistent excitation) injector. The PE
-injector computes the force so that the slave follows a known signal.
+In the conditions `free` and `mimic`, this force is the force of the operator. In the condition
+`autonomous`, the PE (persistent excitation) injector computes the force, so that the slave follows
+a known signal.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ CONDITIONS = get_args(ConditionName)
 
 
 class Condition(ABC):
-    """Base class of control conditions. A condition computes the force that moves the master."""
+    """Base class of control conditions, which compute the force that moves the master."""
 
     finished = False
     """Whether the condition has finished. The trial then ends, even before its full duration."""
 
     @abstractmethod
     def drive_force(self, t: float, measurement: Measurement) -> float:
-        """Return the force that acts on the virtual mass of the admittance [N].
+        """Return the force that moves the master, by acting on its virtual mass [N].
 
         Parameters
         ----------
@@ -37,7 +38,7 @@ class Condition(ABC):
         """
 
     def target(self, t: float) -> float:
-        """Return the target that the operator follows with the slave.
+        """Return the position to which the operator should move the slave.
 
         Parameters
         ----------
@@ -53,30 +54,37 @@ class Condition(ABC):
 
 
 class Teleoperation(Condition):
-    """Control condition in which the force of the operator moves the master."""
+    """Control condition `free`: the force of the operator moves the master."""
 
     def drive_force(self, t: float, measurement: Measurement) -> float:
-        """Return the measured force on the handle [N]."""
+        """Return the measured force of the operator's hand on the handle [N]."""
         return measurement.master_force
 
 
 class Mimicry(Teleoperation):
-    """Control condition: the operator moves the master so that the slave follows a target."""
+    """Control condition `mimic`: the operator follows a moving target with the slave."""
 
     def __init__(self, target: Target) -> None:
         self._target = target
 
     def target(self, t: float) -> float:
-        """Return the position of the target [m]."""
+        """Return the target position of the slave [m], t [s] after the drives were armed."""
         return self._target.position(t)
 
 
 class Autonomous(Condition):
-    """Control condition in which the PE injector moves the master, without an operator."""
+    """Control condition `autonomous`: the slave follows a known signal, without an operator.
+
+    The PE (persistent excitation) injector computes the force that moves the master in this way.
+    """
 
     def __init__(self, injector: Injector) -> None:
         self._injector = injector
 
     def drive_force(self, t: float, measurement: Measurement) -> float:
-        """Return the force of the PE injector on the virtual mass of the admittance [N]."""
+        """Return the force [N] with which the slave follows the excitation signal.
+
+        The force acts on the virtual mass of the master. The PE injector computes it from the time
+        t [s] since the drives were armed.
+        """
         return self._injector.force(t)

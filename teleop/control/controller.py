@@ -1,4 +1,4 @@
-"""Run one tick of the control loop, from the measurement to the estimates."""
+"""Run one tick (period) of the control loop, from the measurement to the estimates."""
 
 from __future__ import annotations
 
@@ -35,20 +35,23 @@ NO_PAIR = Pair(math.nan, math.nan, math.nan)
 
 
 class Controller:
-    """Runs the ticks of the control loop: measurement, velocities, limits, commands and estimates.
+    """Runs the ticks (periods) of the control loop.
+
+    In each tick, the controller reads the rig, computes and limits the velocities, commands the
+    drives, and updates the estimates.
 
     An exception within a tick becomes a fault for the supervisor, which stops the drives. The first
-    exception is stored in `error`. The method `tick` raises an exception only in two cases: it is a
-    KeyboardInterrupt, or it occurs while the first measurement is read.
+    exception is stored in `error`. The method `tick` raises an exception only in two cases: the
+    exception is a KeyboardInterrupt, or it occurs while the first measurement is read.
 
     Parameters
     ----------
     rig
-        The telemanipulator, which has been opened.
+        The telemanipulator; it must be open.
     condition
         Control condition, which computes the force that moves the master.
     link
-        Link, which converts the force of the condition to the velocities of master and slave.
+        Link between master and slave. It converts the force to the desired velocities of both.
     estimation
         Computes the estimates from the pairs of slave position and contact force.
     period
@@ -56,9 +59,9 @@ class Controller:
     limits
         Limits that the supervisor applies to measurements and commands.
     tare
-        Zero offsets of force and position.
+        Zero offsets of force and position, which are subtracted from the measurements.
     stopwatch
-        Function that returns a time [s], for the durations of the parts of a tick.
+        Function that returns a time [s]. It is used to measure the durations of parts of a tick.
     """
 
     def __init__(
@@ -89,22 +92,25 @@ class Controller:
         self._silent = False
         self._faults: list[DetectedFault] = []
         self.finished = False
-        """Whether the condition has finished."""
+        """Whether the control condition has finished, so that the trial ends."""
         self.error: Exception | None = None
         """The first exception that occurred within a tick; None if there was no exception."""
 
     @property
     def mode(self) -> Mode:
-        """Present mode of the safety supervisor."""
+        """Present mode of the safety supervisor, for example ready, active or fault."""
         return self._supervision.mode
 
     def rearm(self) -> None:
-        """Leave the mode fault, and repeat the checks that are made before arming.
+        """Clear the faults that stopped the drives, so that the drives can be armed again.
+
+        The drives remain disabled. The supervisor first repeats all checks that it makes before
+        arming.
 
         Raises
         ------
         ValueError
-            The mode is not fault.
+            The mode of the supervisor is not "fault".
         """
         supervision = rearmed(self._supervision)
         self._rig.rearm()
@@ -120,12 +126,12 @@ class Controller:
         tick
             Timing of the start of the tick, from the clock.
         request
-            Requests of a person to arm or stop the drives.
+            Requests of a person to arm or stop the drives, and faults detected outside the loop.
 
         Returns
         -------
         record
-            All quantities of the tick.
+            Data of the tick for the recording, from the measurement to the estimates.
         """
         started = self._stopwatch()
         measurement, dt = self._read()
@@ -192,7 +198,12 @@ class Controller:
         return new_tuple(Record, values)
 
     def _read(self) -> tuple[Measurement, float]:
-        """Return the measurement minus the tare, and the time since the last measurement [s]."""
+        """Read the sensors; return the measurement, and the time since the last measurement [s].
+
+        The zero offsets (tare) are subtracted from the measurement. If reading fails, the error
+        becomes a fault, and the last measurement is returned with a time one period later. If even
+        the first reading fails, the exception is raised.
+        """
         last = self._measurement
         try:
             measurement = measurement_of(self._rig.read())
@@ -210,10 +221,11 @@ class Controller:
         return measurement, measurement.time - last.time
 
     def _complete(self, request: Request, tick: Tick, measurement: Measurement) -> Request:
-        """Return the request of a person, together with data of the loop and the link.
+        """Return the input of the supervisor: the request of a person, and data of the loop.
 
-        These data are the detected faults, the skipped periods, the elapsed time, and the expected
-        slope of the contact force.
+        The data are the faults that were detected, the number of skipped periods, the time since
+        the previous tick, and the expected stiffness of the environment (the slope of the contact
+        force over the position of the slave).
         """
         elapsed = (1 + tick.skipped) * self._period + tick.lateness - self._lateness
         self._lateness = tick.lateness
@@ -224,7 +236,10 @@ class Controller:
         return new_tuple(Request, values)
 
     def _enable(self, now: float) -> bool:
-        """Enable the drives, and return whether they are ready for commands."""
+        """Enable the drives, and return whether all drives are ready for commands.
+
+        If an exception occurs, it becomes a fault at the time `now` [s], and False is returned.
+        """
         self._energised, self._silent = True, False
         try:
             return bool(self._rig.enable())
@@ -233,11 +248,14 @@ class Controller:
             return False
 
     def _apply(self, verdict: Verdict, now: float) -> Command:
-        """Send the command to the drives; disable them if required. Return the applied command.
+        """Send the command to the drives, and disable the drives if the supervisor requires it.
 
-        Before the drives are disabled, zero velocity is commanded once. If `Rig.idle` fails, it is
-        called again at each tick until it succeeds. Until then no command is sent, so that the
-        watchdogs stop the drives.
+        The drives are disabled by `Rig.idle`. If `Rig.idle` fails, it is called again at each tick
+        until it succeeds. After a command of zero velocity, no further command is sent until then,
+        so that the watchdogs (timers in the drives) stop the drives.
+
+        The argument `verdict` is the output of the supervisor, and `now` is the time of this tick
+        [s]. The velocities that the drives applied are returned [m/s].
         """
         applied = STANDSTILL
         operating = (verdict.enabled or verdict.arm) and not self._faults
@@ -259,7 +277,11 @@ class Controller:
         return applied
 
     def _fail(self, fault: Fault, error: BaseException, now: float) -> None:
-        """Store an exception as a fault for the supervisor; raise a KeyboardInterrupt again."""
+        """Convert an exception at the time `now` [s] to a fault, which the supervisor receives.
+
+        The first exception is also stored in the attribute `error`. A KeyboardInterrupt is not
+        converted, but raised.
+        """
         if isinstance(error, KeyboardInterrupt):
             raise error
         text, exception = failure(error)

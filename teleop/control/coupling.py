@@ -1,4 +1,4 @@
-"""Compute the velocity of the slave from the motion of the master."""
+"""Coupling of master and slave: compute the slave velocity from the motion of the master."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from teleop.control.admittance import Admittance
 
 
 class Moving(Protocol):
-    """Object with a position [m] and a velocity [m/s], for example the virtual mass."""
+    """Object with a position and a velocity, for example the virtual mass of the master."""
 
     @property
     def position(self) -> float:
-        """Position [m]."""
+        """Position of the object [m]."""
 
     @property
     def velocity(self) -> float:
-        """Velocity [m/s]."""
+        """Velocity of the object [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class Coupling:
     """Computes the desired velocity of the slave from the motion of the master.
 
     The desired velocity is v_s = scale v_m + position_gain (scale x_m - x_s), where v_m and x_m are
-    velocity and position of the virtual mass, and x_s is the position of the slave. With a position
-    gain of zero, as in the paper, the slave follows the scaled velocity of the master. With a
+    velocity and position of the virtual mass of the master, and x_s is the position of the slave.
+    With a position gain of zero, the slave follows the scaled velocity of the master. With a
     positive gain, the slave also follows the scaled position of the master.
 
     Raises
@@ -40,7 +40,7 @@ class Coupling:
     scale: float = 1.0
     """Ratio of slave motion to master motion, > 0."""
     position_gain: float = 0.0
-    """Gain for the difference between scaled master position and slave position [1/s], >= 0."""
+    """Gain for the difference scale x_m - x_s [1/s], >= 0. In the paper, it is 0."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.scale < math.inf:
@@ -51,17 +51,36 @@ class Coupling:
     def align(self, master: Admittance, measurement: Measurement) -> None:
         """Put the virtual mass at rest where its scaled position equals the position of the slave.
 
-        This method is called each time the drives are armed. After arming, the command is therefore
-        zero at any position of the slave, until a force acts on the handle.
+        This method is called each time the drives are armed. After arming, the desired velocities
+        are therefore zero, until a force acts on the handle.
+
+        Parameters
+        ----------
+        master
+            Virtual mass of the master, which is changed.
+        measurement
+            Measurement, which contains the position of the slave.
         """
         master.align(measurement.slave_position / self.scale)
 
     def command(self, master: Moving, measurement: Measurement) -> Command:
-        """Return the desired velocities of both drives [m/s]."""
+        """Return the desired velocities of the master and the slave [m/s].
+
+        The master velocity is the velocity of the object `master` (the virtual mass). The
+        measurement contains the position of the slave.
+        """
         return new_tuple(Command, (master.velocity, self.slave_velocity(master, measurement)))
 
     def slave_velocity(self, master: Moving, measurement: Measurement) -> float:
-        """Return the desired velocity of the slave [m/s]."""
+        """Return the desired velocity of the slave [m/s].
+
+        Parameters
+        ----------
+        master
+            Object with the position and the velocity of the master, for example the virtual mass.
+        measurement
+            Measurement, which contains the position of the slave.
+        """
         scale = self.scale
         lag = scale * master.position - measurement.slave_position
         return scale * master.velocity + self.position_gain * lag

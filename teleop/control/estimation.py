@@ -1,7 +1,7 @@
-"""Compute estimates from pairs of slave position and contact force.
+"""Estimate stiffness and damping from pairs of slave position and contact force.
 
-The pairs are processed one by one during the ticks, or many at once. No command to the drives
-depends on the estimates.
+The pairs are processed one by one in the control loop, or all at once after a trial. No command to
+the drives depends on these estimates.
 """
 
 from __future__ import annotations
@@ -30,16 +30,21 @@ class Estimated(NamedTuple):
     f: float
     """Force passed to the estimators [N]."""
     excitation: float
-    """Excitation measure; 0 for no excitation, 1 for a sine of 1 Hz about the position x = 0."""
+    """Measure of the excitation: 0 for no excitation, 1 for a sine of 1 Hz about x = 0."""
     contact: float
-    """1 while the contact gate of the estimators detects contact, else 0; NaN for no gate."""
+    """1 if the contact gate (the part that detects contact and motion) detects contact, else 0;
+    NaN if the estimators have no contact gate."""
     estimates: tuple[float, ...]
-    """The model's regressors other than v and x, the estimates (`estimate_row`), and the misfit of
-    each estimator, which is NaN until it is known."""
+    """Three groups of numbers in this order: the model's regressors other than v and x; the
+    estimates (`estimate_row`); and the misfit of each estimator, which is NaN until it is known.
+    The misfit is the systematic part of the force error."""
 
 
 class EstimatedSeries(NamedTuple):
-    """Inputs and results of the estimators for n pairs, as arrays of shape (n,)."""
+    """Inputs and results of the estimators for n pairs of slave position and contact force.
+
+    The fields have the meaning of the fields of `Estimated`. Each array has the shape (n,).
+    """
 
     x: Floats
     v: Floats
@@ -50,12 +55,15 @@ class EstimatedSeries(NamedTuple):
 
 
 class Estimation:
-    """Computes estimates, misfit and excitation from the pairs of position and force of a trial.
+    """Updates the estimators with the pairs of slave position and contact force of a trial.
+
+    Two more quantities are computed: the excitation (a measure of how well k and b can be
+    identified) and the misfit of each estimator (the systematic part of its force error).
 
     Parameters
     ----------
     conditioner
-        Computes the regressors from slave position and contact force.
+        Filters slave position and contact force, and computes displacement and velocity.
     bank
         The estimators.
 
@@ -80,7 +88,7 @@ class Estimation:
         self.unknown = Estimated(nan, nan, nan, nan, nan, tuple(chain(*row)))
 
     def update(self, pair: Pair) -> Estimated:
-        """Process one pair of position and force."""
+        """Process one pair of slave position and contact force, and return the results."""
         bank, dt = self._bank, pair.dt
         x, v, f, further = self._conditioner.update(*pair)
         estimates = bank.update(x, v, f, dt, further)
@@ -93,7 +101,9 @@ class Estimation:
         return Estimated(x, v, f, excitation, contact, row)
 
     def run(self, position: Floats, force: Floats, dt: Floats) -> EstimatedSeries:
-        """Process n pairs of position and force, with the same results as n calls of `update`.
+        """Process n pairs of slave position and contact force, and return all results.
+
+        The results are the same as those of n calls of `update`.
 
         Parameters
         ----------

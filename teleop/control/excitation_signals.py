@@ -1,4 +1,4 @@
-"""Excitation signals for the persistent-excitation (PE) injector."""
+"""Excitation signals: known functions of time that the slave follows in autonomous palpation."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ class Motion(NamedTuple):
     """Value and first two time derivatives of a signal at one time."""
 
     value: float
+    """Value; dimensionless for an excitation signal, in metres for a displacement."""
     rate: float
-    """First derivative [1/s times the unit of the value]."""
+    """First derivative [unit of the value per s]."""
     acceleration: float
-    """Second derivative [1/s^2 times the unit of the value]."""
+    """Second derivative [unit of the value per s^2]."""
 
 
 class Signal(ABC):
@@ -24,16 +25,16 @@ class Signal(ABC):
     @property
     @abstractmethod
     def highest(self) -> float:
-        """Highest frequency of the signal [Hz]."""
+        """Highest frequency that the signal contains [Hz]."""
 
     @abstractmethod
     def at(self, t: float) -> Motion:
-        """Return the signal at time t [s]."""
+        """Return the value of the signal and its first two derivatives at time t [s]."""
 
 
 @dataclass(frozen=True)
 class Sine(Signal):
-    """A single sine, the excitation signal of the paper.
+    """A sine, the excitation signal in the paper of Yamamoto et al. (BioRob 2008).
 
     Raises
     ------
@@ -51,11 +52,11 @@ class Sine(Signal):
 
     @property
     def highest(self) -> float:
-        """Highest frequency of the signal [Hz]."""
+        """Highest frequency that the signal contains [Hz], which is the frequency of the sine."""
         return self.frequency
 
     def at(self, t: float) -> Motion:
-        """Return the signal at time t [s]."""
+        """Return the value of the sine and its first two derivatives at time t [s]."""
         omega = 2.0 * math.pi * self.frequency
         sine, cosine = math.sin(omega * t), math.cos(omega * t)
         return Motion(sine, omega * cosine, -omega * omega * sine)
@@ -63,12 +64,14 @@ class Sine(Signal):
 
 @dataclass(frozen=True)
 class Multisine(Signal):
-    """Sum of sines of equal amplitude, with the phases of Schroeder for a low crest factor.
+    """Sum of sines of equal amplitude, with the phases that Schroeder proposed.
+
+    With these phases, the crest factor (the ratio of the peak to the root mean square) is low.
 
     Raises
     ------
     ValueError
-        There is no frequency, or a frequency is not positive.
+        No frequency is given, or a frequency is not positive.
 
     References
     ----------
@@ -87,11 +90,11 @@ class Multisine(Signal):
 
     @property
     def highest(self) -> float:
-        """Highest frequency of the signal [Hz]."""
+        """Highest frequency that the signal contains [Hz]."""
         return max(self.frequencies)
 
     def at(self, t: float) -> Motion:
-        """Return the signal at time t [s]."""
+        """Return the value of the signal and its first two derivatives at time t [s]."""
         n = len(self.frequencies)
         value = rate = acceleration = 0.0
         for i, frequency in enumerate(self.frequencies):
@@ -105,7 +108,7 @@ class Multisine(Signal):
 
 @dataclass(frozen=True)
 class Chirp(Signal):
-    """A sine whose frequency increases and decreases smoothly between two values.
+    """A sine whose frequency changes smoothly from `low` to `high` and back, repeatedly.
 
     Raises
     ------
@@ -118,7 +121,7 @@ class Chirp(Signal):
     high: float
     """Highest frequency [Hz], > low."""
     sweep: float = 5.0
-    """Time [s] in which the frequency increases from low to high and decreases to low again,
+    """Time in which the frequency increases from low to high and decreases to low again [s],
     > 0."""
     kind: Literal["chirp"] = "chirp"
 
@@ -131,11 +134,11 @@ class Chirp(Signal):
 
     @property
     def highest(self) -> float:
-        """Highest frequency of the signal [Hz]."""
+        """Highest frequency of the chirp [Hz]."""
         return self.high
 
     def at(self, t: float) -> Motion:
-        """Return the signal at time t [s]."""
+        """Return the value of the chirp and its first two derivatives at time t [s]."""
         mean = math.pi * (self.low + self.high)
         half = math.pi * (self.high - self.low)
         slow = 2.0 * math.pi / self.sweep
@@ -150,4 +153,4 @@ class Chirp(Signal):
 
 
 AnySignal = Sine | Multisine | Chirp
-"""Types of excitation signal that the settings of a trial can contain."""
+"""Types of excitation signal that a trial can have in its settings."""

@@ -1,4 +1,4 @@
-"""Convert an exception in a tick to the text of a fault and to the exception that is reported."""
+"""Describe an exception of a tick by a text, and choose the exception that the trial raises."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from teleop.printable import one_line
 def failure(error: BaseException) -> tuple[str, Exception]:
     """Return a text that describes an exception, and the exception to raise after the trial.
 
-    SystemExit and other exceptions that do not derive from `Exception` would end the program
-    without a message. SystemExit could even cause exit code 0. A RuntimeError therefore replaces
-    each such exception.
+    Some exceptions do not derive from `Exception`, for example SystemExit. They would end the
+    program without a message, and SystemExit could even cause exit code 0 (success). Such an
+    exception is therefore replaced by a RuntimeError.
 
     Parameters
     ----------
     error
-        The exception that was raised in a tick.
+        The exception that was raised in a tick of the control loop.
 
     Returns
     -------

@@ -1,4 +1,7 @@
-"""The PE (persistent excitation) injector: a force that makes the slave follow a signal."""
+"""PE (persistent excitation) injector, which moves the slave along a given signal.
+
+The injector replaces the force of the hand in the control condition `autonomous`.
+"""
 
 from __future__ import annotations
 
@@ -8,40 +11,56 @@ from teleop.control.admittance import AdmittanceParameters
 from teleop.control.excitation_signals import Motion, Signal
 
 RAMP = 0.5
-"""Duration of each of the two ramps of the displacement, at the start and at the end [s]."""
+"""Duration of the ramp at the start and of the ramp at the end of a trial [s]. On the ramps, the
+displacement of the slave increases from zero and decreases to zero."""
 
 
 def ramp_time(duration: float, ramp: float = RAMP) -> float:
-    """Return the duration of each ramp [s]: `ramp`, or half of the trial if that is shorter."""
+    """Return the duration of the ramp at the start, and of the ramp at the end, of a trial [s].
+
+    On the ramps, the displacement of the slave increases from zero and decreases to zero.
+
+    Parameters
+    ----------
+    duration
+        Duration of the trial [s].
+    ramp
+        Wanted duration of each ramp [s]. It is reduced to half of `duration` if it is longer.
+    """
     return min(ramp, 0.5 * duration)
 
 
 class Injector:
     """Computes the force that moves the slave along an excitation signal.
 
-    The displacement of the slave is x(t) = ramp(t) (mean + half signal(t)). ramp(t) increases from
-    0 to 1 at the start of the trial, and decreases to 0 at the end. Between the two ramps, x varies
-    between `touch` times the depth and the depth, so that the slave stays in contact. `mean` is the
-    middle of this range, and `half` is half of its width. The computed force is the force that the
-    virtual mass of the admittance needs for this motion.
+    The displacement of the slave is
+
+        x(t) = r(t) (mean + half s(t))
+
+    s(t) is the excitation signal, with values from -1 to 1. r(t) increases from 0 to 1 on a ramp at
+    the start of the trial, and decreases to 0 on a ramp at the end. Between the two ramps, x varies
+    between `touch` times `depth` and `depth`, so that the slave stays in contact. `mean` is the
+    middle of this range, and `half` is half of its width. The displacement of the master is x(t)
+    divided by `scale`. The computed force is the force that the virtual mass of the admittance
+    needs for this motion of the master.
 
     Parameters
     ----------
     signal
-        The excitation signal.
+        The excitation signal s(t).
     depth
         Largest displacement of the slave [m], > 0.
     admittance
         Mass, damping and stiffness of the virtual dynamics of the master.
     scale
-        Ratio of slave motion to master motion.
+        Ratio of slave motion to master motion, > 0.
     duration
-        Duration of the trial [s]. At its end the displacement is zero again.
+        Duration of the trial [s], > 0. At its end, the displacement is zero again.
     touch
-        Smallest displacement as a fraction of the depth, 0 <= touch < 1.
+        Smallest displacement between the ramps as a fraction of `depth`, 0 <= touch < 1.
     ramp
-        Duration of each of the two ramps, at the start and at the end [s]; at most half of
-        `duration`.
+        Duration of the ramp at the start, and of the ramp at the end [s], > 0. It is reduced to
+        half of `duration` if it is longer.
 
     Raises
     ------
@@ -75,7 +94,18 @@ class Injector:
         self._ramp = ramp_time(duration, ramp)
 
     def motion(self, t: float) -> Motion:
-        """Return position [m], velocity [m/s] and acceleration [m/s^2] of the master at t [s]."""
+        """Return the motion that the master must have, so that the slave follows the signal.
+
+        Parameters
+        ----------
+        t
+            Time since the drives were armed [s].
+
+        Returns
+        -------
+        motion
+            Position [m], velocity [m/s] and acceleration [m/s^2] of the master.
+        """
         in_out, sign = (t, 1.0) if 2.0 * t < self._duration else (self._duration - t, -1.0)
         u = min(max(in_out / self._ramp, 0.0), 1.0)
         ramp = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
@@ -92,5 +122,11 @@ class Injector:
         )
 
     def force(self, t: float) -> float:
-        """Return the force on the virtual mass of the admittance [N] at time t [s]."""
+        """Return the force [N] that moves the virtual mass of the admittance along the signal.
+
+        Parameters
+        ----------
+        t
+            Time since the drives were armed [s].
+        """
         return self._admittance.force(*self.motion(t))

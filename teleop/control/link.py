@@ -1,4 +1,9 @@
-"""Links between master and slave, which convert the force of the hand to desired velocities."""
+"""Define the link between master and slave, which computes the desired velocities of both drives.
+
+The force of the hand, or the force of the excitation, moves the virtual mass of the admittance. The
+velocity of the virtual mass is the desired velocity of the master. From the motion of the virtual
+mass, the link also computes the desired velocity of the slave.
+"""
 
 from __future__ import annotations
 
@@ -13,45 +18,93 @@ from teleop.safety.channels import DetectedFault
 
 
 class Link(ABC):
-    """Base class of links. A link computes the desired velocities of both drives at each tick."""
+    """Base class of links. A link computes the desired velocities of master and slave at each tick.
+
+    A tick is one period of the control loop.
+    """
 
     faults: tuple[DetectedFault, ...] = ()
-    """Faults of the link that were detected in the last step."""
+    """Faults that the link detected in the last call of `step`."""
     values: tuple[float, ...] = ()
-    """Values of the last step that are recorded, for the columns that the link adds."""
+    """Recorded values of the last call of `step`, one for each column that the link adds to a
+    recording."""
 
     @abstractmethod
     def align(self, measurement: Measurement) -> None:
-        """Put the virtual mass at rest where its scaled position equals the slave's position."""
+        """Put the virtual mass at rest at the position that corresponds to that of the slave.
+
+        The controller calls this method each time the drives are armed. The position of the virtual
+        mass becomes the position of the slave divided by the motion scale (ratio of slave motion to
+        master motion).
+        """
 
     @abstractmethod
     def step(self, force: float, measurement: Measurement, dt: float) -> Command:
-        """Return the desired velocities [m/s] of both drives after `force` [N] acted for dt [s]."""
+        """Move the virtual mass, and return the desired velocities [m/s] of master and slave.
+
+        Parameters
+        ----------
+        force
+            Force that moves the virtual mass of the admittance [N].
+        measurement
+            Measurement of this tick.
+        dt
+            Duration for which the force acts: the time since the previous tick [s].
+        """
 
     @abstractmethod
     def follow(self, verdict: Verdict, desired: Command, applied: Command, dt: float) -> None:
-        """Move the virtual mass like the handle if the supervisor reduced the master's command."""
+        """Correct the motion of the virtual mass if the supervisor reduced the master's velocity.
+
+        If the safety supervisor limits the velocity of the handle (the master), the virtual mass is
+        given the same velocity.
+
+        Parameters
+        ----------
+        verdict
+            Output of the safety supervisor at this tick.
+        desired
+            Velocities that `step` returned [m/s].
+        applied
+            Velocities that the drives applied [m/s].
+        dt
+            Time since the previous tick [s].
+        """
 
     def observe(self, pair: Pair) -> None:  # noqa: B027
-        """Process a pair of slave position and contact force."""
+        """Process a slave position and a contact force that were measured at the same time.
+
+        A link can use them to estimate the stiffness. The base class does nothing.
+        """
 
     def stiffness(self, position: float) -> float | None:
-        """Return the expected slope of the contact force [N/m] at a position of the slave [m].
+        """Return how much the contact force is expected to change per change of the slave position.
 
-        The result is None if master and slave are at the same place. The soft limits then act on
-        master and slave together.
+        Parameters
+        ----------
+        position
+            Position of the slave [m].
+
+        Returns
+        -------
+        slope
+            Expected slope of the contact force over the position of the slave [N/m]. If a slope is
+            returned, the safety supervisor limits the velocities of master and slave separately.
+            The base class returns None. The supervisor then reduces both velocities by the same
+            factor.
         """
         return None
 
 
 class DirectLink(Link):
-    """Master and slave at the same place, without force feedback.
+    """Link without a communication channel and without force feedback.
 
     Parameters
     ----------
-    admittance, coupling
-        Virtual mass of the master, and map from the motion of the master to the motion of the
-        slave.
+    admittance
+        Virtual mass, which converts the force on it to the desired velocity of the master.
+    coupling
+        Computes the desired velocity of the slave from the motion of the virtual mass.
     """
 
     def __init__(self, admittance: Admittance, coupling: Coupling) -> None:
@@ -59,15 +112,43 @@ class DirectLink(Link):
         self._coupling = coupling
 
     def align(self, measurement: Measurement) -> None:
-        """Put the virtual mass at rest where its scaled position equals the slave's position."""
+        """Put the virtual mass at rest at the position that corresponds to that of the slave.
+
+        The position of the virtual mass becomes the position of the slave divided by the motion
+        scale (ratio of slave motion to master motion).
+        """
         self._coupling.align(self._admittance, measurement)
 
     def step(self, force: float, measurement: Measurement, dt: float) -> Command:
-        """Return the desired velocities [m/s] of both drives after `force` [N] acted for dt [s]."""
+        """Move the virtual mass, and return the desired velocities [m/s] of master and slave.
+
+        Parameters
+        ----------
+        force
+            Force that moves the virtual mass of the admittance [N].
+        measurement
+            Measurement of this tick.
+        dt
+            Duration for which the force acts: the time since the previous tick [s].
+        """
         self._admittance.step(force, dt)
         return self._coupling.command(self._admittance, measurement)
 
     def follow(self, verdict: Verdict, desired: Command, applied: Command, dt: float) -> None:
-        """Move the virtual mass like the handle if any soft limit reduced the command."""
+        """Give the virtual mass the velocity of the handle if a soft limit reduced the velocities.
+
+        The soft limits are limits of the safety supervisor that reduce the desired velocities.
+
+        Parameters
+        ----------
+        verdict
+            Output of the safety supervisor at this tick.
+        desired
+            Velocities that `step` returned [m/s]. They are not used.
+        applied
+            Velocities that the drives applied [m/s].
+        dt
+            Time since the previous tick [s].
+        """
         if verdict.limited:
             self._admittance.follow(applied.master_velocity, dt)

@@ -1,4 +1,7 @@
-"""Convert the values that a rig returns to floats, because the supervisor's checks need floats."""
+"""Convert the values that a rig returns to floats.
+
+A rig can return other types of numbers, for example integers. The safety supervisor needs floats.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ def measurement_of(returned: Measurement) -> Measurement:
     Raises
     ------
     TypeError
-        The value is not a measurement, or one of its items is not a number.
+        The return value is not a measurement, or one of its items is not a number.
     RigError
         The time of the measurement is not finite.
     """
@@ -41,17 +44,18 @@ def measurement_of(returned: Measurement) -> Measurement:
 
 
 def command_of(returned: Command) -> Command:
-    """Return the command that a rig applied, with each velocity converted to a float.
+    """Return the velocities that the drives of a rig applied, converted to floats.
 
     Parameters
     ----------
     returned
-        Return value of `Rig.write`.
+        Return value of `Rig.write`: the velocities of master and slave that the drives applied
+        [m/s].
 
     Raises
     ------
     TypeError
-        The value is not a command, or one of its velocities is not a number.
+        The return value is not a `Command`, or one of its velocities is not a number.
     RigError
         A velocity is not finite.
     """

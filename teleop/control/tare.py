@@ -1,4 +1,7 @@
-"""Tare: zero offsets of force and position, which are subtracted from each measurement."""
+"""Tare: zero offsets of the force sensors and of the slave position.
+
+The zero offsets are subtracted from each measurement. This file reads, checks and writes them.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,10 @@ LONGEST_TEXT = 1000
 
 @dataclass(frozen=True)
 class Tare:
-    """Zero offsets of the channels, which are subtracted from every measurement."""
+    """Zero offsets, which are subtracted from every measurement.
+
+    A zero offset is the reading of a sensor when the measured quantity is zero.
+    """
 
     master_force: float = 0.0
     """Reading of the handle's force sensor without load [N]."""
@@ -33,15 +39,18 @@ class Tare:
     date: str = ""
     """Date of the measurement, ISO 8601."""
     rig: str = ""
-    """Name of the rig; empty if unknown."""
+    """Name of the rig on which the zero offsets were measured; empty if unknown."""
 
     @property
     def zeros(self) -> dict[str, float]:
-        """Zero offsets other than 0, in SI units, by the name of the channel."""
+        """Zero offsets that are not 0, in SI units.
+
+        The keys are the names of the channels (measured quantities), for example `contact_force`.
+        """
         return {name: value for name, value in asdict(self).items() if name in CHANNELS and value}
 
     def apply(self, measurement: Measurement) -> Measurement:
-        """Return a measurement with the zero offsets subtracted."""
+        """Return a copy of a measurement from which the zero offsets are subtracted."""
         return measurement._replace(
             master_force=measurement.master_force - self.master_force,
             contact_force=measurement.contact_force - self.contact_force,
@@ -59,7 +68,7 @@ class Tare:
         Raises
         ------
         InputError
-            A zero offset is too large or NaN, or was measured on another rig.
+            A zero offset is NaN or too large, or the zero offsets were measured on another rig.
         """
         for name, value, most in (
             ("master_force", self.master_force, LARGEST_ZERO),
@@ -84,24 +93,33 @@ NO_TARE = Tare()
 def write_tare(tare: Tare, path: Path, overwrite: bool = False) -> None:
     """Write the zero offsets to a JSON file.
 
+    Parameters
+    ----------
+    tare
+        The zero offsets.
+    path
+        Path of the file.
+    overwrite
+        Whether an existing file is replaced.
+
     Raises
     ------
     InputError
-        The file cannot be written, or exists and `overwrite` is False.
+        The file cannot be written, or it exists and `overwrite` is False.
     """
     write_text(path, dumps(asdict(tare), indent=2) + "\n", overwrite)
 
 
 def read_tare(path: Path) -> Tare:
-    """Read the zero offsets from a file that `teleop rig tare` wrote.
+    """Read the zero offsets from a file that the command `teleop rig tare` wrote.
 
-    A file that was written by teleop 0.1 does not contain the name of the rig. `Tare.rig` is then
-    empty.
+    Version 0.1 of teleop did not write the name of the rig to the file. For such a file, `Tare.rig`
+    is empty.
 
     Raises
     ------
     InputError
-        The file cannot be read, or is not a file of `teleop rig tare`.
+        The file cannot be read, or is not a valid file of `teleop rig tare`.
     """
     from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 

@@ -1,4 +1,4 @@
-"""Define the record of one tick, which contains all quantities that are recorded."""
+"""Define the record of one tick (period of the control loop): all quantities that are recorded."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from teleop.safety import Event, Mode
 
 
 class Timing(NamedTuple):
-    """Durations of the parts of a tick."""
+    """Times that the parts of one tick (period of the control loop) took."""
 
     read: float
     """Time that reading the rig took [s]."""
@@ -23,7 +23,7 @@ class Timing(NamedTuple):
 
 
 class Record(NamedTuple):
-    """All quantities of one tick."""
+    """All quantities that are recorded at one tick (period of the control loop)."""
 
     t: float
     """Time since the first tick at which the drives may be armed [s]; negative before this tick."""
@@ -44,16 +44,17 @@ class Record(NamedTuple):
     pair: Pair
     """Slave position and contact force at the same time; NaN if there is no new pair."""
     estimated: Estimated
-    """Estimates and their regressors; NaN if the estimators were not updated."""
+    """Estimates and their regressors; NaN if the estimators were not updated at this tick."""
     mode: Mode
     """Mode of the supervisor."""
     limited: int
-    """Bit flags of the soft limits that reduced the command."""
+    """Sum of the flags of the soft limits that reduced the command."""
     tick: Tick
     """Timing of the tick by the loop's clock."""
     timing: Timing
-    """Durations of the parts of the tick."""
+    """Times that the parts of the tick took."""
     events: tuple[Event, ...]
     """Faults, and changes of the supervisor's mode, in this tick."""
     link: tuple[float, ...] = ()
-    """Values of the channel and of the force feedback (`teleop.control.bilateral`)."""
+    """Values of the communication channel and of the force feedback (see
+    `teleop.control.bilateral`); empty if there is neither."""

@@ -1,1 +1,1 @@
-"""Evaluate recordings, and measurement files of other machines."""
+"""Evaluate recordings of trials, and measurement files of other machines."""

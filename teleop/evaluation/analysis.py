@@ -1,4 +1,4 @@
-"""Evaluate all samples of a record together: phases, models, and the result for publication."""
+"""Evaluate all samples of a record together: phases of the motion, fitted models, k and b."""
 
 from __future__ import annotations
 
@@ -40,13 +40,17 @@ class Analysis:
     """The batch evaluation of a record: all samples are evaluated together."""
 
     record: Prepared
+    """The record, resampled to a constant period and smoothed."""
     phases: Phases
+    """Free motion, loading, hold and unloading, and the contact point."""
     local: LocalStiffness | None
+    """Stiffness and damping of the fitted models; None without contact, or with too few samples."""
     result: Result
+    """k and b with 95 % intervals, or the reasons why they are not identifiable."""
 
     @property
     def has_contact(self) -> bool:
-        """Whether the force follows the displacement in some part of the record."""
+        """Whether the force follows the displacement. If not, there is no contact in the record."""
         return self.record.band.coherence > 0.0
 
     @cached_property
@@ -82,13 +86,14 @@ class Analysis:
     def models(self, x: float, f: float) -> list[BatchFit]:
         """Return the models that are fitted to the record, the best model first.
 
-        The models use displacement and force relative to the datum. The result is empty if there is
-        no contact, or if there are too few samples in contact.
+        The datum is the point at which displacement and force are zero. The models use displacement
+        and force relative to the datum. The result is empty if there is no contact, or if there are
+        too few samples in contact.
 
         Parameters
         ----------
         x, f
-            Position [m] and force [N] of the datum.
+            Position [m] and force [N] of the datum, in the coordinates of the record.
         """
         data = self.data
         if data is None or not self.has_contact:
@@ -107,7 +112,7 @@ class Analysis:
         )
 
     def summary(self) -> dict[str, Any]:
-        """Return motion, phases, cycles, contact point and complex modulus as a dictionary."""
+        """Return motion, phases, cycles, contact point and complex modulus, as a dictionary."""
         point = self.phases.contact_point
         return {
             "motion": motion_of(self.record)._asdict(),
@@ -120,14 +125,15 @@ class Analysis:
 
     @cached_property
     def rows(self) -> list[dict[str, Any]]:
-        """List of the phases, as dictionaries for JSON (see `phase_row`)."""
+        """The phases of the motion in the order of time, as dictionaries for JSON (`phase_row`)."""
         return [self.phase_row(phase) for phase in self.phases.phases]
 
     def phase_row(self, phase: Phase) -> dict[str, Any]:
-        """Return one phase as a dictionary for JSON.
+        """Return one phase of the motion as a dictionary for JSON.
 
-        For loading and unloading, it contains the slope of the force against the position. For a
-        hold, it contains the relaxation of the force.
+        The dictionary contains the times, the travel and the forces of the phase. For loading and
+        unloading, it also contains k, the slope of the force against the position [N/m]. For a
+        hold, it also contains the relaxation of the force (`relaxation_row`).
         """
         record = self.record
         part = slice(phase.start, phase.end)
@@ -153,7 +159,10 @@ class Analysis:
         return row
 
     def cycles(self) -> list[dict[str, Any]]:
-        """Return k and b of each cycle in contact. A cycle lasts from one loading to the next."""
+        """Return k and b of each cycle in contact, as dictionaries for JSON.
+
+        A cycle lasts from the start of one loading to the start of the next loading.
+        """
         data = self.data
         if data is None:
             return []
@@ -179,9 +188,11 @@ class Analysis:
     def modulus(self) -> dict[str, float] | None:
         """Return the complex modulus at the frequency of the palpation.
 
-        It consists of storage stiffness k' [N/m], loss stiffness k'' [N/m] and tan delta. The
-        result is None in three cases: the motion has no cycles, k is not identifiable, or the best
-        model contains relaxation. With relaxation, b does not describe the whole loss of energy.
+        The dictionary contains the storage stiffness k' [N/m], the loss stiffness k'' = b omega
+        [N/m] and tan delta = k'' / k'. For each of them, it also contains the half width of the
+        95 % interval. The result is None in three cases: the motion has no cycles, k or b is not
+        identifiable, or the best model contains relaxation (a decay of the force at constant
+        position). With relaxation, b describes only a part of the loss of energy.
         """
         result, record = self.result, self.record
         cyclic = math.isfinite(record.frequency) and not result.times
@@ -205,19 +216,19 @@ class Analysis:
 
 
 def relaxation_row(found: Relaxation) -> dict[str, Any]:
-    """Return a Prony series as a dictionary for JSON."""
+    """Return a Prony series, which was fitted to the force in a hold, as a dictionary for JSON."""
     return {name: one._asdict() for name, one in found.parameters.items()} | {"rms": found.rms}
 
 
 def analyse(signals: Signals, force_lag: float = 0.0) -> Analysis:
-    """Evaluate all samples of a record together.
+    """Evaluate all samples of a record together, without online estimators.
 
     Parameters
     ----------
     signals
         The record as measured.
     force_lag
-        Time constant of the force channel [s], which the evaluation compensates.
+        Lag of the measured force (time constant of the force channel) [s]. The lag is compensated.
     """
     resampled = resample(signals, force_lag)
     record = smoothed_record(resampled)

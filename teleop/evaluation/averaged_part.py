@@ -1,4 +1,4 @@
-"""The part of a record over which the estimates are averaged."""
+"""Define the part of a record over which the estimates are averaged."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from estimation.compiled import Floats
 class AveragedPart(NamedTuple):
     """The part of a record over which the estimates are averaged.
 
-    The batch evaluation uses only this part. The estimators process all samples of the record, and
-    their final estimates are those at the end of this part.
+    The batch evaluation uses only this part. The online estimators process all samples of the
+    record, but their averages and their final estimates are reported for this part only.
     """
 
     start: float = -math.inf
@@ -26,7 +26,7 @@ class AveragedPart(NamedTuple):
     """Description of the samples outside the part; empty if it is the whole record."""
 
     def after(self, time: float) -> AveragedPart:
-        """Return a copy of this part that starts and ends later by `time` [s]."""
+        """Return the part of the record that starts and ends later than this part by `time` [s]."""
         return self._replace(start=self.start + time, end=self.end + time)
 
     def contains(self, t: Floats) -> NDArray[np.bool_]:
@@ -34,12 +34,12 @@ class AveragedPart(NamedTuple):
         return (t >= self.start) & (t < self.end)
 
     def indices(self, t: Floats) -> slice:
-        """Return a slice of the samples that are in this part.
+        """Return the range of indices of the samples that are in this part, as a slice.
 
         Parameters
         ----------
         t
-            Times of the samples [s], increasing.
+            Times of the samples [s], increasing, shape (n,).
         """
         start, end = np.searchsorted(t, (self.start, self.end))
         return slice(int(start), int(end))

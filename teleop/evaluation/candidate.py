@@ -1,4 +1,8 @@
-"""Fit one candidate model of the contact, and compute its stiffness (see `local_stiffness`)."""
+"""Fit one candidate model of the contact force, and compute the stiffness of this model.
+
+The candidate models differ in the degree of a polynomial P(x) and in the number of relaxing parts
+(see `teleop.evaluation.local_stiffness`).
+"""
 
 from __future__ import annotations
 
@@ -16,14 +20,14 @@ BAND = 0.08
 """Samples are used for the slope if the distance of their force from half of the force range is
 less than this fraction of the range."""
 SLOPE_SAMPLES = 3
-"""Samples for the slope in each pass through half of the force range. If there are fewer on
-average, neighbouring samples are used in addition (`with_neighbours`)."""
+"""Smallest average number of samples for the slope in one pass through half of the force range. If
+there are fewer, the neighbouring samples are used in addition (`with_neighbours`)."""
 SLOPE_NOISE = 50.0
 """Smallest distance between two positions from which a slope is computed (`surroundings`), in
 standard deviations of the noise of the smoothed position."""
 
 FINEST = 0.0005
-"""Relative standard deviation of k that smoothing and grid cause if the force of the body relaxes.
+"""Relative standard deviation of k due to smoothing and resampling, for models with relaxing parts.
 
 This value is the median error of k for synthetic records without noise
 (`estimation.testing_records`). For a model without relaxing parts the error is zero, because such a
@@ -32,16 +36,21 @@ model holds exactly for the smoothed signals.
 
 
 class Candidate(NamedTuple):
-    """A candidate model that was fitted to the record."""
+    """A model of the contact force that was fitted to the record, with its k and b.
+
+    The model is f = baseline + P(x) + b v + relaxing parts (`teleop.evaluation.local_stiffness`).
+    Models of different degree or with different relaxing parts are fitted to the same record.
+    Therefore, each of them is called a candidate.
+    """
 
     degree: int
-    """Degree of the polynomial P of the elastic force."""
+    """Degree of the polynomial P."""
     times: tuple[float, ...]
-    """Time constants of the relaxing parts [s]."""
+    """Time constants of the relaxing parts of the force [s]; empty without relaxing parts."""
     bic: float
-    """Bayesian information criterion."""
+    """Bayesian information criterion of the fit."""
     k: float
-    """Stiffness [N/m]."""
+    """Stiffness in loading, at half of the force range [N/m]."""
     k_std: float
     """Standard deviation of k [N/m]."""
     b: float
@@ -51,11 +60,12 @@ class Candidate(NamedTuple):
     rms: float
     """Root mean square of the residual [N]."""
     position: float
-    """Position at which the stiffness is evaluated [m]."""
+    """Position at which k is the stiffness [m]."""
     force: float
     """Force at half of the force range, including the mean of the baseline [N]."""
     theta: Floats
-    """Coefficients of the baseline, velocity, powers of the normalised position, relaxing parts."""
+    """Coefficients of the regressors, in this order: baseline, velocity, powers of the normalised
+    position, relaxing parts."""
 
 
 def evaluate(
@@ -65,21 +75,23 @@ def evaluate(
     relaxing: list[Floats],
     cornered: list[Floats],
 ) -> Candidate:
-    """Fit a candidate, and compute its stiffness at half of the force range.
+    """Fit one model of the contact force, and compute its stiffness at half of the force range.
+
+    The model is f = baseline + P(x) + b v + sum_j c_j z_j. The signals z_j are the relaxing parts
+    of the force, which decay with the time constants tau_j (`teleop.evaluation.local_stiffness`).
 
     Parameters
     ----------
     rows
         Samples that are fitted.
     degree
-        Degree of the polynomial.
+        Degree of the polynomial P.
     times
-        Time constants of the relaxing parts [s].
+        The time constants tau_j [s]; empty for a model without relaxing parts.
     relaxing
-        Relaxing parts z_j of the elastic force (see `local_stiffness`) after the smoothing. There
-        is one array of shape (n,) for each time constant.
+        The signals z_j after smoothing: one array of shape (n,) for each time constant.
     cornered
-        The same arrays, but with the values before the smoothing at sharp corners (see
+        The same signals, but with the values before the smoothing at sharp corners of z_j (see
         `with_corners`).
     """
     fit = rows.fit(degree, relaxing)
@@ -96,9 +108,10 @@ def evaluate(
     top, bottom = int(np.argmax(without)), int(np.argmin(without))
 
     def effect(i: int) -> Floats:
-        """Return the derivative of the elastic force with respect to each parameter.
+        """Return the derivative of the elastic force at one sample with respect to each parameter.
 
-        The derivatives are those at sample `i` of the samples `rows.fine`.
+        The elastic force consists of the polynomial P and the relaxing parts. The sample is
+        `rows.fine[i]`. The result has the shape (m,), where m is the number of parameters.
         """
         found = np.zeros(m)
         found[first:] = [*rows.fine_powers[i, :degree], *(z[index[i]] for z in cornered)]
@@ -167,20 +180,21 @@ def evaluate(
 
 
 def surroundings(x: Floats, at: int, most: int, record: Prepared) -> tuple[int, int]:
-    """Return the indices of two samples that are suitable to compute the slope of a signal over x.
+    """Return the indices of two samples, before and after the sample `at`, to compute a slope.
 
-    One sample is before a given sample, and the other is after it. The distance between the two
-    samples is doubled until one of two conditions holds: their positions differ by much more than
-    the noise, or a further doubling would exceed `most`.
+    The slope is that of any signal against the position x. For an accurate slope, the positions of
+    the two samples must differ by much more than the noise. Therefore, the two samples are first
+    the direct neighbours of the sample `at`. Then their distance is doubled, until their positions
+    differ enough, or until a further doubling would exceed `most`.
 
     Parameters
     ----------
     x
         Position [m], shape (n,).
     at
-        Index of the given sample.
+        Index of the sample at which the slope is computed.
     most
-        Largest distance between the two indices [samples].
+        Largest difference of the two indices.
     record
         The prepared record.
     """
@@ -194,19 +208,24 @@ def surroundings(x: Floats, at: int, most: int, record: Prepared) -> tuple[int, 
 
 
 def with_neighbours(mask: NDArray[np.bool_], index: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the indices of the samples that a mask selects, and of neighbours if necessary.
+    """Return the indices of the samples that a mask selects, and of their neighbours if necessary.
 
-    The selected samples form runs, one run for each pass through half of the force range. To
-    compute a slope, at least three samples in a run are necessary. If the runs have fewer samples
-    on average, the samples directly before and after each run are added. This occurs in fast
-    motions.
+    The mask selects samples near half of the force range. Each time the force passes this value,
+    the selected samples form a run of successive samples. To compute a slope, a run must have at
+    least `SLOPE_SAMPLES` samples. In fast motions, the runs are shorter. If the mean length of the
+    runs is less than `SLOPE_SAMPLES`, the samples directly before and after each run are added.
 
     Parameters
     ----------
     mask
-        Samples to use, shape (n,).
+        True for each selected sample, shape (n,).
     index
-        Index of each sample on the grid, shape (n,). A step of more than 1 ends a run.
+        Index of each sample in the record, shape (n,), increasing. If the indices of two samples
+        differ by more than 1, the samples are not in the same run.
+
+    Returns
+    -------
+    Indices of samples in `mask`, increasing.
     """
     chosen = np.flatnonzero(mask)
     passes = np.count_nonzero(np.diff(index[chosen]) > 1) + 1
@@ -220,14 +239,15 @@ def with_neighbours(mask: NDArray[np.bool_], index: NDArray[np.intp]) -> NDArray
 
 
 def middle_position(x: Floats, f: Floats, force: float) -> float:
-    """Return the position [m] at the force `force` [N].
+    """Return the position [m] at which the force has the value `force` [N].
 
-    A polynomial of degree 2 in the force is fitted to the positions.
+    The position is modelled as a polynomial of degree 2 in the force. If the samples are too few,
+    or if their force is constant, the result is their mean position.
 
     Parameters
     ----------
     x, f
-        Position [m] and force [N], shape (n,).
+        Position [m] and force [N] of samples near this force, shape (n,).
     force
         Force at which the position is computed [N].
     """
@@ -240,18 +260,20 @@ def middle_position(x: Floats, f: Floats, force: float) -> float:
 
 
 def loading_slope(x: Floats, v: Floats, z: Floats, pass_of: NDArray[np.int_]) -> float:
-    """Return the slope of z against x, from a least-squares fit.
+    """Return the slope of a signal z against the position x, from a least-squares fit.
 
-    In this fit, each pass through half of the force range has its own constant. If the velocity v
-    varies enough, v is an additional regressor. Then a part of z that is proportional to v does not
-    change the slope.
+    The samples are near half of the force range. Each time the force passes this value in loading
+    is called a pass. The fit is z = a x + c_i, where a is the slope, and c_i is a constant that is
+    different for each pass i. If the velocity v varies enough, the fit is z = a x + d v + c_i. Then
+    a part of z that is proportional to v does not change the slope.
 
     Parameters
     ----------
     x, v, z
-        Position [m], velocity [m/s] and a relaxing part, each of shape (n,).
+        Position [m], velocity [m/s] and signal of the samples, each of shape (n,). The signal is a
+        relaxing part of the force.
     pass_of
-        For each sample, the number of its pass through half of the force range, shape (n,).
+        Number i of the pass of each sample, from 0, shape (n,).
     """
     spread = float(np.std(v) / np.mean(np.abs(v)))
     x, v, z = (values - pass_means(values, pass_of) for values in (x, v, z))
@@ -262,5 +284,15 @@ def loading_slope(x: Floats, v: Floats, z: Floats, pass_of: NDArray[np.int_]) ->
 
 
 def pass_means(values: Floats, pass_of: NDArray[np.int_]) -> Floats:
-    """Return for each value the mean of the values in the same pass, shape (n,)."""
+    """Return for each sample the mean of the values in its pass, shape (n,).
+
+    A pass consists of successive samples near half of the force range.
+
+    Parameters
+    ----------
+    values
+        Value of each sample, shape (n,).
+    pass_of
+        Number of the pass of each sample, from 0, shape (n,).
+    """
     return np.asarray((np.bincount(pass_of, values) / np.bincount(pass_of))[pass_of])

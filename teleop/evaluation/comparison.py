@@ -16,7 +16,7 @@ from teleop.evaluation.result import Result
 from teleop.evaluation.tracking import COLUMNS, Tracking
 
 NO_LEVEL = "-"
-"""Level of a factor that is not known for a recording."""
+"""Level of a factor (see `Compared.factors`) that is not known for a recording."""
 RESULT = "result"
 """Name of the method that gives the batch result. The other methods are the estimators."""
 UNITS = {"k": "N/m", "b": "N s/m", "e_f": "N"}
@@ -25,17 +25,18 @@ OF_RESULT = ("k", "b")
 """Symbols of the quantities of a result."""
 NEVER_UPDATED = "the estimator was never updated: no contact or no motion"
 SUBJECT = "subject"
-"""Name of the random factor. Its levels are a sample of persons or specimens."""
+"""Name of the random factor. Its levels are persons or specimens, as a sample of all of them."""
 
 
 @dataclass(frozen=True)
 class Compared:
-    """Results of one recording."""
+    """Results of one recording, to compare it with other recordings."""
 
     file: str
     """Name of the file."""
     factors: dict[str, str]
-    """Level of each factor that is known for the recording, by the name of the factor."""
+    """Level of each factor that is known for the recording, by the name of the factor. A factor is
+    a property in which recordings differ, for example `condition` with the level `mimic`."""
     result: Result
     """Stiffness and damping with their intervals, or the reasons why there are none."""
     estimates: dict[str, EstimatorSummary]
@@ -47,7 +48,11 @@ class Compared:
     """Time constant of the force channel that is compensated [s]."""
 
     def levels(self, by: Sequence[str]) -> tuple[str, ...]:
-        """Return the level of each factor in `by`, for this recording."""
+        """Return the level of this recording for each factor in `by`; `NO_LEVEL` if it is unknown.
+
+        A factor is a property in which recordings differ, for example `condition`. Its level is the
+        value for one recording, for example `mimic`.
+        """
         return tuple(self.factors.get(name, NO_LEVEL) for name in by)
 
 
@@ -57,16 +62,36 @@ def compared(
     evaluation: Evaluation,
     tracking: Tracking | None = None,
 ) -> Compared:
-    """Return the results of one evaluated recording."""
+    """Return the results of one recording in the form that comparisons need.
+
+    Parameters
+    ----------
+    file
+        Name of the file of the recording.
+    factors
+        Values of the properties in which recordings differ, by name, such as `condition`: `mimic`.
+    evaluation
+        The evaluation of the recording.
+    tracking
+        Gain, phase and error of the slave relative to the target of `mimic`; None without a target.
+    """
     analysis = evaluation.analysis
     lag = analysis.record.force_lag
     return Compared(file, dict(factors), analysis.result, evaluation.summaries(), tracking, lag)
 
 
 def values_of(row: Compared, method: str) -> dict[str, Value]:
-    """Return the values of a method for a recording, by symbol.
+    """Return k, b and e_f of one method for one recording, by these symbols.
 
-    A quantity that the recording does not determine is left out.
+    k is the stiffness, b the damping, and e_f the force error. e_f exists for estimators only. A
+    quantity that the data of the recording do not determine is left out.
+
+    Parameters
+    ----------
+    row
+        The results of the recording.
+    method
+        `RESULT` for the batch evaluation, or the name of an online estimator.
     """
     if method != RESULT:
         one = row.estimates.get(method)
@@ -89,7 +114,15 @@ def values_of(row: Compared, method: str) -> dict[str, Value]:
 
 
 def check_factors(rows: Sequence[Compared], by: Sequence[str]) -> None:
-    """Raise InputError if a factor is not known for any of the recordings."""
+    """Check that each factor in `by` is known for at least one recording.
+
+    A factor is a property in which recordings differ, for example `condition`.
+
+    Raises
+    ------
+    InputError
+        A factor is not known for any of the recordings.
+    """
     known = dict.fromkeys(name for row in rows for name in row.factors)
     for name in by:
         if name not in known:
@@ -97,17 +130,23 @@ def check_factors(rows: Sequence[Compared], by: Sequence[str]) -> None:
 
 
 def tidy_rows(rows: Iterable[Compared], factors: Sequence[str]) -> list[dict[str, Any]]:
-    """Return one row for each recording and method, for a table file.
+    """Return the rows of a table with one row for each recording and method.
 
-    The row of the method `result` contains the batch result with its 95 % interval. The row of an
-    estimator contains the averages of its estimates over the record.
+    A method is the batch evaluation, with the name `RESULT`, or an online estimator. The row of the
+    batch evaluation contains k and b with their 95 % intervals. The row of an estimator contains
+    the averages of its estimates over the record.
 
     Parameters
     ----------
     rows
-        The recordings.
+        Results of the recordings.
     factors
-        Names of the factors that have a column.
+        Names of the factors that have a column. A factor is a property in which recordings differ,
+        for example `condition`.
+
+    Returns
+    -------
+    One dictionary for each row, from the heading of each column to its value.
     """
     found = []
     for row in rows:

@@ -1,7 +1,7 @@
-"""Condition the samples of a record for the estimators.
+"""Condition the samples of a record for the estimators: subtract the datum, and filter.
 
-Position and force are measured from the datum. If the record has gaps, each piece between two gaps
-is conditioned separately.
+The datum is the position and the force that are treated as zero. If samples are missing in the
+record (gaps), each piece between two gaps is filtered separately.
 """
 
 from __future__ import annotations
@@ -24,39 +24,41 @@ FEWEST = 10
 
 
 class Conditioned(NamedTuple):
-    """The samples that the estimators receive."""
+    """The samples that the estimators receive: filtered, and relative to the datum."""
 
     t: Floats
     """Time [s], shape (n,)."""
     regression: Regression
-    """The conditioned samples. The first `dt` after omitted samples includes the time of these
-    samples."""
+    """Displacement, velocity, force and sample period `dt` of the n samples. After omitted samples,
+    `dt` is the whole time since the last sample that was not omitted."""
     used: NDArray[np.intp]
     """Index of each sample in the record, shape (n,)."""
     apart: NDArray[np.intp]
-    """Index, in the conditioned samples, of each sample that follows omitted samples."""
+    """Which of the n samples follow omitted samples: their indices, from 0 to n - 1."""
 
 
 def conditioned(
     conditioner: Conditioner, signals: Signals, datum: Datum, motion: slice = slice(None)
 ) -> Conditioned:
-    """Condition a record, and omit the samples after each gap until the filters have settled.
+    """Filter a record, and omit the samples after each gap until the filters have settled.
+
+    A gap is a time in which samples are missing. After each gap, the filters start again.
 
     Parameters
     ----------
     conditioner
-        The filters that condition the signals.
+        The filters. They compute displacement, velocity and force from the measured signals.
     signals
         The record.
     datum
-        Position and force that are treated as zero.
+        Position and force that are subtracted before the filters.
     motion
-        Part of the record that is evaluated.
+        Range of indices of the samples that are returned. The filters process all samples.
 
     Raises
     ------
     InputError
-        Too few samples remain between the gaps.
+        Fewer than `FEWEST` samples remain.
     """
     found = ConditionedBlocks(conditioner, datum, motion).add(signals)
     if len(found.used) < FEWEST:
@@ -68,7 +70,11 @@ def conditioned(
 
 
 class ConditionedBlocks:
-    """Conditions a record that is read in blocks, see `conditioned`."""
+    """Filters a record for the estimators, one block of samples after another.
+
+    The results are the same as those of `conditioned`, which filters the whole record in one call.
+    The parameters are explained there.
+    """
 
     def __init__(self, conditioner: Conditioner, datum: Datum, motion: slice = slice(None)) -> None:
         self._pieces = PiecewiseConditioner(conditioner)
@@ -77,10 +83,15 @@ class ConditionedBlocks:
         self._last: tuple[int, float] | None = None
 
     def add(self, signals: Signals) -> Conditioned:
-        """Condition the next samples of the record, and return the conditioned samples.
+        """Filter the next block of samples, and return the filtered samples.
 
-        The indices in `Conditioned.used` count from the first sample of `signals`, and not from the
-        first sample of the record.
+        In the result, the indices in `Conditioned.used` are relative to the first sample of this
+        block, not to the first sample of the record.
+
+        Parameters
+        ----------
+        signals
+            The block: the samples that follow those of the previous call.
         """
         t, datum = signals.t, self._datum
         whole, settled = self._pieces.run(
@@ -105,7 +116,14 @@ class ConditionedBlocks:
 
 
 def within(signals: Signals, part: AveragedPart) -> Signals:
-    """Return the samples in a part of a record.
+    """Return the samples of a record that are in a part of it.
+
+    Parameters
+    ----------
+    signals
+        The record.
+    part
+        Start and end of the part, as times.
 
     Raises
     ------

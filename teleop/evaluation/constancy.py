@@ -16,7 +16,7 @@ from teleop.evaluation.prepared import Prepared
 STILL = 0.02
 """Largest speed at rest, relative to the 95 % quantile of the speed."""
 SETTLED = 0.2
-"""Part at each end of a rest that is not used, as a fraction of the rest."""
+"""Part of a rest that is not used, at its start and at its end, as a fraction of the rest."""
 LONG = 0.03
 """Shortest used part of a rest, as a fraction of the record."""
 RISE = 0.01
@@ -25,9 +25,9 @@ RISE_NOISE = 6.0
 """Smallest rise of the force that counts as a drift, in standard deviations of the noise of the
 smoothed force."""
 STIFFEST = 3.0
-"""Assumed largest ratio of the stiffness at the depth of a rest to the mean stiffness."""
+"""Assumed largest stiffness at the position of a rest, divided by the mean stiffness."""
 FEWEST_CYCLES, FEWEST_SAMPLES = 6, 8
-"""Smallest number of cycles, and of samples in a cycle, to find a change of the stiffness."""
+"""Smallest number of cycles, and of samples in a cycle, to detect a change of the stiffness."""
 SMALL = 0.25
 """Least travel of a cycle, relative to the largest travel of a cycle. A smaller cycle is tremor."""
 CHANGE = 0.15
@@ -35,25 +35,29 @@ CHANGE = 0.15
 SCATTER = 5.0
 """Smallest change of the stiffness that is reported, in standard errors."""
 FREQUENCIES = 1.5
-"""Ratio of two frequencies above which a change of the stiffness is attributed to the frequency."""
+"""If the ratio of the frequencies of the first and last cycles is larger, a change of the stiffness
+is attributed to the frequency."""
 
 
 class Change(NamedTuple):
-    """Stiffness and frequency in the first and in the last cycles."""
+    """A change of the stiffness between the first and the last cycles of a record."""
 
     k: tuple[float, float]
-    """Median stiffness [N/m]."""
+    """Median stiffness of the first cycles, and of the last cycles [N/m]."""
     frequency: tuple[float, float]
-    """Median frequency of the cycles [Hz]."""
+    """Median frequency of the first cycles, and of the last cycles [Hz]."""
 
     @property
     def with_frequency(self) -> bool:
-        """Whether the frequency changes together with the stiffness."""
+        """Whether the frequency of the motion also differs between the first and the last cycles.
+
+        The change of the frequency may then be the cause of the change of the stiffness.
+        """
         return max(self.frequency) > FREQUENCIES * min(self.frequency)
 
     @property
     def text(self) -> str:
-        """Text that describes the change."""
+        """Sentence for the user that describes the change of the stiffness."""
         (first, last), (begin, end) = self
         if self.with_frequency:
             return (
@@ -67,12 +71,12 @@ class Change(NamedTuple):
 
 
 def rise_at_rest(record: Prepared) -> tuple[float, float] | None:
-    """Return the rise of the force at rest [N] and its duration [s]; None if it does not rise.
+    """Return the rise of the force in a rest [N] and its duration [s]; None if there is no rise.
 
-    If the position is constant after loading, the force of a passive body decreases. A rise of the
-    force is therefore a drift. After unloading, the force of a passive body can increase. Rests
-    after unloading are therefore ignored. If a baseline is removed from the record, the result is
-    None.
+    In a rest, the position is constant. After loading, the force of a passive body then decreases.
+    A rise of the force is therefore a drift. After unloading, the force of a passive body can
+    increase. Rests after unloading are therefore ignored. The result is also None if the drift of
+    the force is estimated by a baseline (`record.order` is positive).
     """
     if record.order:
         return None
@@ -99,10 +103,11 @@ def rise_at_rest(record: Prepared) -> tuple[float, float] | None:
 def change_over_cycles(record: Prepared, phases: Phases) -> Change | None:
     """Return the change of the stiffness from the first to the last cycles; None for no change.
 
-    The median stiffness of the first cycles is compared with that of the last cycles. The
-    difference counts as a change if it is large relative to these medians, and relative to the
-    scatter of the stiffness from one cycle to the next. The result is also None if there are too
-    few cycles.
+    The median stiffness of the first cycles is compared with the median stiffness of the last
+    cycles. The difference of the two medians counts as a change if it satisfies two conditions. It
+    is at least the fraction `CHANGE` of the smaller median. It is also at least `SCATTER` standard
+    errors, which are computed from the differences between successive cycles. The result is also
+    None if there are fewer than `FEWEST_CYCLES` cycles.
     """
     begins = [phase.start for phase in phases.phases if phase.name == "loading"]
     parts = [start + np.flatnonzero(phases.usable[start:end]) for start, end in pairwise(begins)]
@@ -130,7 +135,19 @@ def change_over_cycles(record: Prepared, phases: Phases) -> Change | None:
 
 
 def slope_in_cycle(record: Prepared, part: NDArray[np.intp]) -> float:
-    """Return the slope of force over position in one cycle [N/m], without damping and drift."""
+    """Return the stiffness in one cycle [N/m]: the slope of the force against the position.
+
+    The slope is the coefficient of the position in a least-squares fit of the force. The other
+    regressors are a constant, the velocity and the time. Damping and drift of the force therefore
+    do not change the slope.
+
+    Parameters
+    ----------
+    record
+        The prepared record.
+    part
+        Indices of the samples of the cycle.
+    """
     columns: Floats = np.column_stack(
         [np.ones(len(part)), record.clock[part], record.v[part], record.x[part]]
     )

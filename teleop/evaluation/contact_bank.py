@@ -13,24 +13,30 @@ from teleop.evaluation.masks import hysteresis
 from teleop.evaluation.phases import level_width
 
 FARTHEST = 1.0
-"""The analysis of a long record contains only sections of the record. A time is between two
-sections if it is farther than this [s], and than two sample periods of the analysis, from the next
-sample of the analysis."""
+"""Distance from the next analysed sample above which a time is between two analysed sections [s].
+
+The analysis of a long record contains only sections of the record. The distance must also exceed
+two sample periods of the analysis.
+"""
 
 
 class ContactBank(Bank):
-    """A bank whose estimators hold their estimates while there is no contact.
+    """A bank of estimators that keep their estimates constant while there is no contact.
+
+    The contact is known from the batch evaluation of the record. The attribute `contact` must be
+    set before each block of samples. It applies to all estimators. In addition, the contact gate of
+    `bank` applies: a detector of contact and motion that uses the present and past samples only.
 
     Parameters
     ----------
     bank
-        Bank from which the estimators and the contact gate are taken.
+        The bank that contains the estimators and the contact gate.
     """
 
     def __init__(self, bank: Bank) -> None:
         super().__init__(bank, bank.gate)
         self.contact = np.zeros(0, dtype=np.bool_)
-        """Whether there is contact at each of the samples that are processed next, shape (n,)."""
+        """Whether there is contact at each of the next n samples, shape (n,)."""
 
     def _open_samples(self, samples: Samples) -> NDArray[np.bool_]:
         return super()._open_samples(samples) & self.contact
@@ -43,11 +49,12 @@ class ContactBank(Bank):
 
 
 def contact_at(analysis: Analysis, t: Floats, f: Floats) -> NDArray[np.bool_]:
-    """Return whether there is contact at each time.
+    """Return whether there is contact at each of the given times.
 
-    The analysis of a long record contains only sections of the record. Between two sections, there
-    is contact if the force is above its level out of contact. The times before the first analysed
-    sample have the same contact state as this sample.
+    The batch evaluation finds the contact in the analysed samples. For a long record, these samples
+    are only sections of the record. Between two sections, there is contact if the force is above
+    the force out of contact. Before the first analysed sample, the result is the same as at this
+    sample.
 
     Parameters
     ----------

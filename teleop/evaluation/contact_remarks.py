@@ -1,7 +1,7 @@
-"""Remarks on the contact.
+"""Make the remarks on the contact that are reported together with k and b.
 
-They concern adhesion, a record that is only a single ramp, friction, and inverted signs of force
-and position.
+The remarks concern adhesion, friction, inverted signs of force and position, and a record that
+contains only a single ramp.
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ from teleop.evaluation.reason import INVERT_BOTH, Reason
 from teleop.evaluation.unsuited import negative_force
 
 LOWEST = 0.1
-"""Part of the travel, from the lowest position, that is assumed to be out of contact, as a fraction
-of the travel."""
+"""Fraction of the travel, from the lowest position, that is assumed to be out of contact."""
 CONSTANT = 0.02
 """Largest standard deviation of the force out of contact, as a fraction of the force range."""
 PULL = 0.05
@@ -25,7 +24,11 @@ PULL_NOISE = 6.0
 
 
 def adhesion(record: Prepared) -> float | None:
-    """Return how far the force falls below its level out of contact [N]; None for no adhesion."""
+    """Return the largest adhesion force [N]; None if there is no adhesion.
+
+    If the specimen adheres to the tip, it pulls the tip during the retraction. The force is then
+    lower than the force out of contact. The result is the difference of these two forces.
+    """
     x, f = record.x, record.f
     span = float(np.ptp(f))
     out = f[x < x.min() + LOWEST * float(np.ptp(x))]
@@ -36,7 +39,15 @@ def adhesion(record: Prepared) -> float | None:
 
 
 def contact_remarks(record: Prepared, local: LocalStiffness) -> list[Reason]:
-    """Return the remarks on the contact of a record whose stiffness is identifiable."""
+    """Return remarks on adhesion, a single ramp, friction, and a negative force, if they apply.
+
+    Parameters
+    ----------
+    record
+        The prepared record. Its stiffness is identifiable.
+    local
+        Stiffness and damping of the record.
+    """
     found = []
     if pull := adhesion(record):
         found.append(

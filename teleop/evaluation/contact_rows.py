@@ -1,4 +1,7 @@
-"""Select the samples to which models are fitted, and compute the regressors of each model."""
+"""Select the samples to which contact models are fitted, and compute the regressors of the models.
+
+The models are f = baseline + P(x) + b v + relaxing parts (`teleop.evaluation.local_stiffness`).
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
 
 DEGREES = (1, 2, 3, 4, 5)
-"""Degrees of the polynomial P for which candidates are fitted."""
+"""Degrees of the polynomial P(x) of the candidate models."""
 STEADY = 0.01
 """Largest standard deviation of the force out of contact, as a fraction of the force range, for
 which this force counts as steady."""
@@ -28,8 +31,8 @@ This number limits memory and computing time for a record of more than about ten
 intervals of such a record are narrow, even with this number of samples.
 """
 CORNER = 5.0
-"""Smallest difference between measured and smoothed values that counts as a corner, in standard
-deviations of the noise."""
+"""Smallest difference between measured and smoothed values that indicates a sharp corner of the
+signal, in standard deviations of the noise."""
 SPEED_NOISE = 4.0
 """Least speed in loading, in standard deviations of the noise of the smoothed velocity."""
 SPARE = 6
@@ -37,15 +40,19 @@ SPARE = 6
 
 
 class Rows:
-    """The samples that are fitted (the rows), and the regressors of the candidate models.
+    """The samples that are fitted, and the regressors of the contact models at these samples.
+
+    Each model is f = baseline + P(x) + b v + relaxing parts. The baseline is the slow part of the
+    force. P(x) is a polynomial in the position. The relaxing parts decay with time constants. The
+    class is called `Rows`, because each sample is a row of the regression matrix.
 
     Parameters
     ----------
     record, phases
         The prepared record and its phases.
     baseline
-        Whether the baseline of the force may be the sum of a constant and slow cosines. If the
-        force out of contact is steady, the baseline is always a constant.
+        True if the baseline may contain slow cosines and a constant; False if the baseline must be
+        a constant. If the force out of contact is steady, the baseline is always a constant.
     """
 
     def __init__(self, record: Prepared, phases: Phases, baseline: bool = True) -> None:
@@ -77,16 +84,21 @@ class Rows:
         self.fine_powers = self.normalised(self.fine_x)[:, None] ** np.arange(1, DEGREES[-1] + 1)
 
     def normalised(self, x: Floats) -> Floats:
-        """Scale positions x [m] such that the positions in contact range from -1 to 1."""
+        """Return positions x [m], scaled such that the fitted samples are between -1 and 1."""
         return (x - self.origin) / self.scale
 
     def polynomial(self, theta: Floats) -> Floats:
-        """Return the polynomial P at the measured positions [N], shape (n,).
+        """Return the value of the polynomial P(x) of a fitted model at each measured position [N].
 
         Parameters
         ----------
         theta
-            Parameters of a candidate, without those of the relaxing parts.
+            Parameters of the model in this order: baseline, velocity, polynomial. The parameters of
+            the relaxing parts are left out.
+
+        Returns
+        -------
+        Array of shape (n,), for all n samples of the record.
         """
         first = self.v_column + 1
         degree = len(theta) - first
@@ -95,7 +107,15 @@ class Rows:
         )
 
     def in_contact(self, y: Floats) -> Floats:
-        """Replace the samples of y out of contact by the value of y at the contact point."""
+        """Return a signal with a constant value out of contact: its value at the contact point.
+
+        If there is no contact point, the signal is returned unchanged.
+
+        Parameters
+        ----------
+        y
+            The signal at all samples of the record, shape (n,).
+        """
         point = self.phases.contact_point
         if point is None:
             return y
@@ -103,56 +123,69 @@ class Rows:
         return np.where(self.record.raw_x < point.value, y[near], y)
 
     def allow(self, terms: int) -> bool:
-        """Return whether there are enough samples for `terms` terms of the elastic force."""
+        """Return whether there are enough samples to fit a model of the force.
+
+        Parameters
+        ----------
+        terms
+            Number of terms of the elastic force in the model: powers of the position, and relaxing
+            parts.
+        """
         return len(self.f) >= self.v_column + 1 + terms + SPARE
 
     @property
     def cycles(self) -> float:
-        """Number of cycles of the palpation; infinite for a motion of fewer than three cycles."""
+        """Number of cycles of the motion; infinite for a motion of fewer than three cycles."""
         record = self.record
         return record.frequency * float(record.clock[-1]) if record.order else math.inf
 
     @property
     def relaxation(self) -> bool:
-        """Whether the candidates may have relaxing parts.
+        """Whether the models may contain relaxing parts: forces that decay with time constants.
 
-        Relaxing parts are not used if the motion is a sine and one of two conditions holds: the
-        baseline contains cosines, or the whole record is in contact. In a steady sine, elastic
-        force and damping are sufficient to describe any linear body. Then k is the storage
-        stiffness k', and b is the loss stiffness k'' divided by the angular frequency omega.
+        The result is False if the motion is a sine and one of two conditions holds: the baseline of
+        the force contains cosines, or the whole record is in contact. In a steady sine, b v + k x
+        describes any linear body without relaxing parts. Then k is the storage stiffness k', and b
+        is the loss stiffness k'' divided by the angular frequency omega.
         """
         constant = self.order == 0 and self.phases.free_force is not None
         return constant or not self.record.sinusoidal
 
     @property
     def longest_time(self) -> float:
-        """Longest time constant of a relaxing part [s]. Slower relaxation is in the baseline."""
+        """Longest time constant tau that is tried for the relaxation of the force [s].
+
+        If the baseline contains cosines, it describes a slower relaxation.
+        """
         seconds = float(self.record.clock[-1])
         return seconds / (math.pi * self.order) if self.order else 2.0 * seconds
 
     @cached_property
     def scaled_powers(self) -> Floats:
-        """Powers 0 to 4 of the normalised position at the samples that are fitted, shape (n, 5)."""
+        """Powers 0, 1, 2, ... of the normalised position at the n fitted samples, shape (n, m).
+
+        m is the largest degree in `DEGREES`. These powers are used for the derivative of P(x).
+        """
         depth = np.clip(self.normalised(self.record.x[self.rows]), -1.5, 1.5)
         return np.asarray(depth[:, None] ** np.arange(DEGREES[-1]))
 
     def rounding_error(self, to_force: Floats, slopes: Floats) -> Floats:
         """Return standard deviations of parameters due to the resolution of position and force.
 
-        Samples with the same digital value of a channel have the same rounding error, for example
-        all samples of a hold, or the corresponding samples of all cycles. An average over these
-        samples does not reduce the error.
+        All samples at which a sensor has the same digital value have the same rounding error, for
+        example all samples of a hold. An average over these samples does not reduce the error.
 
         Parameters
         ----------
         to_force
-            Derivative of m parameters with respect to the force at each of n samples, shape (m, n).
+            Derivative of m fitted parameters with respect to the measured force at each of n
+            samples, shape (m, n).
         slopes
             Derivative of the force with respect to the position at each sample [N/m], shape (n,).
 
         Returns
         -------
-        Array of shape (m,).
+        Standard deviation of each parameter, shape (m,).
         """
         record = self.record
         position = summed_by_count(to_force * slopes, record.raw_x[self.rows], record.count)
@@ -161,20 +194,31 @@ class Rows:
 
     @cached_property
     def fits(self) -> BaselineFits:
-        """Least-squares fits of the force with the baseline and further regressors."""
+        """Object that fits the force by the baseline and by other regressors, which it receives.
+
+        The baseline is the slow part of the force. It is the same in all fits.
+        """
         return BaselineFits(self.basis, self.f)
 
     def fit(self, degree: int, relaxing: list[Floats]) -> RobustFit:
-        """Fit the force with baseline, velocity, powers of the position and relaxing parts."""
+        """Fit the force by a baseline, the velocity, powers of the position, and relaxing parts.
+
+        Parameters
+        ----------
+        degree
+            Largest power of the position.
+        relaxing
+            Signals that decay with a time constant (relaxation), each at all samples of the record.
+        """
         columns = [self.record.v[self.rows], *self.powers[:degree]]
         return self.fits.fit(np.column_stack([*columns, *(z[self.rows] for z in relaxing)]))
 
     @cached_property
     def loading(self) -> NDArray[np.bool_]:
-        """Whether the tip moves inwards, at each of the samples `fine`.
+        """Whether the tip moves into the specimen, at each of the samples in contact (`fine`).
 
-        If the tip moves inwards at fewer than four of these samples, the result is whether the tip
-        moves at all.
+        If the tip moves into the specimen at fewer than four of these samples, the result is True
+        for each sample at which the tip moves in any direction.
         """
         record = self.record
         noise = record.x_noise * record.noise_gain / (math.sqrt(2.0) * record.width)
@@ -184,15 +228,15 @@ class Rows:
 
     @property
     def v_column(self) -> int:
-        """Index of the velocity in the list of regressors."""
+        """Index of the damping b (coefficient of the velocity) in the parameters of a model."""
         return int(self.basis.shape[1])
 
 
 def with_corners(raw: Floats, smoothed: Floats, noise: float, largest: float) -> Floats:
-    """Return the smoothed values, in which corners are replaced by the measured values.
+    """Return the smoothed values of a signal, but the measured values at its sharp corners.
 
     Smoothing rounds a corner. For example, it reduces the peaks of a triangle wave. A sample is at
-    a corner if the smoothing changes it much more than noise can.
+    a corner if the difference between its measured and its smoothed value is too large for noise.
 
     Parameters
     ----------
@@ -208,11 +252,13 @@ def with_corners(raw: Floats, smoothed: Floats, noise: float, largest: float) ->
 
 
 def summed_by_count(sensitivity: Floats, values: Floats, count: float) -> Floats:
-    """Combine the sensitivities of parameters to the rounding errors of measured values.
+    """Return the sensitivity of fitted parameters to the rounding of measured values.
 
-    All samples with the same rounded value have the same rounding error. Their sensitivities are
-    therefore added. The errors of different rounded values are independent. The result is therefore
-    the root of the sum of the squares of these sums.
+    The result, multiplied by the standard deviation of the rounding error, is the standard
+    deviation of each parameter. All samples with the same rounded value have the same rounding
+    error. Their derivatives are therefore added. This gives one sum for each rounded value. The
+    errors of different rounded values are independent. The result is therefore the root of the sum
+    of the squares of these sums.
 
     Parameters
     ----------
@@ -221,7 +267,8 @@ def summed_by_count(sensitivity: Floats, values: Floats, count: float) -> Floats
     values
         Measured values, shape (n,).
     count
-        Resolution of the values. If the resolution is 0, the result is 0.
+        Resolution (smallest step) of the measured values, in their unit. If it is 0, the result is
+        0.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Find the moving part of a record, and the zero of position and force (the datum)."""
+"""Find the moving part of a record, and the datum (the zero of position and force)."""
 
 from __future__ import annotations
 
@@ -29,32 +29,33 @@ OWN_ZERO = Datum(0.0, 0.0, "the file's own zero")
 
 
 def find_datum(signals: Signals, wanted: str, phases: Phases | None = None) -> Datum:
-    """Return the position and force that are treated as zero.
+    """Return the datum: the position and the force that are treated as zero.
 
-    `wanted` is one of these, or states a position and a force:
+    The parameter `wanted` selects the datum. It is one of these words:
 
     - `contact`: the contact point and the force out of contact.
-    - `mean`: the mean of the moving part. The force of a preloaded specimen is approximately linear
-      about the mean position.
+    - `mean`: the mean position and the mean force of the moving part. The force of a preloaded
+      specimen is approximately linear about the mean position.
     - `auto`: as `contact` if the record has a contact point, otherwise as `mean`.
     - `file`: the zero of the file.
-    - `start`: the first sample.
+    - `start`: position and force of the first sample.
 
-    The names of the columns do not influence the choice.
+    Instead of a word, `wanted` can also state a position and a force, such as `1.5mm,20N`.
 
     Parameters
     ----------
     signals
         The record.
     wanted
-        `auto`, `contact`, `file`, `start`, `mean`, or a position and a force.
+        One of the words, or a position and a force with units, separated by a comma.
     phases
-        Phases of the record. If they are None, they are computed when they are needed.
+        Phases of the record, which contain the contact point. If they are None, they are computed
+        when they are needed.
 
     Raises
     ------
     InputError
-        `wanted` is none of the permitted values, or there is no contact point.
+        `wanted` is none of the permitted values, or it is `contact` and there is no contact point.
     """
     if wanted in ("auto", "contact"):
         if phases is None:
@@ -91,11 +92,17 @@ def find_datum(signals: Signals, wanted: str, phases: Phases | None = None) -> D
 
 
 def moving_part(x: Floats) -> slice:
-    """Return the part of the record between the rest at the beginning and the rest at the end.
+    """Return the part of the record without the rest at its beginning and the rest at its end.
 
-    A rest ends when the position differs from the rest position by more than 2 % of the range. The
-    range is the difference between the 99th and the 1st percentile, so that a single outlier does
-    not change it.
+    The rest at the beginning lasts until the position differs from the first position by more than
+    2 % of the range of the positions. The rest at the end begins when the position differs from the
+    last position for the last time by more than the same limit. The range is the 99th minus the 1st
+    percentile, so that a single outlier does not change it.
+
+    Parameters
+    ----------
+    x
+        Position in the whole record [m], shape (n,).
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Evaluate a recording, or any file with position and force, with estimators and batch models."""
+"""Evaluate a recording, or any file with position and force, by estimators and by batch models."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ from teleop.evaluation.signals import Signals
 from teleop.evaluation.smallest_step import smallest_step
 
 KEPT = 1 << 17
-"""Largest product of the number of kept samples and the number of estimators, for the commands. See
-the parameter `most` of `evaluate`."""
+"""Value that the commands use for the parameter `most` of `evaluate`: largest number of estimates
+that are kept, for all estimators together."""
 
 
 def evaluate(
@@ -52,15 +52,16 @@ def evaluate(
     most: float = math.inf,
     write: Callable[[Table], None] | None = None,
 ) -> Evaluation:
-    """Subtract the datum, condition the signals, and run the estimators over the moving part.
+    """Evaluate a record: estimate k and b with the online estimators, and by batch evaluation.
 
-    After each gap, the filters restart, and samples are omitted until the filters have settled.
-    The sample period of the next sample is then the whole time since the last sample that the
-    estimators received. The weight of the samples before the gap therefore depends on their true
-    age.
+    The datum (the position and the force that are treated as zero) is subtracted. The signals are
+    filtered. The estimators process the moving part of the record, in blocks of samples. All other
+    results are computed from `samples.signals`, which contains only sections of a long record.
 
-    The estimators process all samples in blocks. All other results are computed from
-    `samples.signals`.
+    After each gap (a time in which samples are missing), the filters start again, and samples are
+    omitted until the filters have settled. The next sample that the estimators receive has a long
+    sample period: the whole time since the last sample that they received. Therefore, the
+    estimators reduce the weight of the old samples according to the true time that has passed.
 
     Parameters
     ----------
@@ -69,16 +70,19 @@ def evaluate(
     settings
         Settings of the evaluation.
     most
-        Approximate limit of the number of estimates that are kept for all estimators together. If
-        the record has too many samples for this limit, the estimates at evenly spaced samples and
-        at the last sample are kept.
+        Approximate limit of the number of estimates in the result, for all estimators together. If
+        the record has too many samples for this limit, the result contains only the estimates at
+        evenly spaced samples and at the last sample.
     write
-        Function that is called with the columns and units of each block of samples.
+        Function that receives signals and estimates of each block, for example to write them to a
+        file. Its argument has two elements: the columns by name, and the unit of each column. None:
+        no function is called.
 
     Raises
     ------
     InputError
-        A setting is out of its range, nothing moves, or too few samples remain between gaps.
+        A setting is out of its range, position or force is constant, or too few samples remain
+        between gaps.
     """
     lag, note = settings.force_lag, None
     if isinstance(samples, Signals):
@@ -185,18 +189,20 @@ def evaluate(
 
 
 def comparisons(bank: Bank, regression: Regression, fit: Fit) -> list[RunningComparison]:
-    """Return the comparisons of the estimators with least squares.
+    """Return objects that compare the estimates with a least-squares fit to the whole record.
 
-    There are none if the bank contains only the three estimators of the paper.
+    Each object compares the estimators of one model. The estimators of the Kelvin-Voigt model
+    f = b v + k x are compared with a fit of this model. The other estimators are compared with
+    `fit`. If there are no other estimators than those of the paper (`PAPER`), the result is empty.
 
     Parameters
     ----------
     bank
         The estimators.
     regression
-        Conditioned samples.
+        Conditioned samples of the record.
     fit
-        Least-squares fit to these samples with the model of the bank.
+        Least-squares fit to these samples, with the same model as the other estimators.
     """
     if set(bank) <= set(PAPER):
         return []

@@ -1,4 +1,4 @@
-"""The results of the evaluation of one recording."""
+"""Define the results of the evaluation of one recording."""
 
 from __future__ import annotations
 
@@ -39,11 +39,12 @@ known to 10 %, a loss tangent b omega / k below one can then not be measured.
 
 @dataclass(frozen=True, repr=False)
 class Evaluation(Presented):
-    """Online estimates and batch evaluation of one recording.
+    """Results of the online estimators and of the batch evaluation for one recording.
 
-    Arrays have shape (n,), where n is the number of samples whose estimates are kept. These are all
-    samples that the estimators processed, or evenly spaced samples of a long record (see
-    `evaluate`). The summaries are always computed from all samples in the part `averaged`.
+    Arrays have shape (n,), where n is the number of samples whose estimates are kept. For a short
+    record, these are all samples that the estimators processed. For a long record, they are evenly
+    spaced samples (see `evaluate`). The averages in the summaries are always computed from all
+    samples in the part `averaged` of the recording.
     """
 
     online: OnlineResult
@@ -51,11 +52,15 @@ class Evaluation(Presented):
     sampled: Conditioned
     """The conditioned samples of `Samples.signals`: all samples, or sections of a long record."""
     bank: Bank
+    """The estimators."""
     least_squares: Fit
     """Least-squares fit to the samples `sampled`; NaN without contact."""
     datum: Datum
+    """Position and force that are treated as zero."""
     preset: Preset
+    """Parameters of the estimators."""
     bandwidth: float
+    """Bandwidth of the filters that condition the signals [Hz]."""
     rate: float
     """Sampling rate: inverse of the median sample period [Hz]."""
     jitter: float
@@ -65,14 +70,14 @@ class Evaluation(Presented):
     batch_samples: int
     """Number of samples of the batch evaluation."""
     in_sections: bool
-    """Whether the batch evaluation uses only some sections of a long recording."""
+    """Whether the batch evaluation uses only sections of the recording, because it is long."""
     analysis: Analysis
     """The batch evaluation."""
     kept_force_variance: float
     """Fraction of the variance of the force that the conditioning keeps, from 0 to 1."""
     filter_note: Reason | None
-    """How the delay of the force filter was compensated, or why it was not; None if the file states
-    no filter with delay, or if the settings state the lag."""
+    """Text on the delay of the force filter that the file states: how it was compensated, or why it
+    was not. None if the file states no filter with delay, or if the settings state the lag."""
     gaps: tuple[tuple[float, float], ...] = ()
     """Time of the last sample before each gap, and of the first sample after the gap [s]."""
     averaged: AveragedPart = WHOLE
@@ -80,37 +85,45 @@ class Evaluation(Presented):
 
     @property
     def t(self) -> Floats:
-        """Time [s], shape (n,)."""
+        """Time of each kept sample [s], shape (n,)."""
         return self.online.t
 
     @property
     def regression(self) -> Regression:
-        """The conditioned samples, which are the input of the estimators."""
+        """Filtered displacement, velocity and force at the kept samples, the estimators' input."""
         return self.online.regression
 
     @property
     def estimates(self) -> dict[str, Estimates]:
-        """Estimates after each sample, by the name of the estimator."""
+        """Estimates of k and b after each kept sample, by the name of the estimator."""
         return self.online.estimates
 
     @property
     def misfit(self) -> dict[str, Floats]:
-        """Misfit of each estimator (`estimation.misfit`), arrays of shape (n,)."""
+        """Misfit of each estimator after each kept sample, by the name of the estimator.
+
+        The misfit is the systematic part of the force error, divided by the force: 0 for a correct
+        estimate, about 1 for the estimate b = k = 0 (`estimation.misfit`). Arrays have shape (n,).
+        """
         return self.online.misfit
 
     @property
     def excitation(self) -> Floats:
-        """Excitation at each sample (`estimation.excitation`), from 0 at rest to 1, shape (n,)."""
+        """Persistent excitation at each kept sample, from 0 to 1, shape (n,).
+
+        A value near 0, for example at rest, means that k and b cannot both be identified from the
+        motion. The value is near 1 for a sine about the datum (`estimation.excitation`).
+        """
         return self.online.excitation
 
     def summary(self, cost: bool = False) -> dict[str, Any]:
-        """Return the results with the keys of the output of `teleop estimate --json`.
+        """Return all results as a dictionary, which `teleop estimate --json` prints as JSON.
 
         Parameters
         ----------
         cost
-            Whether to measure the computing time of each estimator per sample. The measured time is
-            different in each call.
+            Whether the dictionary also contains the computing time of each estimator per sample
+            [us]. This time is measured, and is therefore different in each call.
         """
         estimates = {name: one._asdict() for name, one in self.summaries().items()}
         for name, row in self.online.comparisons.items():
@@ -150,16 +163,23 @@ class Evaluation(Presented):
         }
 
     def summaries(self) -> dict[str, EstimatorSummary]:
-        """Return a summary of the estimates of each estimator, by the name of the estimator."""
+        """Return averages, errors and last estimates of each estimator, by its name."""
         return self.online.summaries
 
     @cached_property
     def models(self) -> list[BatchFit]:
-        """The models of the batch evaluation, relative to the datum, the best first."""
+        """The models that are fitted to all samples together, the best model first.
+
+        Displacement and force in the models are relative to the datum (the point that is treated as
+        zero).
+        """
         return self.analysis.models(self.datum.x, self.datum.f)
 
     def batch_summary(self) -> dict[str, Any]:
-        """Return the result, the models and the phases as a dictionary for JSON."""
+        """Return the results of the batch evaluation as a dictionary for JSON.
+
+        It contains k and b, the fitted models, the phases of the motion, and remarks.
+        """
         result = self.analysis.result
         reasons, hints = list(result.reasons), list(result.hints)
         excitation = float(np.percentile(self.excitation, 95))

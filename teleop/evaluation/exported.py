@@ -1,4 +1,4 @@
-"""Read files that `teleop export` wrote, and convert them to recordings."""
+"""Convert the tables of files that `teleop export` wrote back to recordings."""
 
 from __future__ import annotations
 
@@ -16,6 +16,11 @@ recording."""
 
 def exported_recording(table: Table) -> Recording | None:
     """Return the recording that a table contains; None if the table is not an exported recording.
+
+    Parameters
+    ----------
+    table
+        A table from a file. A table with all columns in `COLUMNS` is an exported recording.
 
     Raises
     ------
@@ -40,16 +45,17 @@ def exported_recording(table: Table) -> Recording | None:
 
 
 def stored(table: Table, name: str, default: Any) -> Any:
-    """Return the contents of a JSON document that was exported together with the columns.
+    """Return the value of a JSON document (for example the settings) in an exported table.
 
     Parameters
     ----------
     table
         The exported table.
     name
-        Name of the document.
+        Name of the document, for example `settings`.
     default
-        Value to return if there is no such document, or if it has another type.
+        Value to return if there is no such document, or if the type of its value is not that of
+        `default`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Compensate the delay of the force filter of a testing machine, if the file contains its settings.
+"""Compensate the delay of a machine's force filter, if the measurement file states the filter.
 
 Far below the cutoff frequency, a low-pass filter delays the force and does not change its
 amplitude. A Butterworth filter of order n and cutoff frequency fc has the delay 1 / (2 pi fc sin(pi
@@ -40,22 +40,24 @@ WITHOUT_DELAY = re.compile(r"zero[- ]?phase|filtfilt", re.IGNORECASE)
 
 
 class Compensated(NamedTuple):
-    """Signals after the compensation, and a note on the compensation."""
+    """Signals after the compensation of the filter delay of the force, and a note for the user."""
 
     signals: Signals
+    """The signals; the measured signals if there is no delay, or if it is not known."""
     note: Reason | None
     """How the delay was compensated, or why it was not; None if no filter with delay is stated."""
 
 
 def stated_delay(text: str) -> float | None:
-    """Return the delay [s] of the low-pass filter that a text describes; None if unknown.
+    """Return the delay [s] of the low-pass filter that a text describes; None if it is not known.
 
-    A filter whose type is not stated is treated as a Butterworth filter.
+    A filter whose type is not stated is treated as a Butterworth filter. The delay of a zero-phase
+    filter is 0.
 
     Parameters
     ----------
     text
-        Description in the header of a file, such as `third-order 20 Hz low-pass`.
+        Description of the filter in a measurement file, such as `third-order 20 Hz low-pass`.
     """
     if WITHOUT_DELAY.search(text):
         return 0.0
@@ -73,7 +75,11 @@ def stated_delay(text: str) -> float | None:
 
 
 def without_filter_delay(signals: Signals) -> Compensated:
-    """Shift the force to earlier times by the delay of the force filter that the file states."""
+    """Compensate the delay of the force filter that the measurement file states.
+
+    The force is shifted to earlier times by the delay. If the file states no filter, or if the
+    delay is zero or not known, the signals are not changed.
+    """
     stated = signals.force_filter
     if not stated:
         return Compensated(signals, None)
@@ -102,8 +108,9 @@ def without_filter_delay(signals: Signals) -> Compensated:
 def advanced(signals: Signals, delay: float) -> Signals:
     """Return the signals with the force shifted to earlier times by `delay` [s].
 
-    The force is interpolated by a cubic spline. At the end of each piece between gaps, samples for
-    which there is no later force are omitted.
+    The force at the time t + `delay` is computed by a cubic spline, and becomes the force at the
+    time t. If there is a gap or the end of the record between t and t + `delay`, the sample is
+    omitted. If fewer than two samples would remain, the signals are returned unchanged.
     """
     t, x, f = signals.t, signals.x, signals.f.copy()
     kept = np.ones(len(t), dtype=np.bool_)

@@ -1,7 +1,8 @@
-"""Find the parts of a record in which the force stays at its lowest or highest level.
+"""Find the parts of a record in which the force is constant although the position changes.
 
-At the lowest level, such a part is free motion. At the highest level, the sensor is saturated, or
-the specimen slips or yields (`teleop.evaluation.phases`).
+If the force stays near its minimum, such a part is free motion (no contact). If the force stays
+near its maximum, the sensor is saturated, or the specimen slips or yields
+(`teleop.evaluation.phases`).
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from teleop.evaluation.prepared import Prepared
 from teleop.evaluation.smallest_step import smallest_step
 
 TRAVEL = 4.0
-"""Smallest travel at one force level that counts as free motion, as a multiple of the travel that
-the stiffness permits."""
+"""Smallest travel at a nearly constant force that counts as free motion or as saturation, as a
+multiple of the travel that the stiffness of the specimen permits."""
 LAG = 1.5
 """Safety factor on the travel between a peak of the force and the later peak of the position."""
 MOVED = 0.5
@@ -25,28 +26,31 @@ MOVED = 0.5
 must travel at least this fraction of the required travel. Otherwise the tip is at rest, and only
 the removed baseline changes."""
 PEAKED = 0.3
-"""Smallest height (`peak_height`) of a smooth peak of the force, as a fraction of the width of the
-level. A force with a smaller height counts as constant."""
+"""Smallest height (`peak_height`) of a smooth peak of the force, as a fraction of the parameter
+`width` of `levels`. A force with a smaller height counts as constant."""
 SHORTEST, FEWEST = 3, 8
 """Smallest numbers of samples at exactly the highest force that indicate saturation: in one cycle,
 and in total."""
 
 
 def levels(record: Prepared, width: float) -> tuple[NDArray[np.bool_] | None, bool]:
-    """Return the samples in free motion, and whether the force sensor is saturated.
+    """Find the samples in free motion, and find out whether the force sensor is saturated.
+
+    In free motion, the force stays near its minimum while the position changes. If the force sensor
+    is saturated, the force stays near its maximum while the position changes.
 
     Parameters
     ----------
     record
         The prepared record.
     width
-        Width of a force level [N].
+        Distance from the minimum or maximum of the force within which the force counts as constant
+        [N].
 
     Returns
     -------
     Two values. The first is a mask of the samples in free motion, shape (n,); None if there is no
-    free motion. The second is whether the force stays at its highest level while the position
-    changes.
+    free motion. The second is True if the sensor is saturated.
     """
     x, f = record.palpation, record.f
     low, high = record.force_range
@@ -95,8 +99,13 @@ def peak_height(f: Floats) -> float:
     """Return a measure of the height of a peak of the force [N].
 
     The samples are divided into three parts of equal length. The result is the mean of the middle
-    part minus the mean of the two outer parts. It is 4/9 of the height of a parabola, and nearly
-    zero for a constant force.
+    part minus the mean of the two outer parts. For a peak that is a parabola, the result is 4/9 of
+    its height. For a constant force, the result is nearly zero.
+
+    Parameters
+    ----------
+    f
+        Successive samples of the force [N], shape (n,).
     """
     third = len(f) // 3
     if third == 0:
@@ -105,23 +114,24 @@ def peak_height(f: Floats) -> float:
 
 
 def continued(x: Floats, start: int, end: int, inwards: bool, margin: int = 0) -> float:
-    """Return how far the motion continues in its direction while the force stays constant [m].
+    """Return how far the motion continues in its direction while the force is constant [m].
 
-    If the motion reverses, the force stays constant until the lost motion (backlash) between the
-    position sensor and the tip is passed. Such a travel in the opposite direction is not counted.
-    At the start and at the end of the record, a reversal cannot be detected. In these two cases,
-    the whole travel is counted.
+    After a reversal of the motion, the force also stays constant for a short travel, because of
+    lost motion (backlash) between the position sensor and the tip. This travel, in the opposite
+    direction, is not counted. If the constant force is at the start or at the end of the record, a
+    reversal cannot be detected. Then the whole travel is counted.
 
     Parameters
     ----------
     x
         Position [m], shape (n,).
     start, end
-        Index of the first sample at the constant force, and index after the last such sample.
+        Index of the first sample with the constant force, and index after the last such sample.
     inwards
-        True if the force became constant in loading, False if in unloading.
+        True if the force became constant in loading (the tip moves into the specimen), False if it
+        became constant in unloading.
     margin
-        Number of samples at each end of the record that count as the end.
+        Number of samples that count as the start of the record, and as its end.
     """
     part = x[start:end] if inwards else -x[start:end]
     if start <= margin or end >= len(x) - margin:
@@ -132,9 +142,10 @@ def continued(x: Floats, start: int, end: int, inwards: bool, margin: int = 0) -
 def clipped(record: Prepared) -> bool:
     """Return whether the force sensor is saturated.
 
-    A saturated sensor gives exactly the highest force at many samples while the position changes.
-    Without saturation, the force can also be constant during a small travel, because it changes by
-    less than the resolution of the sensor. Only a travel that is several times larger is counted.
+    At many samples, the force of a saturated sensor is exactly equal to its maximum, while the
+    position changes. Without saturation, the force can also be constant during a small travel, if
+    it changes by less than the resolution of the sensor. Therefore, saturation requires a travel
+    that is several times larger (`TRAVEL`).
     """
     f, x = record.raw_f, record.raw_x
     count = smallest_step(f)

@@ -1,4 +1,8 @@
-"""Group recordings by their factors, and compute the means of each group."""
+"""Group recordings by their factors, and compute the means of each group.
+
+A factor is a property in which recordings differ, for example the condition. Its level is the value
+for one recording, for example `mimic`.
+"""
 
 from __future__ import annotations
 
@@ -23,56 +27,61 @@ from teleop.evaluation.result import Result
 from teleop.evaluation.short_remarks import remark_counts
 
 HOLDING = {"force_n": "force", "depth_m": "depth", "damping_at_hz": "damping_at_hz"}
-"""Attributes of `Result` that state where k and b hold, by name with unit."""
+"""Attributes of `Result` that contain the force and the depth at which k holds, and the frequency
+at which b holds. The keys are the names in reports, which contain the unit."""
 
 
 @dataclass(frozen=True)
 class Group:
-    """Group of recordings with the same levels of all factors."""
+    """Means over recordings that have the same levels of the chosen factors.
+
+    A factor is a property in which recordings differ. Its level is the value for one recording.
+    """
 
     levels: tuple[str, ...]
-    """Level of each factor."""
+    """Level of each factor by which the recordings are grouped."""
     means: dict[str, dict[str, Mean]]
     """Means of k [N/m], b [N s/m] and e_f [N], by `RESULT` or the name of the estimator."""
     kinds: dict[str, dict[str, dict[str, int]]]
-    """Kinds of the values of each mean, with the number of recordings of each kind."""
+    """Number of recordings of each kind of value (`teleop.evaluation.kinds`), for each mean."""
     missing: dict[str, dict[str, str]]
-    """Files without a value, each with the reason, by `RESULT` or the name of the estimator."""
+    """Reason why a file has no value, by the name of the file. There is one dictionary for `RESULT`
+    and one for each estimator."""
     tracking: dict[str, Mean]
     """Means of gain, phase_deg, rms_m and frequency_hz (`mean_tracking`); empty without a
     target."""
     pooled: tuple[str, ...]
-    """Planned factors, besides the subject, of which the group contains several levels."""
+    """Factors of the series, except the subject, that have several levels within this group."""
     subjects: int
     """Number of subjects, if there are two or more and some have several recordings in this group;
     otherwise 0."""
     holding: dict[str, tuple[float, float]]
-    """Smallest and largest force_n and depth_m of the tangents of the results, and smallest and
-    largest frequency at which their b is k''/omega, damping_at_hz. Names without a value are left
-    out."""
+    """Smallest and largest value of each quantity in `HOLDING`. A quantity that no result contains
+    is left out."""
     depth_from: tuple[str, ...]
-    """Positions at which these depths are zero."""
+    """Positions at which the depths in `holding` are zero: contact point, lowest position."""
     force_lags: tuple[float, ...]
     """Time constants of the force channel that are compensated [s], each once."""
     remarks: dict[str, int]
-    """Remarks on the results in short form, with the number of results that have each."""
+    """Number of results that have a remark, by the short form of the remark."""
 
 
 def grouped(
     rows: Sequence[Compared], by: Sequence[str], planned: Mapping[str, Sequence[str]]
 ) -> list[Group]:
-    """Return the groups of recordings with the same levels, in the order of the levels.
+    """Divide recordings into groups with the same levels of factors, and sort the groups.
 
-    The levels of a factor have the order of the plan. Levels that the plan does not contain follow.
-    If all of them are numbers, they are sorted by their values. Otherwise they have the order in
-    which they first occur.
+    A factor is a property in which recordings differ, for example `condition`. Its level is the
+    value for one recording, for example `mimic`. The groups are sorted by the levels of the first
+    factor, then by those of the second factor, and so on (see `ranks_of`).
 
     Parameters
     ----------
     rows
         The recordings.
     by
-        Names of factors. A factor that is not known for a recording has the level `NO_LEVEL`.
+        Names of the factors by which the recordings are grouped. If a factor is not known for a
+        recording, its level is `NO_LEVEL`.
     planned
         Levels of the factors of a series in the order of its plan, by the name of the factor.
     """
@@ -93,16 +102,18 @@ def grouped(
 def group_of(
     levels: tuple[str, ...], rows: Sequence[Compared], planned: Iterable[str] = ()
 ) -> Group:
-    """Return the group of the given recordings.
+    """Compute the means over the recordings of one group.
 
     Parameters
     ----------
     levels
-        Levels of the factors by which the recordings are grouped.
+        Level of each factor by which the recordings are grouped. All recordings of the group have
+        these levels. A factor is a property in which recordings differ, such as the condition.
     rows
-        The recordings of the group. All of them have these levels.
+        The recordings of the group.
     planned
-        Names of the factors of a series.
+        Names of all factors of the series of trials. For each of them except the subject, the
+        function checks whether it has several levels within the group.
     """
     missing: dict[str, dict[str, str]] = {}
     for row in rows:
@@ -147,9 +158,10 @@ def group_of(
 
 
 def ranges(results: Sequence[Result]) -> dict[str, tuple[float, float]]:
-    """Return the smallest and largest value of each quantity in `HOLDING`.
+    """Return the range of the forces, depths and frequencies at which the results hold.
 
-    A quantity that no result contains is omitted.
+    The result contains the smallest and the largest value of each quantity, by the names in
+    `HOLDING`. A quantity that no result contains is left out.
     """
     found = {}
     for name, attribute in HOLDING.items():
@@ -161,9 +173,19 @@ def ranges(results: Sequence[Result]) -> dict[str, tuple[float, float]]:
 
 
 def ranks_of(planned: Sequence[str], occurring: Iterable[str]) -> dict[str, int]:
-    """Return the rank of each level of a factor, from 0. The function `grouped` sorts by ranks.
+    """Return the rank of each level of a factor: its place in the order of the levels, from 0.
 
-    The levels in `planned` are first, in their order. The other levels that occur follow.
+    A factor is a property in which recordings differ. Its levels are the values of this property.
+    The planned levels are first. Then follow the levels that are not planned. If all of these are
+    numbers, they are sorted by their values, and `NO_LEVEL` (level not known) is last. Otherwise,
+    they keep the order in `occurring`.
+
+    Parameters
+    ----------
+    planned
+        Levels in the plan of the series, in the order of the plan.
+    occurring
+        Levels of the recordings. A level can be repeated.
     """
     others = [level for level in dict.fromkeys(occurring) if level not in planned]
     with contextlib.suppress(ValueError):

@@ -1,4 +1,4 @@
-"""Compute the fraction of the variance of the force that the signal conditioning keeps."""
+"""Compute the fraction of the variance of the force that remains after the filters."""
 
 from __future__ import annotations
 
@@ -8,33 +8,36 @@ from numpy.typing import NDArray
 from estimation.compiled import Floats
 
 LONGEST_DELAY = 0.5
-"""Longest delay of the conditioning that is tried, as a multiple of 1 / bandwidth."""
+"""Longest delay of the filters that is tried, as a multiple of 1 / bandwidth."""
 DELAYS = 26
-"""Number of delays of the conditioning that are tried."""
+"""Number of delays of the filters that are tried."""
 MOST_SAMPLES = 20_000
-"""Approximate number of samples that are compared."""
+"""Approximate largest number of samples of which the variance is computed."""
 
 
 def kept_variance(
     raw: Floats, conditioned: Floats, used: NDArray[np.intp], bandwidth: float
 ) -> float:
-    """Return the fraction of a signal's variance that conditioning keeps, from 0 to 1.
+    """Return the fraction of the variance of a signal that filters keep, from 0 to 1.
 
-    The raw signal is delayed like the conditioned signal. The kept part is the conditioned signal.
-    The removed part is the difference between the delayed raw signal and the conditioned signal.
-    The result is the variance of the kept part, divided by the sum of the variances of both parts.
-    The delay is chosen such that the difference is smallest.
+    Let y be the filtered signal, and r(d) the measured signal with a delay of d samples. The
+    filters remove r(d) - y from the signal. The result is
+
+        var(y) / (var(y) + var(r(d) - y)).
+
+    The filters delay the signal by an unknown number of samples. Therefore, several delays d are
+    tried, and the delay for which var(r(d) - y) is smallest is used.
 
     Parameters
     ----------
     raw
-        The signal as measured, shape (n,).
+        The measured signal, shape (n,).
     conditioned
-        The conditioned signal at the samples that are used, shape (m,).
+        The filtered signal y at the samples that the estimators receive, shape (m,).
     used
-        Index in `raw` of each sample that is used, shape (m,).
+        Index in `raw` of each sample of `conditioned`, shape (m,).
     bandwidth
-        Bandwidth of the conditioning [cycles per sample].
+        Bandwidth of the filters [cycles per sample].
     """
     step = max(1, len(used) // MOST_SAMPLES)
     used, kept = used[::step], conditioned[::step]

@@ -1,6 +1,7 @@
-"""Kinds of stiffness and damping.
+"""Define the kinds of stiffness and damping, such as tangent stiffness and average stiffness.
 
-Values of different kinds are different physical quantities: they are neither averaged nor compared.
+Values of different kinds are different physical quantities. Therefore, they are neither averaged
+nor compared.
 """
 
 from __future__ import annotations
@@ -11,43 +12,48 @@ TANGENT = "tangent"
 """Kind of the stiffness of a result: the tangent at half of the force range."""
 AVERAGE = "average"
 """Kind of the stiffness and the damping of an estimator. The stiffness is the slope of the force
-against the displacement from the datum, and the damping is its slope against the velocity. Both are
-averages over the record."""
+against the displacement from the datum. The damping is the slope of the force against the velocity.
+Both are averages over the record."""
 LOSS = "k''/omega"
 """Kind of the damping of a result: the equivalent viscous damping at the frequency of the motion.
-It contains the whole loss of a cycle."""
+It describes the whole energy that is lost in a cycle."""
 BESIDES_RELAXATION = "besides relaxation"
-"""Kind of the damping of a result: the coefficient of the velocity besides the relaxing parts."""
+"""Kind of the damping of a result: the coefficient of the velocity in a model that also contains
+relaxing parts (forces that decay with time constants)."""
 WITH = f"{AVERAGE} with "
-"""Start of the kind of stiffness and damping of an estimator with further parameters, for example
-`average with k3`."""
+"""First words of the kind for an estimator whose model has further parameters. The names of these
+parameters follow, for example `average with k3`."""
 FURTHER_MEANING = {
     "f0": "f = b v + k x + f0",
     "m": "f = b v + k x + m a, with the acceleration a",
     "k3": "f = b v + k x + k3 x^3, in which k is the stiffness at the datum",
     "tau": "f + tau f' = b v + k x, in which k is the stiffness in slow motion",
 }
-"""Model of the estimators with a further parameter, by the name of the parameter."""
+"""Model of the estimators that have a parameter besides k and b, by the name of this parameter."""
 MEANING = {
     LOSS: "the equivalent viscous damping k''/omega at the frequency of the motion",
     BESIDES_RELAXATION: "the damping besides the parts that relax",
 }
 """Description of the kinds of damping of a result."""
 UNDETERMINED = 1e-200
-"""If the interval of a quantity is narrower than this, the record does not determine the
+"""If the interval of a quantity is narrower than this value, the record does not determine the
 quantity."""
 
 
 def kinds_of_estimates(further: Iterable[str]) -> dict[str, str]:
-    """Return the kind of each value of an estimator, by symbol.
+    """Return the kinds of the stiffness k, the damping b and the force error e_f of an estimator.
 
-    The result contains the kinds of k, b and the force error e_f. The force errors of all
-    estimators are of the same kind. Its name is the empty string.
+    Only values of the same kind are compared. The kind of k and b depends on the model of the
+    estimator. The force errors of all estimators are of the same kind, which is the empty text.
 
     Parameters
     ----------
     further
-        Names of the parameters of the estimator's model besides b and k.
+        Names of the parameters in the model of the estimator besides b and k, such as `k3`.
+
+    Returns
+    -------
+    The kind of each quantity, by its symbol: `k`, `b` and `e_f`.
     """
     names = ", ".join(further)
     kind = f"{WITH}{names}" if names else AVERAGE

@@ -1,30 +1,31 @@
-"""Compute stiffness and damping in contact, with intervals that include the choice of the model.
+"""Compute stiffness and damping in contact by averaging over several models of the force.
 
-The candidate models are
+These models are called candidates. Each candidate is
 
     f(t) = baseline(t) + P(x) + b v + sum_j c_j z_j,    z_j' = dP/dt - z_j / tau_j
 
 with the force f, the position x, the velocity v and the time constants tau_j.
 
-- P is a polynomial of degree 1 to 5.
+- P is a polynomial. Its degree is one of `DEGREES`.
 - The baseline is a constant. For a palpation of many cycles, it also contains cosines that are
   slower than the palpation.
-- z_j are the relaxing parts of the elastic force (quasi-linear viscoelasticity), at most two.
-- k is the slope of the elastic force against displacement at half of the force range, in loading.
-  The elastic force includes the relaxing parts. For a Kelvin-Voigt body, k is the stiffness of the
-  body; in a steady sine, k is the storage stiffness. k does not depend on the zero of position and
-  force.
+- z_j are the relaxing parts of the force (quasi-linear viscoelasticity). There are at most two.
+- k is the slope of the elastic force P(x) + sum_j c_j z_j against the displacement, in loading and
+  at half of the force range. For a Kelvin-Voigt body, k is the stiffness of the body. In a steady
+  sine, k is the storage stiffness. k does not depend on the zero of position and force.
 - b is the coefficient of the velocity. Without relaxing parts, b is the loss stiffness k'' divided
   by the angular frequency omega.
 
-Each candidate is fitted to the smoothed samples by linear least squares. The candidates are
-weighted by the Bayesian information criterion. A candidate that does not determine k is omitted.
-Each candidate gives a normal distribution of k, with the value and the standard deviation of the
-candidate (`estimation.robust_error`). With the weights, these distributions form a mixture. The
-result is the median of the mixture, and its interval contains 95 % of the mixture. Uncertainty
-about the model therefore widens the interval. The interval is not computed from the variance of the
-mixture, because one unlikely candidate that is far from the others can make the variance very
-large. The distribution of b is computed in the same way.
+Each candidate is fitted to the smoothed samples by linear least squares. The weights of the
+candidates are computed from the Bayesian information criterion. A candidate is left out if its
+standard deviation of k is not smaller than k, unless this is so for all candidates.
+
+Each candidate gives a normal distribution of k: its mean is the k of the candidate, and its
+standard deviation is that of `estimation.robust_error`. The weighted sum of these distributions is
+a mixture distribution. The result is the median of the mixture, with an interval that contains 95 %
+of the mixture. If the candidates differ, the interval is therefore wider. The interval is not
+computed from the variance of the mixture, because one unlikely candidate with a very different k
+can make this variance very large. b and its interval are computed in the same way.
 
 References
 ----------
@@ -55,41 +56,40 @@ TIMES = 10
 """Number of relaxation time constants that are tried. They are between 4 widths of the smoothing
 kernel and `Rows.longest_time`."""
 EXPLAINED = 0.9
-"""If the model has a baseline, relaxing parts are fitted only if R^2 without them exceeds this
-value. A larger misfit is not caused by relaxation, because slow relaxation is in the baseline."""
+"""If the baseline contains cosines, relaxing parts are fitted only if R^2 without them exceeds this
+value. A larger misfit is not caused by relaxation: the baseline describes slow relaxation."""
 REFINEMENTS = 3
 """Number of times that the step of log tau is halved in the search around the best time
 constant."""
 LARGEST_SCORE = 10.0
-"""Distance from the mean beyond which a normal distribution is taken as 0 [standard deviations]."""
+"""Distance from the mean beyond which a normal density is taken as 0 [standard deviations]."""
 FRICTION = 0.5
 """Friction is reported if the residual with Coulomb friction is less than this fraction of the
 residual of the best candidate."""
 SAME_TIME = 1.5
 """Ratio of two time constants below which they are reported as one."""
 HALVINGS = 60
-"""Number of bisections, with which the result is accurate to rounding errors."""
+"""Number of bisection steps. With this number, only rounding errors remain."""
 
 
 @dataclass(frozen=True)
 class LocalStiffness:
-    """Stiffness and damping: median and spread of the mixture of the candidates."""
+    """Stiffness and damping in contact: averages over several fitted models (candidates)."""
 
     k: float
     """Stiffness [N/m]."""
     k_std: float
-    """Standard deviation of k [N/m]. The half width of the 95 % interval is 1.96 times this
-    value."""
+    """Standard deviation of k [N/m]: the half width of the 95 % interval, divided by 1.96."""
     b: float
     """Damping [N s/m]."""
     b_std: float
-    """Standard deviation of b [N s/m]."""
+    """Standard deviation of b [N s/m], computed like `k_std`."""
     best: Candidate
     """Candidate with the smallest Bayesian information criterion."""
     kelvin_voigt: Candidate
     """The Kelvin-Voigt model: candidate of degree 1 without relaxing parts."""
     baseline_size: float
-    """Peak-to-peak size of the baseline [N]."""
+    """Peak-to-peak value of the baseline of the best candidate [N]; 0 if it is a constant."""
     samples: int
     """Number of nearly independent samples that were fitted."""
     r2: float
@@ -108,9 +108,9 @@ def local_stiffness(
     Parameters
     ----------
     record, phases
-        The prepared record and its phases.
+        The prepared record, and its phases, such as loading and unloading.
     baseline
-        Whether the baseline may contain cosines.
+        Whether the baseline (slow part of the force) may contain cosines besides the constant.
     """
     rows = Rows(record, phases, baseline)
     found = [evaluate(rows, degree, (), [], []) for degree in DEGREES if rows.allow(degree)]
@@ -146,19 +146,21 @@ def local_stiffness(
 
 
 def explained(rows: Rows, found: list[Candidate]) -> float:
-    """Return the largest coefficient of determination R^2 of the candidates.
+    """Return the coefficient of determination R^2 of the fitted model with the smallest residual.
 
-    It is the fraction of the variance of the force without its baseline that a candidate explains.
+    R^2 is 1 minus the mean square of the residual, divided by that of the force. The baseline (slow
+    part of the force) is subtracted from this force.
     """
     least = min(one.rms for one in found)
     return 1.0 - least**2 / max(float(np.mean(rows.fits.rest**2)), 1e-300)
 
 
 def has_friction(rows: Rows, best: Candidate) -> bool:
-    """Return whether Coulomb friction describes the loss of energy better than the best candidate.
+    """Return whether Coulomb friction describes the loss of energy better than viscous damping.
 
-    For this test, Coulomb friction replaces the damping b v and the relaxing parts of the best
-    candidate. The result is True if the residual then becomes less than half as large.
+    For this test, the damping b v and the relaxing parts of the best model (`best`) are replaced by
+    a friction force proportional to sign(v), and this model is fitted. The result is True if the
+    residual is less than `FRICTION` times that of the best model.
     """
     record = rows.record
     sign = record.smoothed(np.sign(record.v))[rows.rows]
@@ -167,16 +169,19 @@ def has_friction(rows: Rows, best: Candidate) -> bool:
 
 
 def with_relaxation(rows: Rows, y: Floats, degrees: tuple[int, ...]) -> list[Candidate]:
-    """Return the candidates with one and two relaxing parts.
+    """Fit models of the force with one and with two relaxing parts, and return these models.
+
+    A relaxing part is the signal z with z' = dy/dt - z / tau. Several time constants tau are tried.
+    If the baseline contains cosines, only models with `is_passive` are returned.
 
     Parameters
     ----------
     rows
-        Samples that are fitted.
+        The samples that are fitted.
     y
-        Elastic force from which the relaxing parts are computed [N], shape (n,).
+        Signal from which z is computed: position or elastic force in any unit, shape (n,).
     degrees
-        Degrees of the polynomial to try.
+        Degrees of the polynomial P(x) to try.
     """
     record = rows.record
     y = rows.in_contact(y)
@@ -221,19 +226,19 @@ def with_relaxation(rows: Rows, y: Floats, degrees: tuple[int, ...]) -> list[Can
 
 
 def is_passive(candidate: Candidate) -> bool:
-    """Return whether the coefficients of all relaxing parts are zero or positive.
+    """Return whether the coefficients of all relaxing parts of a model are zero or positive.
 
-    This is the case for a passive body (generalised Maxwell body). Two relaxing parts with opposite
-    signs can describe any change of the force, for example the change at the start of a motion. If
-    the model also has a baseline, the stiffness cannot be determined with such parts.
+    This is so for every passive body (generalised Maxwell body). Two relaxing parts with
+    coefficients of opposite signs can describe almost any change of the force. If the baseline of
+    the model also contains cosines, such a model does not determine the stiffness.
     """
     return bool(np.all(candidate.theta[len(candidate.theta) - len(candidate.times) :] >= 0.0))
 
 
 def merged(times: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the time constants [s], for a report.
+    """Return the time constants of the relaxing parts [s] in the form in which they are reported.
 
-    Two time constants that are nearly equal are replaced by their geometric mean.
+    If there are two and their ratio is below `SAME_TIME`, the result is their geometric mean.
     """
     if len(times) == 2 and max(times) < SAME_TIME * min(times):
         return (math.sqrt(times[0] * times[1]),)
@@ -241,12 +246,12 @@ def merged(times: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def model_weights(found: list[Candidate]) -> Floats:
-    """Return the weights of the candidates, shape (m,).
+    """Return the weights with which m candidates (fitted models) are averaged, shape (m,).
 
-    Candidates with the same degree and the same number of time constants form one model. The weight
-    of a model is proportional to exp(-BIC / 2) of its best candidate, so that a model with more
-    candidates has no larger weight. The candidates of a model share its weight in proportion to
-    their own exp(-BIC / 2). The weights of all candidates sum to 1.
+    Candidates form a group if they differ only in the values of their time constants. The weight of
+    a group is proportional to the largest exp(-BIC / 2) in the group. Therefore, it does not
+    increase with the number of candidates in the group. Within the group, the weight is divided in
+    proportion to exp(-BIC / 2) of each candidate. All weights sum to 1.
     """
     bics = np.array([one.bic for one in found])
     weights = np.exp(-0.5 * (bics - bics.min()))
@@ -258,23 +263,23 @@ def model_weights(found: list[Candidate]) -> Floats:
 
 
 def averaged(weights: Floats, values: list[tuple[float, float]]) -> tuple[float, float]:
-    """Return median and standard deviation of a mixture of normal distributions.
+    """Return the median and the spread of a mixture (weighted sum) of m normal distributions.
 
-    The standard deviation is defined as h / 1.96, where 95 % of the mixture is within the distance
-    h from the median.
+    The spread is h / 1.96, where 95 % of the mixture is within the distance h from the median. For
+    a single normal distribution, the spread is the standard deviation.
 
     Parameters
     ----------
     weights
-        Weights that sum to 1, shape (m,).
+        Weights of the distributions, which sum to 1, shape (m,).
     values
-        Means of the m normal distributions with their standard deviations.
+        Mean and standard deviation of each distribution.
     """
     value, std = np.array(values).T
     std = np.maximum(std, 1e-12 * np.max(np.abs(value)) + 1e-300)
 
     def share(x: float) -> float:
-        """Return the fraction of the mixture below x."""
+        """Return the cumulative distribution function of the mixture at x."""
         return float(weights @ ndtr((x - value) / std))
 
     span = float(np.ptp(value)) + LARGEST_SCORE * float(std.max())
@@ -284,7 +289,7 @@ def averaged(weights: Floats, values: list[tuple[float, float]]) -> tuple[float,
 
 
 def crossing(function: Callable[[float], float], level: float, low: float, high: float) -> float:
-    """Return where an increasing function reaches `level`, by bisection from `low` to `high`."""
+    """Return the argument between `low` and `high` at which an increasing function is `level`."""
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         if function(middle) < level:

@@ -1,4 +1,7 @@
-"""Compute masks over samples: thresholds with hysteresis, and runs of true values."""
+"""Compute masks: arrays of Booleans that select samples.
+
+A run is a sequence of successive samples at which the mask is True.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,9 @@ from estimation.compiled import Floats
 def hysteresis(values: Floats, low: float, high: float) -> NDArray[np.bool_]:
     """Return a mask that becomes True above `high` and False below `low`, shape (n,).
 
-    Between `low` and `high`, the mask keeps its previous value.
+    Between `low` and `high`, the mask keeps its previous value. If the first values are between
+    these limits, the mask has there the value that follows. If all values are between them, the
+    mask is False.
     """
     state = np.where(values > high, 1, np.where(values < low, 0, -1))
     known = np.flatnonzero(state >= 0)
@@ -22,13 +27,21 @@ def hysteresis(values: Floats, low: float, high: float) -> NDArray[np.bool_]:
 
 
 def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return the first index, and the index after the last, of each run of true values."""
+    """Return start and end of each run: a sequence of successive samples at which the mask is True.
+
+    The start is the index of the first sample of the run. The end is the index of its last sample
+    plus 1.
+    """
     edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def without_short(mask: NDArray[np.bool_], shortest: int) -> NDArray[np.bool_]:
-    """Return the mask with runs of fewer than `shortest` true values set to False."""
+    """Return a copy of the mask in which short runs are False.
+
+    A run is a sequence of successive samples at which the mask is True. It is short if it has fewer
+    than `shortest` samples.
+    """
     kept = mask.copy()
     for start, end in runs(mask):
         if end - start < shortest:
@@ -37,10 +50,11 @@ def without_short(mask: NDArray[np.bool_], shortest: int) -> NDArray[np.bool_]:
 
 
 def eroded(mask: NDArray[np.bool_], guard: int) -> NDArray[np.bool_]:
-    """Return the mask with the first and last `guard` samples of each run of True set to False.
+    """Return a copy of the mask with the first and last `guard` samples of each run set to False.
 
-    A run that starts at the first sample of the record keeps its first samples. A run that ends at
-    the last sample of the record keeps its last samples.
+    A run is a sequence of successive samples at which the mask is True. If a run starts at the
+    first sample of the mask, its first samples are not changed. If a run ends at the last sample of
+    the mask, its last samples are not changed.
     """
     kept = mask.copy()
     for start, end in runs(mask):

@@ -1,4 +1,6 @@
-"""Compute the elastic modulus from the stiffness and the geometry of an indenter.
+"""Compute the elastic modulus of a specimen from its stiffness and the shape of the indenter.
+
+The indenter is the tip that presses on the specimen.
 
 E is the elastic modulus, and nu is Poisson's ratio. With E* = E / (1 - nu^2), the tangent stiffness
 k at the indentation depth d is
@@ -8,15 +10,16 @@ k at the indentation depth d is
 - cone of half angle alpha (Sneddon): k = (4 / pi) E* tan(alpha) d, with the contact radius
   a = (2 / pi) tan(alpha) d.
 
-In all three cases, k = 2 a E* with the contact radius a. A layer of thickness h that is bonded to a
-rigid base is stiffer than a half-space. For a flat punch, k = 2 a kappa E* with Hayes' factor
-kappa(a / h, nu). This factor is computed from the integral equation
+In all three cases, k = 2 a E* with the contact radius a. These formulas hold for a half-space, a
+specimen that is much thicker than a. A layer of thickness h that is bonded to a rigid base is
+stiffer. For a flat punch, k = 2 a kappa E* with Hayes' factor kappa(a / h, nu). This factor is
+computed from the integral equation
 
     phi(t) - (a / pi h) int_-1^1 K(a (t - s) / h) phi(s) ds = 1,    kappa = int_0^1 phi dt
 
-with K(u) = int_0^inf (1 - L(m)) cos(m u) dm, and L the compliance of the layer divided by that of a
-half-space. For a sphere or a cone, the factor kappa for the contact radius a is used as an
-approximation.
+with K(u) = int_0^inf (1 - L(m)) cos(m u) dm. L(m) is the compliance of the layer divided by the
+compliance of a half-space, for a pressure that is sinusoidal over the surface with the wave number
+m / h. For a sphere or a cone, the same kappa, with the contact radius a, is an approximation.
 
 References
 ----------
@@ -42,16 +45,16 @@ IndenterName = Literal["flat", "sphere", "cone"]
 
 @dataclass(frozen=True)
 class Indenter:
-    """Shape of the tip, and the specimen under it.
+    """Shape and size of the tip, and thickness and Poisson's ratio of the specimen.
 
     Raises
     ------
     InputError
-        A dimension that the shape needs is missing or out of range.
+        A dimension that the shape needs is missing, or a value is out of range.
     """
 
     shape: IndenterName
-    """Shape of the tip."""
+    """Shape of the tip: flat punch, sphere or cone."""
     radius: float | None = None
     """Radius of a flat punch or a sphere [m]."""
     angle: float | None = None
@@ -73,7 +76,7 @@ class Indenter:
             raise InputError("--poisson: expected a ratio from 0 to 0.5")
 
     def contact_radius(self, depth: float) -> float:
-        """Return the radius of the contact area [m] at an indentation depth [m]."""
+        """Return the radius of the contact area [m]. `depth` is the indentation depth [m]."""
         if self.shape == "flat":
             assert self.radius is not None
             return self.radius
@@ -85,7 +88,10 @@ class Indenter:
 
 
 def hayes_factor(aspect: float, poisson: float, nodes: int = 48) -> float:
-    """Return the ratio of the stiffness of a bonded layer to that of a half-space (flat punch).
+    """Return Hayes' factor: the stiffness of a layer divided by the stiffness of a half-space.
+
+    The layer is bonded to a rigid base, and a flat punch presses on it. The half-space is of the
+    same material. The factor is larger than 1.
 
     Parameters
     ----------
@@ -94,7 +100,7 @@ def hayes_factor(aspect: float, poisson: float, nodes: int = 48) -> float:
     poisson
         Poisson's ratio of the layer.
     nodes
-        Number of nodes of the Gauss-Legendre quadrature.
+        Number of nodes of the Gauss-Legendre quadrature with which the integral equation is solved.
     """
     kolosov = 3.0 - 4.0 * poisson
     m = np.linspace(0.0, 30.0, 3001)
@@ -114,7 +120,17 @@ def hayes_factor(aspect: float, poisson: float, nodes: int = 48) -> float:
 
 
 def modulus_per_stiffness(indenter: Indenter, depth: float) -> float:
-    """Return the elastic modulus [Pa] for a stiffness of 1 N/m at an indentation depth [m]."""
+    """Return the ratio of the elastic modulus to the stiffness at an indentation depth [1/m].
+
+    The modulus is the product of this ratio and the tangent stiffness.
+
+    Parameters
+    ----------
+    indenter
+        Shape and size of the tip, and thickness and Poisson's ratio of the specimen.
+    depth
+        Indentation depth [m]; not used for a flat punch.
+    """
     a = indenter.contact_radius(depth)
     layer = indenter.thickness
     factor = 1.0 if layer is None else hayes_factor(a / layer, indenter.poisson)
@@ -122,25 +138,26 @@ def modulus_per_stiffness(indenter: Indenter, depth: float) -> float:
 
 
 def elastic_modulus(result: Result, indenter: Indenter, depth_known: bool) -> dict[str, Any]:
-    """Return the elastic modulus [Pa] with its 95 % interval as a dictionary for JSON.
+    """Return the elastic modulus [Pa] with its 95 % interval, as a dictionary for JSON.
 
-    The interval contains the errors of the stiffness and of the contact point, combined as
-    independent errors. It does not contain errors of the dimensions of the tip.
+    The interval includes the errors of the stiffness and of the contact point, combined as
+    independent errors. It does not include errors of the dimensions of the tip.
 
     Parameters
     ----------
     result
-        Result of an evaluation, with stiffness and depth.
+        Result of the evaluation of a record, with stiffness and depth.
     indenter
-        Shape of the tip, and the specimen.
+        Shape and size of the tip, and thickness and Poisson's ratio of the specimen.
     depth_known
-        Whether the depth is measured from a contact point. A sphere or a cone needs such a depth.
+        Whether `result.depth` is measured from the contact point. This is necessary for a sphere or
+        a cone, because their contact radius depends on the depth.
 
     Raises
     ------
     InputError
-        The stiffness is not identifiable. For a sphere or a cone: the depth is not known, or the
-        error of the depth is as large as the depth or larger.
+        The stiffness is not identifiable. For a sphere or a cone: the depth is not known, or is not
+        larger than its error.
     """
     if result.k is None or result.k_low is None or result.k_high is None:
         raise InputError("elastic modulus: no stiffness is identifiable from the record")

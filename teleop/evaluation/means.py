@@ -1,4 +1,4 @@
-"""Compute means over recordings, with 95 % intervals."""
+"""Compute the mean of a result over several recordings, with its 95 % interval."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ TURN = 360.0
 
 
 class Value(NamedTuple):
-    """Value of a quantity for one recording."""
+    """Value of a quantity, for example of the stiffness, from one recording."""
 
     value: float
     """The value; finite."""
     half: float
-    """Half width of its 95 % interval; NaN if there is no interval."""
+    """Half width of the 95 % interval of the value; NaN if there is no interval."""
     kind: str
-    """Kind of the quantity (`teleop.evaluation.kinds`)."""
+    """Kind of the quantity, for example "tangent" for a tangent stiffness
+    (`teleop.evaluation.kinds`). Only values of the same kind are averaged."""
 
 
 class Mean(NamedTuple):
@@ -32,25 +33,31 @@ class Mean(NamedTuple):
     value: float
     """Mean; NaN if there are no values, or if the values are of different kinds."""
     half: float
-    """Half width of the interval of the mean; NaN if there is no interval."""
+    """Half width of the 95 % interval of the mean; NaN if there is no interval."""
     recordings: int
-    """Number of recordings in the mean."""
+    """Number of recordings whose values are averaged; 0 if `value` is NaN."""
 
 
 def mean_of(values: Sequence[Value]) -> Mean:
     """Return the mean of a quantity over recordings, with its 95 % interval.
 
-    Values of different kinds have no mean. The half width of the interval is the root of the sum of
-    the squares of two parts:
+    The mean is NaN if there are no values, or if the values are of different kinds, for example
+    tangent and average stiffness (`Value.kind`). The half width of the interval is
+    sqrt(s^2 + m^2), with two parts s and m:
 
-    - A half width from the spread between the recordings and Student's t. It needs two or more
-      recordings. It does not contain an error that is equal in all recordings, for example because
-      the model is wrong.
-    - The mean of the half widths of the intervals of the single recordings, if all of them have
-      intervals. The error of the mean is this large if all recordings have the same error.
+    - s is computed from the standard deviation between the recordings and Student's t. It is used
+      if there are two or more recordings. It does not include an error that is equal in all
+      recordings, for example because the model is wrong.
+    - m is the mean of the half widths of the intervals of the recordings. It is used if every
+      recording has an interval. It includes errors that are equal in all recordings.
 
-    Because of the second part, the interval of the mean contains zero if the intervals of all
-    recordings contain zero.
+    If the intervals of all recordings contain zero, the interval of the mean contains zero too,
+    because of m. If neither part can be used, the half width is NaN.
+
+    Parameters
+    ----------
+    values
+        One value for each recording.
     """
     if len({one.kind for one in values}) != 1:
         return Mean(math.nan, math.nan, 0)
@@ -65,13 +72,23 @@ def mean_of(values: Sequence[Value]) -> Mean:
 
 
 def mean_tracking(tracked: Sequence[Tracking]) -> dict[str, Mean]:
-    """Return the means of gain, phase_deg, rms_m and frequency_hz; empty without recordings.
+    """Return the means of the tracking values over recordings, with 95 % intervals.
 
-    The mean of the phase is a circular mean: the direction of the sum of unit vectors with these
-    phases. The half width of an interval that contains impossible values is replaced by NaN:
+    The tracking values describe how well the motion follows a sinusoidal target (`Tracking`). The
+    keys of the result are `gain`, `phase_deg`, `rms_m` and `frequency_hz`. The result is empty if
+    `tracked` is empty.
+
+    The mean of the phase is a circular mean: the direction of the sum of unit vectors that have the
+    phases as directions. If an interval contains impossible values, its half width is replaced by
+    NaN:
 
     - for the phase, if the half width is 180 degrees or more;
     - for the other quantities, which are positive, if the lower end of the interval is negative.
+
+    Parameters
+    ----------
+    tracked
+        Tracking values of each recording.
     """
     if not tracked:
         return {}

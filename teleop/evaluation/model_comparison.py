@@ -1,4 +1,7 @@
-"""Compare estimators on the same samples: accuracy, coverage of intervals, and computing time."""
+"""Compare estimators on the same samples: accuracy, coverage of intervals, and computing time.
+
+The coverage is the fraction of the intervals that contain the correct value.
+"""
 
 from __future__ import annotations
 
@@ -18,33 +21,37 @@ from estimation.metrics import count_intervals
 from estimation.model import KELVIN_VOIGT
 
 WINDOW = 1.0
-"""Window of batch least squares [s]. The one-step error of this method is the reference."""
+"""Length of the sliding window of batch least squares [s]. The force prediction errors of all
+estimators are divided by the error of this method. A time of the same length is omitted at the
+start of the record."""
 ROUNDING = 1e-9
-"""An error of batch least squares below this fraction of the force is a rounding error. Then the
-ratio of the errors is NaN."""
+"""If the error of batch least squares is below this fraction of the force, it is only a rounding
+error, and no error is divided by it: `Comparison.one_step_ratio` is NaN."""
 TIMED = 2000
 """Number of samples over which the computing time of an estimator is measured."""
 
 
 class Comparison(NamedTuple):
-    """Errors of one estimator relative to a reference (b, k).
+    """Errors of one estimator relative to reference values of b and k.
 
-    The first second of the record is omitted. If the record is shorter than two seconds, its first
-    half is omitted.
+    The samples at the start of the record are omitted, because the estimator has not converged. The
+    omitted time is `WINDOW`, but at most half of the record. All values are NaN if no sample of the
+    record changed the estimate.
     """
 
     one_step_ratio: float
-    """Root mean square error of the force prediction one step ahead, divided by the same error of
-    batch least squares over 1 s."""
+    """Root mean square error of the one-step prediction of the force, which predicts the force of
+    each sample with the estimate after the previous sample. It is divided by the same error of
+    batch least squares with a sliding window of length `WINDOW`."""
     k_error: float
-    """Root mean square error of the stiffness, as a fraction of the reference."""
+    """Root mean square error of the stiffness, as a fraction of the reference value."""
     b_error: float
     """Root mean square error of the damping [N s/m]."""
     k_coverage: float
-    """Fraction of the samples at which the 95 % interval of the stiffness contains the
-    reference."""
+    """Fraction of the 95 % intervals of the stiffness that contain the reference value. There is
+    one interval per sample. NaN if there are no intervals."""
     b_coverage: float
-    """Fraction of the samples at which the 95 % interval of the damping contains the reference."""
+    """As `k_coverage`, for the damping."""
 
 
 def compare(
@@ -54,19 +61,21 @@ def compare(
     b: ArrayLike,
     k: ArrayLike,
 ) -> dict[str, Comparison]:
-    """Compare each estimator with a reference.
+    """Compare the estimates of each estimator with reference values of b and k.
+
+    The results are returned by the name of the estimator.
 
     Parameters
     ----------
     regression
         The n samples that the estimators processed.
     bank
-        The estimators.
+        The estimators by name.
     estimates
-        Estimates of each estimator after each sample.
+        Estimates after each sample, by the name of the estimator.
     b, k
-        The reference: damping [N s/m] and stiffness [N/m], as arrays of shape (n,) or as one number
-        for all samples.
+        Reference values of damping [N s/m] and stiffness [N/m], for example the true values. Each
+        is an array of shape (n,), or one number for all samples.
     """
     running = RunningComparison(bank, estimates, regression.dt, b, k)
     running.begin(regression)
@@ -76,16 +85,19 @@ def compare(
 
 
 class Errors(NamedTuple):
-    """Sums over the compared samples, from which the `Comparison` of one estimator is computed."""
+    """Sums of squared errors and numbers of intervals of one estimator, over the compared samples.
+
+    The values of `Comparison` are computed from them.
+    """
 
     force: float = 0.0
-    """Sum of the squares of the error of the force prediction one step ahead [N^2]."""
+    """Sum of the squares of the error of the one-step prediction of the force [N^2]."""
     k: float = 0.0
     """Sum of the squares of the relative error of the stiffness."""
     b: float = 0.0
     """Sum of the squares of the error of the damping [N^2 s^2/m^2]."""
     k_inside: float = 0.0
-    """Number of samples whose 95 % interval of the stiffness contains the reference."""
+    """Number of samples at which the 95 % interval of the stiffness contains the reference."""
     k_intervals: float = 0.0
     """Number of samples at which the stiffness has an interval."""
     b_inside: float = 0.0
@@ -95,20 +107,24 @@ class Errors(NamedTuple):
 
 
 class RunningComparison:
-    """Comparison of estimators with a reference over a record that is processed in blocks.
+    """Compares estimators with reference values of b and k, in blocks of samples of a record.
+
+    For each block, call `begin` once, and then `add` for each estimator. After the last block, call
+    `result`.
 
     Parameters
     ----------
     bank
-        The estimators.
+        The estimators by name.
     names
         Names of the estimators that are compared.
     dt
-        Time since the previous sample [s], shape (n,), of all samples or of a part of them. Two
-        values are computed from `dt`: the usual sample period, and the duration of the part at the
-        start of the record that is not compared (see `Comparison`).
+        Time since the previous sample [s], shape (n,), for all samples of the record or for a part
+        of them. The usual sample period and the time that is omitted at the start (see
+        `Comparison`) are computed from these values.
     b, k
-        The reference, see `compare`.
+        Reference values of damping [N s/m] and stiffness [N/m]. Each is one number for all samples.
+        If the whole record is one block, each can be an array with one value per sample instead.
     """
 
     def __init__(
@@ -131,7 +147,10 @@ class RunningComparison:
         self._samples = self._settled_samples = 0
 
     def begin(self, regression: Regression) -> None:
-        """Begin a block with the samples that the estimators process."""
+        """Begin the next block of the record.
+
+        The parameter `regression` contains the samples of the block.
+        """
         x, v, f, dt, further = regression
         times = np.cumsum(np.concatenate(([self._time], dt)))[1:]
         self._time = float(times[-1])
@@ -144,7 +163,15 @@ class RunningComparison:
             self._force += float(np.sum(f**2))
 
     def add(self, name: str, series: Estimates) -> None:
-        """Process the estimates of one estimator after each sample of the block."""
+        """Compare the estimates of one estimator in the block that the last call of `begin` began.
+
+        Parameters
+        ----------
+        name
+            Name of the estimator. An estimator that is not compared is ignored.
+        series
+            Estimates after each sample of the block.
+        """
         if name not in self._errors:
             return
         settled = self._settled
@@ -164,13 +191,23 @@ class RunningComparison:
             self._known.add(name)
 
     def _squares(self, name: str, series: Estimates) -> float:
-        """Return the sum of squares of the error of the force prediction one step ahead [N^2]."""
+        """Return the sum of the squared errors of the one-step force prediction in a block [N^2].
+
+        The force of each sample is predicted with the estimate after the previous sample.
+
+        Parameters
+        ----------
+        name
+            Name of the estimator; empty for batch least squares.
+        series
+            Estimates after each sample of the block.
+        """
         predicted = predicted_force(self._regression, series, self._before.get(name))
         self._before[name] = series.part(slice(-1, None))
         return float(np.sum((self._regression.f - predicted)[self._settled] ** 2))
 
     def result(self) -> dict[str, Comparison]:
-        """Return the comparison of each estimator over all blocks."""
+        """Return the errors of each compared estimator over all blocks, by its name."""
         count = max(self._settled_samples, 1)
         batch = math.sqrt(self._batch / count)
         if batch < ROUNDING * math.sqrt(self._force / max(self._samples, 1)):
@@ -193,8 +230,16 @@ class RunningComparison:
 def cost(estimator: Estimator, regression: Regression) -> float:
     """Measure the computing time of an estimator per sample on this machine [s].
 
-    The result is the shortest time of three runs, and is different in each call. The estimator runs
-    as interpreted Python, which is slower than compiled code.
+    The estimator processes the same samples several times. The result is the shortest time, divided
+    by the number of samples. It is slightly different in each call. The estimator runs as
+    interpreted Python, which is slower than compiled code.
+
+    Parameters
+    ----------
+    estimator
+        The estimator. Its state does not change, because a copy is used.
+    regression
+        Samples. At most the first `TIMED` samples are used.
     """
     part = regression.part(slice(TIMED))
     further = part.further if estimator.model.further else None

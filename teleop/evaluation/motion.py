@@ -1,4 +1,4 @@
-"""Compute the frequency, amplitude and travel of the motion in a record."""
+"""Compute the frequency, amplitude and travel of the palpating motion in a record."""
 
 from __future__ import annotations
 
@@ -12,30 +12,38 @@ from teleop.evaluation.prepared import Prepared
 from teleop.evaluation.turning_points import cycle_frequency, least_stroke, turning_points
 
 FEWEST_STROKES = round(2 * FEWEST_CYCLES) - 1
-"""Smallest number of whole strokes for which a frequency is computed."""
+"""Smallest number of whole strokes for which a frequency is computed. A stroke is the motion from
+one reversal to the next."""
 NOISE = 6.0
-"""Least median stroke of a motion, in standard deviations of the noise of the position."""
+"""Smallest median travel of the strokes that counts as a motion, in standard deviations of the
+noise of the position."""
 
 
 class Motion(NamedTuple):
-    """Description of the motion in a record."""
+    """Frequency, amplitude, travel and shape of the motion in a record.
+
+    The values describe the position. A stroke is the motion from one reversal to the next.
+    """
 
     frequency_hz: float
-    """Mean frequency of the cycles [Hz]; NaN for a motion without cycles."""
+    """Mean frequency of the cycles [Hz]; NaN if there are fewer than `FEWEST_STROKES` strokes."""
     amplitude_m: float
-    """Half of the median travel between two reversals [m]; NaN for a motion without cycles."""
+    """Half of the median travel of the strokes [m]; NaN if `frequency_hz` is NaN."""
     travel_m: float
     """Largest minus smallest position [m]."""
     strokes: int
-    """Number of whole strokes, from one reversal to the next; 0 if they are not larger than the
-    noise."""
+    """Number of whole strokes; 0 if their median travel is not clearly larger than the noise."""
     fundamental_share: float
-    """Share of the fundamental in the motion, 1 for a sine; NaN for a motion of less than three
-    cycles. See `teleop.evaluation.prepared.Prepared.fundamental_share`."""
+    """Share of the fundamental frequency in the power of the velocity: 1 for a sine, NaN for a
+    motion with too few cycles (`teleop.evaluation.prepared.Prepared.fundamental_share`)."""
 
 
 def motion_of(record: Prepared) -> Motion:
-    """Return the motion in a record, computed from the smoothed position."""
+    """Return frequency, amplitude, travel and shape of the motion in a record.
+
+    They are computed from the smoothed position. Smoothing makes the amplitude smaller. This effect
+    is nearly compensated (`Prepared.sharpened`).
+    """
     x = record.sharpened(record.x)
     travel = float(np.ptp(x))
     palpation = without_baseline(x, record.order)

@@ -1,4 +1,8 @@
-"""Online estimates of a record that is processed in blocks: their summaries, and kept samples."""
+"""Run the online estimators over a record in blocks, and summarise their estimates.
+
+An online estimator updates its estimates after each sample. If the record is long, the estimates
+are kept in memory only at evenly spaced samples.
+"""
 
 from __future__ import annotations
 
@@ -20,63 +24,79 @@ from teleop.evaluation.conditioned import Conditioned
 from teleop.evaluation.model_comparison import Comparison, RunningComparison
 
 MISFIT, FURTHER = "misfit", "further"
-"""Parts of the keys in `KeptArrays`: the misfit and the further parameters of an estimator."""
+"""Words in the keys of the arrays in `KeptArrays`. They denote the misfit of an estimator (the
+systematic part of its force error) and its parameters besides b and k."""
 Table = tuple[dict[str, Floats], dict[str, str]]
 """Columns of shape (n,) by name, and the unit of each column."""
 
 
 class OnlineResult(NamedTuple):
-    """Samples and estimates of a record.
+    """Results of the online estimators for a record.
 
-    Arrays contain all samples of the record, or evenly spaced samples and the last sample.
+    The estimators process all samples of the record. For a long record, the arrays contain only
+    evenly spaced samples and the last sample. In the shapes, `kept` is the number of these samples.
     """
 
     t: Floats
     """Time [s], shape (kept,)."""
     regression: Regression
+    """Displacement, velocity, force and sample period of the kept samples."""
     estimates: dict[str, Estimates]
+    """Estimates after each kept sample, by the name of the estimator."""
     misfit: dict[str, Floats]
+    """Systematic part of the force error, relative to the force (`estimation.misfit`), by the name
+    of the estimator. Each array has the shape (kept,)."""
     excitation: Floats
+    """Measure of the excitation from 0 to 1 (`estimation.excitation`), shape (kept,)."""
     summaries: dict[str, EstimatorSummary]
-    """Summary of each estimator over all samples in the averaged part."""
+    """Summary of each estimator over all samples in the part of the record that is averaged."""
     comparisons: dict[str, Comparison]
-    """Comparison of the estimators with the reference over all samples."""
+    """Errors of each compared estimator relative to a reference, over all samples."""
     used: int
-    """Number of all samples."""
+    """Number of samples that the estimators processed."""
     mean_excitation: float
     """Mean excitation in the averaged part; NaN if there is no sample."""
     last_excitation: float
     """Excitation after the last sample of the averaged part; NaN if there is no sample."""
     longest_period: float
-    """Longest time between two samples [s]."""
+    """Longest time between two successive samples, including gaps [s]."""
     largest_deviation: float
-    """Largest difference between a sample period and the usual period, without gaps [s]."""
+    """Largest difference between a sample period and the usual sample period [s]. Gaps are not
+    counted."""
     as_recorded: bool
-    """Whether all estimates are equal to the recorded estimates, to the bit."""
+    """Whether all estimates are exactly equal to the estimates that were recorded in the trial.
+    False if no estimates were recorded."""
 
 
 class OnlineRun:
-    """Applies a bank of estimators to a record in blocks.
+    """Runs several estimators over a record that is processed in blocks of samples.
+
+    Call `add` for each block, and then `result`.
 
     Parameters
     ----------
-    bank, misfit, measure
-        The estimators, the measure of their misfit, and the excitation measure. None of them has
-        processed a sample before.
+    bank
+        The estimators. They have not yet processed a sample.
+    misfit
+        Object that computes the misfit (the systematic part of the force error) of the estimators.
+        It has not yet processed a sample.
+    measure
+        Object that computes the measure of the excitation. It has not yet processed a sample.
     comparisons
-        Comparisons of estimators with a reference. Each comparison may contain only some of the
+        Objects that compare estimators with a reference. Each of them compares some or all of the
         estimators.
     period
         Usual sample period [s].
     count
         Largest number of samples that will be processed.
     every
-        Distance between two samples that are kept [samples]; 1 to keep all samples.
+        The estimates after every `every`-th sample are kept in memory; 1 to keep all.
     write
-        Function that is called with the table of each block; None if no function is called.
+        Function that is called for each block with the result of `table`: the signals and the
+        estimates at all samples of the block. None: no function is called.
     averaged
-        The part of the record over which the estimates are averaged. The estimators process all
-        samples.
+        The part of the record over which the estimates are averaged. The estimators also
+        process the samples outside this part.
     """
 
     def __init__(
@@ -101,15 +121,15 @@ class OnlineRun:
         self._as_recorded = True
 
     def add(self, samples: Conditioned, recorded: Mapping[str, tuple[Floats, Floats]]) -> None:
-        """Process the next samples.
+        """Run the estimators over the next block of samples.
 
         Parameters
         ----------
         samples
-            The conditioned samples.
+            The samples, filtered and relative to the datum (the zeros of position and force).
         recorded
-            Recorded b and k of each estimator after each sample, see
-            `teleop.evaluation.samples.Block`.
+            The b [N s/m] and k [N/m] that were recorded after each sample of the block, before any
+            sample was omitted, by the name of the estimator. It is empty if nothing was recorded.
         """
         t, regression, used, apart = samples
         if not len(t):
@@ -156,7 +176,7 @@ class OnlineRun:
         self._kept_samples += len(places)
 
     def result(self) -> OnlineResult:
-        """Return the estimates and their summaries."""
+        """Return the kept estimates, and the summaries and comparisons over all samples."""
         count = self._kept_samples + ((self._used - 1) % self._every != 0)
         kept = self._kept
         estimates = {name: kept.estimates(count, name) for name in self._bank}
@@ -181,15 +201,15 @@ class OnlineRun:
 
 
 class KeptArrays:
-    """Stores some samples of a record that is processed in blocks.
+    """Stores quantities at selected samples of a record, one array for each quantity.
 
-    There is one array for each quantity. It is created once, with space for all samples that will
-    be stored, because many short arrays would fragment the memory.
+    The record is processed in blocks, and the arrays are filled block by block. Each array is
+    created with space for all samples, because many short arrays would fragment the memory.
 
     Parameters
     ----------
     size
-        Largest number of samples that will be stored.
+        Largest number of samples that will be stored, which is the length of each array.
     """
 
     def __init__(self, size: int) -> None:
@@ -197,13 +217,19 @@ class KeptArrays:
         self._arrays: dict[tuple[str, ...], NDArray[Any]] = {}
 
     def put(self, start: int, key: tuple[str, ...], values: NDArray[Any]) -> None:
-        """Store the values of successive samples. The first of these samples has index `start`."""
+        """Store successive values in the array of one quantity, from the index `start` on.
+
+        The parameter `key` identifies the quantity. For a new key, a new array is created.
+        """
         if key not in self._arrays:
             self._arrays[key] = np.empty((self._size, *values.shape[1:]), values.dtype)
         self._arrays[key][start : start + len(values)] = values
 
     def put_estimates(self, start: int, name: str, estimates: Estimates) -> None:
-        """Store the estimates of one estimator in the same way as `put`."""
+        """Store successive estimates of the estimator `name`, from the index `start` on.
+
+        There is one array for each estimated parameter and each standard deviation.
+        """
         for field, values in zip(Estimates._fields, estimates[:5], strict=False):
             self.put(start, (name, field), np.asarray(values))
         for parameter, series in estimates.further.items():
@@ -211,11 +237,11 @@ class KeptArrays:
             self.put(start, (name, FURTHER, parameter, "std"), series.std)
 
     def get(self, count: int, *key: str) -> NDArray[Any]:
-        """Return the values of the first `count` samples."""
+        """Return the first `count` values of the array with the key `key`."""
         return self._arrays[key][:count]
 
     def estimates(self, count: int, name: str) -> Estimates:
-        """Return the estimates of one estimator after the first `count` samples."""
+        """Return the estimates of the estimator `name` after each of the first `count` samples."""
         parameters = [
             key[2] for key in self._arrays if key[:2] == (name, FURTHER) and key[-1] == "value"
         ]
@@ -238,7 +264,22 @@ def table(
     misfit: dict[str, Floats],
     excitation: Floats,
 ) -> Table:
-    """Return signals and estimates as columns of shape (n,), and the unit of each column."""
+    """Return signals and estimates of n samples as columns, for an output file.
+
+    The result consists of two dictionaries. Their keys are the names of the columns. The first
+    contains the values, as arrays of shape (n,), and the second contains the units.
+
+    Parameters
+    ----------
+    bank
+        The estimators.
+    t, regression
+        Time [s] of each sample, and displacement, velocity and force.
+    estimates, misfit
+        Estimates and misfit of each estimator after each sample, by the name of the estimator.
+    excitation
+        Measure of the excitation after each sample, shape (n,).
+    """
     x, v, f, *_ = regression
     columns = {"Time": t, "Displacement": x, "Velocity": v, "Force": f}
     units = {"Time": "s", "Displacement": "m", "Velocity": "m/s", "Force": "N"}

@@ -1,14 +1,18 @@
 """Test whether a single Kelvin-Voigt body explains several recordings of a specimen.
 
-Cochran's Q compares the values of k of all files, with their intervals. The values of b are
-compared in the same way if all are of one kind (`teleop.evaluation.kinds`). If all m files have the
-same k, Q is chi-squared distributed with m - 1 degrees of freedom. The size of a difference is
-stated as the ratio of the largest to the smallest value. The interval of the ratio is computed from
-the intervals of the largest and the smallest value. In addition, a single Kelvin-Voigt model is
-fitted to all files, and its residual is compared with the residuals of separate fits to each file.
+The values of k of all recordings are compared by Cochran's test. Its statistic is
 
-Equal values are evidence of a single body only if the intervals are narrow. Therefore, the smallest
-ratio that the test would detect with a probability of 80 % is also reported.
+    Q = sum_i (k_i - k_mean)^2 / s_i^2,
+
+where s_i is the standard deviation of k_i, and k_mean is the mean of all k_i with the weights
+1 / s_i^2. If the m recordings have the same k, Q is chi-squared distributed with m - 1 degrees of
+freedom. The values of b are compared in the same way if they are all of one kind
+(`teleop.evaluation.kinds`). The result also states the ratio of the largest to the smallest value,
+with its interval. In addition, a single Kelvin-Voigt model is fitted to all recordings together.
+Its residual is compared with the residuals of separate fits to each recording.
+
+If the intervals of k are wide, the test can miss a difference. Therefore, the smallest ratio that
+the test would detect with a probability of 80 % is also reported.
 
 References
 ----------
@@ -31,18 +35,22 @@ from teleop.evaluation.evaluation_result import Evaluation
 from teleop.evaluation.kinds import MEANING
 
 POWER_80 = 2.8
-"""Difference, in standard deviations, that a test at the 5 % level detects with 80 %
-probability."""
+"""Difference between two values that a test with the significance level 5 % detects with a
+probability of 80 %, in standard deviations of the difference."""
 LARGE = 1.1
-"""Ratio of the largest to the smallest value above which the values of files may count as
-different."""
+"""If the ratio of the largest to the smallest value is not above this limit, the values do not
+count as different, even if the difference is significant."""
 WORSE = 1.2
-"""Ratio of the residual of a single fit to all files to that of separate fits, above which the
-single fit is a misfit."""
+"""If the residual of a single fit to all recordings is larger than that of separate fits by more
+than this factor, the single model does not fit."""
 
 
 def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
-    """Test whether recordings agree, fit them together, and return a dictionary for JSON.
+    """Test whether one Kelvin-Voigt body explains several recordings.
+
+    The values of k and b of the recordings are compared, and a Kelvin-Voigt model is fitted to all
+    recordings together. The result is a dictionary for JSON, with the comparison, the fits and
+    sentences for the user (`reasons`).
 
     Parameters
     ----------
@@ -117,12 +125,19 @@ def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
 
 
 def compare_values(values: Floats, std: Floats) -> dict[str, float]:
-    """Return the ratio of the largest to the smallest value, and the p-value of Cochran's test.
+    """Test whether the values of one parameter from several recordings are equal.
 
     Parameters
     ----------
     values, std
-        Values and their standard deviations, each of shape (files,).
+        Values of the parameter and their standard deviations, one for each recording.
+
+    Returns
+    -------
+    Dictionary with these keys: `ratio` is the ratio of the largest to the smallest value, and `low`
+    and `high` are the ends of its 95 % interval; all three are NaN if the smallest value is not
+    positive. `p_value` is the p-value of Cochran's test. `detectable` is the smallest ratio that
+    the test would detect with a probability of 80 %.
     """
     weights = 1.0 / std**2
     mean = float(weights @ values / weights.sum())

@@ -4,11 +4,13 @@
    (`teleop.evaluation.resampled`).
 2. If the sampling rate is much higher than necessary for the bandwidth of the force, successive
    samples are averaged in blocks.
-3. Position and force are smoothed with the same Gaussian kernel (`estimation.smoothing`).
-   Therefore, a model that is linear in its parameters also holds for the smoothed signals.
+3. Position and force are smoothed with the same Gaussian kernel (`estimation.smoothing`). If the
+   relation between the measured signals is linear, such as f = b v + k x, it also holds for the
+   smoothed signals, with the same b and k.
 
-The corner frequency of the kernel is a multiple of the upper end of the coherent band. In this
-band, the force follows the displacement (`estimation.coherent_band`).
+The corner (half-power) frequency of the kernel is `CORNER` times the upper end of the coherent
+band, or lower if the sampling rate is low. The coherent band is the band of frequencies in which
+the force follows the displacement (`estimation.coherent_band`).
 """
 
 from __future__ import annotations
@@ -30,10 +32,11 @@ from teleop.evaluation.smallest_step import repeated_rounding
 from teleop.evaluation.turning_points import cycle_frequency, turning_points
 
 CORNER = 5.0
-"""Corner frequency of the kernel, as a multiple of the upper end of the coherent band."""
+"""Corner frequency of the smoothing kernel, as a multiple of the upper end of the coherent band. In
+this band of frequencies, the force follows the displacement."""
 FINENESS = 4.0
-"""Smallest number of grid points per standard deviation of the kernel, if the sampling rate of the
-record is high enough."""
+"""Smallest number of grid points per standard deviation of the smoothing kernel, if the sampling
+rate of the record is high enough."""
 SINE = 0.9
 """Fundamental share (see `Prepared.fundamental_share`) above which a motion counts as a sine. The
 share is 1 for a sine and 0.84 for a triangle wave."""
@@ -44,12 +47,17 @@ OUTLIERS = 5
 
 @dataclass(frozen=True)
 class Prepared:
-    """A record on a grid of constant period. Arrays have shape (n,)."""
+    """A record that is prepared for the batch evaluation: position and force at n times.
+
+    The times have a constant period, except at gaps, where samples are missing. The object contains
+    the measured and the smoothed signals. All arrays have shape (n,).
+    """
 
     t: Floats
     """Time [s]."""
     raw_x: Floats
-    """Measured position, delayed by the force lag and averaged over a grid period [m]."""
+    """Measured position, averaged over a grid period [m]. It is delayed by `force_lag`, so that it
+    has the same lag as the force."""
     raw_f: Floats
     """Measured force, averaged over a grid period [N]."""
     x: Floats
@@ -63,6 +71,7 @@ class Prepared:
     width: float
     """Width (standard deviation) of the smoothing kernel [s]."""
     band: CoherentBand
+    """Band of frequencies in which the force follows the displacement."""
     starts: tuple[int, ...]
     """Index of the first sample of each piece between gaps."""
     x_noise: float
@@ -74,12 +83,13 @@ class Prepared:
     f_count: float
     """Resolution of the force: its smallest step [N]; 0 if the force never changes."""
     f_rounding: float
-    """Standard deviation of the part of the force's rounding error that is the same whenever the
-    force has the same value [N]."""
+    """Standard deviation of the repeatable part of the rounding error of the force [N]. This part
+    is the same whenever the force has the same value."""
     ramp: bool
-    """Whether only the trend of position and force shows that the force follows the position."""
+    """Whether `band` is computed from the duration of a motion that never reverses, such as a ramp
+    (`teleop.evaluation.single_stroke`). False if it is computed from the spectra."""
     force_lag: float
-    """Time constant of the force channel that is compensated [s]."""
+    """Time constant of the force channel that is compensated [s]; 0 if no lag is compensated."""
 
     @cached_property
     def clock(self) -> Floats:
@@ -88,15 +98,18 @@ class Prepared:
 
     @cached_property
     def force_range(self) -> tuple[float, float]:
-        """Percentiles 0.5 and 99.5 of the smoothed force [N]: its range without outliers."""
+        """Lowest and highest smoothed force without outliers [N]: percentiles 0.5 and 99.5."""
         low, high = (float(v) for v in np.percentile(self.f, [0.5, 99.5]))
         return low, high
 
     @cached_property
     def order(self) -> int:
-        """Number of cosines in the baseline. The cosines are slower than the palpation.
+        """Number of cosines in the baseline.
 
-        The number is 0 if the motion has fewer than three cycles.
+        The baseline is the part of position and force that is slower than the palpation. It is
+        computed as a sum of cosines (`estimation.baseline`). The number is 0, and no baseline is
+        subtracted, if the motion has fewer than `FEWEST_CYCLES` cycles, or if the force does not
+        follow the displacement.
         """
         order = baseline_order(self.band.low, float(self.clock[-1]))
         if order == 0 or self.band.coherence == 0.0:
@@ -107,13 +120,14 @@ class Prepared:
 
     @cached_property
     def fundamental_share(self) -> float:
-        """Share of the fundamental in the motion; NaN for a motion of less than three cycles.
+        """Share of the fundamental frequency in the power of the velocity, from 0 to 1.
 
-        The fundamental is the frequency at which the spectrum of the velocity has its maximum. The
-        share is the power of the velocity between 0.5 and 1.5 times this frequency, divided by its
-        power up to 10 times this frequency. A triangle wave, holds and tremor of the hand reduce
-        it. A small oscillation of the drive within the lost motion hardly changes it. Single
-        outliers of the position are removed first.
+        The share is 1 for a sinusoidal motion. The fundamental frequency f1 is the frequency at
+        which the spectrum of the velocity has its maximum. The share is the power of the velocity
+        near f1 (from 0.5 f1 to 1.5 f1), divided by the power from 0 to 10 f1. The share is smaller
+        if the motion is a triangle wave, or if it contains holds or tremor of the hand. Single
+        outliers of the position are removed before. The share is NaN if the motion has fewer than
+        about `FEWEST_CYCLES` cycles.
         """
         x = median_filter(self.raw_x, OUTLIERS, mode="nearest")
         x = without_baseline(x, self.order)
@@ -127,36 +141,50 @@ class Prepared:
 
     @property
     def sinusoidal(self) -> bool:
-        """Whether the motion counts as a sine: a fundamental share above `SINE`."""
+        """Whether the motion counts as a sine: `fundamental_share` is larger than `SINE`."""
         return self.fundamental_share > SINE
 
     @cached_property
     def frequency(self) -> float:
-        """Frequency of the palpation [Hz]; NaN for a motion without cycles."""
+        """Frequency of the palpation [Hz]; NaN if the motion is not periodic.
+
+        The motion counts as not periodic if `order` is 0 and `sinusoidal` is False.
+        """
         if self.order == 0 and not self.sinusoidal:
             return float("nan")
         return cycle_frequency(self.palpation, self.period) or self.band.centre
 
     @cached_property
     def palpation(self) -> Floats:
-        """Smoothed position minus its baseline [m], shape (n,)."""
+        """Smoothed position minus its baseline [m], shape (n,).
+
+        The baseline is the part of the position that is slower than the palpation.
+        """
         return without_baseline(self.x, self.order)
 
     def smoothed(self, values: Floats) -> Floats:
-        """Smooth values on the grid with the kernel, and return them, shape (n,)."""
+        """Smooth a signal with the same Gaussian kernel as the record, and return it, shape (n,).
+
+        The parameter `values` contains the signal at the times `t`, shape (n,). Each piece between
+        two gaps is smoothed separately.
+        """
         return smooth_pieces(values, self.starts, self.width / self.period)
 
     def sharpened(self, values: Floats) -> Floats:
-        """Return values whose peaks are nearly as high as before the smoothing.
+        """Restore the height of the peaks of a smoothed signal, and return the signal, shape (n,).
 
-        The parameter `values` contains smoothed values y. The result is 2 y - H y, where H y are
-        the values y after a second smoothing.
+        Smoothing makes peaks lower. The parameter `values` is a smoothed signal y. The result is
+        2 y - H y = y + (y - H y), where H y is y after a second smoothing. The difference y - H y
+        is nearly the height that a peak lost in the first smoothing.
         """
         return 2.0 * values - self.smoothed(values)
 
     @property
     def f_noise_smoothed(self) -> float:
-        """Standard deviation of the noise of the smoothed force [N], if measured noise is white."""
+        """Standard deviation of the noise of the smoothed force [N].
+
+        It is computed from `f_noise`, and is correct if the noise of the measured force is white.
+        """
         return self.f_noise * self.noise_gain
 
     @property
@@ -166,33 +194,38 @@ class Prepared:
 
     @property
     def stride(self) -> int:
-        """Distance of two samples whose noise is nearly independent after smoothing [samples].
+        """Distance of two samples with nearly independent noise [samples].
 
-        It is 2.5 kernel widths.
+        Smoothing correlates the noise of samples that are near each other. The distance is
+        therefore a multiple of `width`, and at least 1.
         """
         return max(1, round(2.5 * self.width / self.period))
 
 
 def prepare(signals: Signals) -> Prepared:
-    """Interpolate, average and smooth a record, with the bandwidth of its coherent band.
+    """Interpolate, average and smooth a record.
+
+    The bandwidth of the smoothing is chosen from the coherent band of the record (the frequencies
+    at which the force follows the displacement).
 
     Raises
     ------
     ValueError
-        No piece between gaps is long enough.
+        Gaps divide the record into pieces, and all pieces have too few samples.
     """
     return smoothed_record(resample(signals))
 
 
 def smoothed_record(resampled: Resampled, bandwidth: float | None = None) -> Prepared:
-    """Average and smooth a record on an even grid.
+    """Average successive samples of a resampled record, smooth it, and return the prepared record.
 
     Parameters
     ----------
     resampled
-        The record.
+        The record, on a grid of constant period.
     bandwidth
-        Half-power frequency of the kernel [Hz]; None to choose it from the coherent band.
+        Half-power frequency of the smoothing kernel [Hz]. None: it is chosen from the coherent band
+        of the record (the frequencies at which the force follows the displacement).
     """
     period, band = resampled.period, resampled.band
     corner = bandwidth or min(CORNER * band.high, 0.2 / period)

@@ -1,4 +1,4 @@
-"""Reasons for which a record gives no stiffness, and remarks on an identifiable stiffness."""
+"""Find the reasons why no stiffness is reported for a record, and the remarks on a stiffness."""
 
 from __future__ import annotations
 
@@ -13,35 +13,40 @@ from teleop.evaluation.reason import Reason
 from teleop.evaluation.unsuited import no_contact, too_few_per_cycle, unsuited
 
 WIDEST = 0.5
-"""Half width of the interval of k, as a fraction of k, above which k is not identifiable."""
+"""If the half width of the 95 % interval of k is larger than this fraction of k, k is not
+identifiable."""
 MOTION = 10.0
-"""Smallest travel in contact, in units of 2.5 standard deviations of the position noise."""
+"""Smallest travel in contact with which k is fitted, in units of 2.5 standard deviations of the
+noise of the position."""
 DEPTH = 0.02
-"""Smallest travel in contact, as a fraction of the travel of the record."""
+"""Smallest travel in contact with which k is fitted, as a fraction of the travel of the record."""
 POOR = 0.9
-"""R^2 of the best model below which a bad fit is reported."""
+"""If R^2 of the best model is below this limit, a remark on the bad fit is made."""
 EXPLAINED = 0.8
-"""R^2 of the best model below which no stiffness is reported, if the contact is intermittent or the
-misfit is structural."""
+"""If R^2 of the best model is below this limit, no stiffness is reported, provided that the record
+contains free motion or the misfit is structural (`STRUCTURAL`)."""
 STRUCTURAL = 4
-"""Degree of the best polynomial at and above which a bad fit is called a structural misfit. Below
-it, noise is assumed."""
+"""If the best polynomial has at least this degree, a bad fit is attributed to the structure of the
+model (structural misfit). With a lower degree, it is attributed to noise."""
 CONSTANT_SPEED = 1e-9
-"""Relative standard deviation of the speed below which it is constant."""
+"""If the standard deviation of the velocity is below this fraction of the mean speed, the speed
+counts as constant."""
 SLIGHT = 0.02
-"""Residual of the Kelvin-Voigt model below which this model is sufficient, as a fraction of 0.35
-times the force range. For a sine, this is the root mean square of the force."""
+"""If the residual of the Kelvin-Voigt model is below this fraction of the typical force, the model
+is sufficient. The typical force is 0.35 times the force range, which is the root mean square of a
+sine."""
 SMALL_BASELINE = 0.05
-"""Size of the baseline below which it is not reported, as a fraction of the force range."""
+"""Peak-to-peak size of the baseline below which no remark on it is made, as a fraction of the force
+range. The baseline is the part of the force that is slower than the palpation."""
 FEWEST_INDEPENDENT = 35
-"""Smallest number of independent samples for which intervals are reported.
+"""Number of independent samples that the intervals need. If there are fewer, a remark says so.
 
 With fewer samples, the error model for four parameters has fewer than four cosines
 (`robust_error`).
 """
 HOLD = 0.5
-"""Duration of a hold in contact [s] during which a relaxation of the force is visible. Without such
-a hold, lost motion has a similar effect on the force."""
+"""Shortest hold in contact [s] in which a relaxation of the force can be distinguished from lost
+motion (backlash). Both have a similar effect on the force in a motion without such a hold."""
 LOST_MOTION = "motion is lost between the position sensor and the tip"
 SLOPES = "teleop estimate FILE --json prints the slope of each loading (phases)"
 LAG = (
@@ -50,7 +55,15 @@ LAG = (
 
 
 def reasons_before_fit(record: Prepared, phases: Phases) -> list[Reason]:
-    """Return the reasons why no stiffness can be fitted to the record; empty if there are none."""
+    """Return the reasons why no stiffness can be fitted to a record; empty if there are none.
+
+    Parameters
+    ----------
+    record
+        The prepared record.
+    phases
+        Contact and phases of the motion in the record.
+    """
     if reason := unsuited(record, phases):
         return [reason]
     found = []
@@ -95,9 +108,9 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
     local
         The fitted stiffness and damping.
     half_k
-        Half width of the 95 % interval of k [N/m].
+        Half width of the 95 % interval of the stiffness [N/m].
     phases
-        Phases of the record.
+        Contact and phases of the motion in the record.
     """
     if local.k + half_k < 0.0:
         return [
@@ -133,16 +146,19 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
 def remarks(
     record: Prepared, phases: Phases, local: LocalStiffness, half_b: float, change: Change | None
 ) -> list[Reason]:
-    """Return the remarks that are reported with an identifiable stiffness.
+    """Return the remarks on a record whose stiffness is reported.
+
+    A remark informs the user, for example, that the Kelvin-Voigt model does not fit well.
 
     Parameters
     ----------
     record, phases, local
-        The prepared record, its phases, and the fitted stiffness and damping.
+        The prepared record, its phases of motion, and the fitted stiffness and damping.
     half_b
-        Half width of the 95 % interval of b [N s/m].
+        Half width of the 95 % interval of the damping b [N s/m].
     change
-        Change of the stiffness over the cycles; None if the stiffness does not change.
+        Change of the stiffness between the first and the last cycles of the record; None if the
+        stiffness does not change.
     """
     found = []
     best, plain = local.best, local.kelvin_voigt
@@ -201,7 +217,10 @@ def remarks(
 
 
 def longest_hold(record: Prepared, phases: Phases) -> float:
-    """Return the duration of the longest hold in contact [s]."""
+    """Return the duration of the longest hold in contact [s]; 0 if there is no hold.
+
+    In a hold, the position is nearly constant.
+    """
     holds = (
         phase.end - phase.start
         for phase in phases.phases
@@ -211,12 +230,12 @@ def longest_hold(record: Prepared, phases: Phases) -> float:
 
 
 def negative_damping(force_lag: float) -> Reason:
-    """Return the remark on a negative damping.
+    """Return the remark that the fitted damping is negative, with its possible causes.
 
     Parameters
     ----------
     force_lag
-        Lag of the force that was compensated [s]; 0 if no lag was compensated.
+        Lag of the force that was compensated before the fit [s]; 0 if no lag was compensated.
     """
     lost = f"{LOST_MOTION}, which biases k too"
     if not force_lag:

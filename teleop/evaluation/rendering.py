@@ -1,4 +1,4 @@
-"""Compute what the hand felt in a recorded trial with force feedback: stiffness, force, energy."""
+"""Compute the stiffness, force and energy that the hand felt in a trial with force feedback."""
 
 from __future__ import annotations
 
@@ -12,35 +12,37 @@ from teleop.evaluation.loop_oscillation import MOST_SUSTAINED, ArmDamping, Runni
 from teleop.recording.recording import Recording
 
 SETTLING = 4.0
-"""Time at the start of a trial that is omitted, because the local model has not converged [s]. At
-most half of the trial is omitted."""
+"""Time at the start of a trial that is omitted [s], because the model of the specimen that the
+master renders has not converged. At most half of the trial is omitted."""
 LEAST_FORCE = 0.5
 """Contact force, multiplied by the force gain, above which a tick is evaluated [N]."""
 OLDEST = 10.0
-"""Time for which the motion of the hand is kept [s], to compare it with the delayed motion of the
-slave. No communication channel delays a motion by this time."""
+"""Time for which position and force of the hand are stored [s]. They are compared with the slave,
+which receives the motion of the hand with the delay of the communication channel. This time is
+longer than any such delay."""
 
 
 class Rendering(NamedTuple):
-    """Summary of what the hand felt in a trial.
+    """Stiffness, force error and energy that the hand felt in a trial, and the loop's stability.
 
-    If there are too few ticks with contact after the time `SETTLING`, the stiffness and the errors
-    are NaN.
+    The stiffness and the errors are computed at ticks of the control loop with contact. The first
+    `SETTLING` seconds of the trial are omitted. If too few ticks remain, these values are NaN.
     """
 
     rendered_k: float
-    """Secant stiffness that the hand felt [N/m]: sum of f x divided by sum of x^2."""
+    """Secant stiffness that the hand felt [N/m]: the sum of f x divided by the sum of x^2, where f
+    is the force that the hand felt and x the position of the hand."""
     rendered_k_error: float
-    """Relative difference between `rendered_k` and the secant stiffness at the slave in the same
-    motion, multiplied by force gain and motion scale."""
+    """Relative difference between `rendered_k` and its correct value. The correct value is the
+    secant stiffness at the slave in the same motion, multiplied by force gain and motion scale."""
     felt_force_error: float
-    """Root mean square difference between the felt force and the contact force of the same motion,
-    divided by the root mean square contact force. The contact force is multiplied by the force
-    gain."""
+    """Relative error of the force that the hand felt. The correct force is the contact force of the
+    slave in the same motion, multiplied by the force gain. The root mean square error is divided by
+    the root mean square of the correct force."""
     energy_min_j: float
-    """Lowest energy that the hand had given to the displayed environment up to any time [J];
-    negative if the environment gave energy to the hand. The energy in the virtual damping and mass
-    is not included."""
+    """Smallest value in the trial of the energy that the hand has given to the displayed
+    environment since the start [J]. A negative value means that the environment gave energy to the
+    hand. The energy in the virtual damping and mass of the admittance is not included."""
     stable: bool
     """Whether the trial had no safety stop, and no oscillation of the loop (see
     `teleop.evaluation.loop_oscillation`). A slow instability that has not reached the threshold of
@@ -48,25 +50,30 @@ class Rendering(NamedTuple):
 
 
 class Hand(NamedTuple):
-    """Quantities at the hand, each an array of shape (ticks,)."""
+    """Position, velocity and force at the hand. Each is an array with one value per tick.
+
+    The hand holds the master, which moves like the virtual mass of the admittance.
+    """
 
     position: Floats
-    """Position of the virtual mass relative to the contact point [m]."""
+    """Position of the virtual mass at the end of each tick [m], relative to the contact point."""
     force: Floats
-    """Force that the hand felt from the environment [N]."""
+    """Force of the environment that the hand felt [N]."""
     velocity: Floats
-    """Velocity of the virtual mass [m/s]."""
+    """Mean velocity of the virtual mass during each tick [m/s]."""
 
 
 class RunningHand:
-    """Computes quantities at the hand from the ticks in mode active, which are added in blocks.
+    """Computes position, velocity and force at the hand in a recorded trial with force feedback.
 
-    The admittance consists of a virtual mass, damping and spring. The force of the spring is zero
-    at the initial position. The force that the hand felt from the environment is the measured force
-    of the hand minus the force that moves the admittance. At some ticks, a limit changed the
-    commanded velocity of the master. At these ticks, the velocity of the virtual mass is the
-    applied velocity, and the force that the hand felt is the displayed force that the controller
-    recorded.
+    The master is controlled as an admittance: m v' + d v + k x = f_h - f_e. The virtual mass m, the
+    virtual damping d and the virtual stiffness k are settings. v is the velocity of the master, x
+    its distance from the initial position, and f_h the force of the hand. f_e is the force of the
+    environment that the hand feels. It is computed from this equation.
+
+    There is one exception. At some ticks of the control loop, the safety supervisor changed the
+    commanded velocity of the master, and the equation does not hold. At these ticks, v is the
+    velocity that the drive applied, and f_e is the displayed force in the recording.
 
     Parameters
     ----------
@@ -83,7 +90,14 @@ class RunningHand:
         self._v = self._moved = 0.0
 
     def add(self, active: Recording) -> Hand:
-        """Return the quantities at the next ticks."""
+        """Return position, velocity and force at the hand at the next ticks.
+
+        Parameters
+        ----------
+        active
+            The ticks that follow those of the previous call. At all of them, the safety supervisor
+            is in the mode active (the drives follow the commands).
+        """
         if not len(active):
             return Hand(np.empty(0), np.empty(0), np.empty(0))
         desired, dt = active["desired_master_velocity"], active["dt"]
@@ -104,27 +118,38 @@ class RunningHand:
 def hand(
     recording: Recording, mass: float, damping: float, stiffness: float, scale: float = 1.0
 ) -> Hand:
-    """Return the quantities at the hand at all ticks in mode active (see `RunningHand`)."""
+    """Return position, velocity and force at the hand at all ticks of a trial.
+
+    Parameters
+    ----------
+    recording
+        The ticks of the trial at which the safety supervisor is in the mode active (the drives
+        follow the commands).
+    mass, damping, stiffness, scale
+        As in `RunningHand`.
+    """
     return RunningHand(mass, damping, stiffness, scale).add(recording)
 
 
 class RunningRendering:
-    """Computes the summary of what the hand felt in a trial.
+    """Computes stiffness, force error and energy that the hand felt in a recorded trial.
 
-    The ticks in mode active are added in blocks.
+    The ticks of the control loop are added in blocks by the method `add`. The method `result`
+    returns the results.
 
     Parameters
     ----------
     hand
-        Computes the quantities at the hand.
+        The object that computes position, velocity and force at the hand.
     scale
         Ratio of slave motion to master motion.
     gain
         Ratio of the displayed force to the contact force.
     end
-        Time of the last tick in mode active [s].
+        Time of the last tick of the trial at which the drives follow the commands [s].
     arm_damping
-        Damping of the arm [N s/m] at frequencies [Hz], if the arm is known.
+        Function that takes frequencies [Hz] and returns the damping of the operator's arm at these
+        frequencies [N s/m]. None: the damping of the arm is not known.
     """
 
     def __init__(
@@ -142,10 +167,17 @@ class RunningRendering:
         self._energy = self._lowest = 0.0
         self._sums = np.zeros(6)
         self._earlier: Floats = np.empty((3, 0))
-        """Times of earlier ticks, and position and force of the hand at these ticks."""
+        """Time, position of the hand and felt force at earlier ticks, shape (3, ticks)."""
 
     def add(self, active: Recording) -> None:
-        """Add the next ticks in mode active."""
+        """Process the next ticks of the trial.
+
+        Parameters
+        ----------
+        active
+            The ticks that follow those of the previous call. At all of them, the safety supervisor
+            is in the mode active (the drives follow the commands).
+        """
         if not len(active):
             return
         self._ticks += len(active)
@@ -175,7 +207,10 @@ class RunningRendering:
         self._earlier = self._earlier[:, times > t[-1] - OLDEST]
 
     def result(self, fault: bool) -> Rendering:
-        """Return the summary; `fault` is whether a fault stopped the trial."""
+        """Return the stiffness, force error, energy and stability over all processed ticks.
+
+        The parameter `fault` states whether a fault stopped the trial. Such a trial is not stable.
+        """
         if not self._ticks:
             return Rendering(math.nan, math.nan, math.nan, math.nan, stable=False)
         stable = not fault and self._spectra.sustained_share() < MOST_SUSTAINED
@@ -190,5 +225,8 @@ class RunningRendering:
 
 
 def cumulative_sum(values: Floats, start: float) -> Floats:
-    """Return the sums of `start` and the first 1, 2, ... n values, shape (n,)."""
+    """Return the cumulative sum of the values plus the number `start`, shape (n,).
+
+    Element i is `start` + values[0] + ... + values[i].
+    """
     return np.cumsum(np.concatenate(([start], values)))[1:]

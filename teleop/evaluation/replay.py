@@ -1,4 +1,4 @@
-"""Samples and settings with which the estimates of a recorded trial are recomputed."""
+"""Read the samples and settings of a recorded trial, to recompute its estimates."""
 
 from __future__ import annotations
 
@@ -17,38 +17,45 @@ if TYPE_CHECKING:
 
 
 def is_replayed(column: str) -> bool:
-    """Return whether a column of a recording is needed to compute the true values or the tracking.
+    """Return whether a column of a recording is needed besides the samples of the estimators.
 
-    True values exist only for the simulated rig. The tracking is computed from the target and the
-    position of the slave.
+    From the selected columns, two things are computed: how well the slave follows the target, and
+    the true values of b and k, which are known for the simulated rig only. The parameter `column`
+    is the name of the column.
     """
     return column in ("time", "slave_position", "target")
 
 
 def is_reported(column: str) -> bool:
-    """Return whether a report may show a column. It shows no columns of the estimators."""
+    """Return whether a column of a recording may be shown in a report.
+
+    Columns with recorded results of the estimators are not shown. The parameter `column` is the
+    name of the column.
+    """
     return not column.endswith(("_b", "_k", "_std", "_held", "_misfit"))
 
 
 def recorded_signals(recording: Recording) -> Signals:
-    """Return the samples of a recorded trial before conditioning.
+    """Return the measured samples of a recorded trial, as they were before the filters.
 
-    In the first sample after missing ticks, `paired_dt` is the time since a sample that is missing.
-    This value is replaced by the time since the last sample before the gap.
+    In a gap of the recording, samples are missing. The first sample after a gap has a recorded
+    period `paired_dt` that is too short: it is the time since the last missing sample. It is
+    replaced by the time since the last sample before the gap.
 
     Raises
     ------
     InputError
-        A sample is not finite, or a period is not positive.
+        A sample is not finite, or a sample period is not positive.
     """
     t, x, f, dt = measured(recording.columns)
     return Signals(t, x, f, dt, "slave_position", with_gaps(t, dt, ends_of(recording.gaps)))
 
 
 def recorded_settings(recording: Recording) -> EstimateSettings:
-    """Return the settings of the estimators in a recorded trial.
+    """Return the settings that the estimators had in a recorded trial.
 
-    With these settings, `evaluate` computes exactly the recorded estimates, bit by bit.
+    With these settings, `teleop.evaluation.evaluation.evaluate` computes exactly the estimates that
+    were recorded in the trial.
 
     Raises
     ------
@@ -82,7 +89,10 @@ def recorded_settings(recording: Recording) -> EstimateSettings:
 
 @cache
 def validator(kind: type) -> TypeAdapter[Any]:
-    """Return the pydantic object that checks settings of the class `kind`; it is cached."""
+    """Return the object of the library pydantic that checks values of the class `kind`.
+
+    It is made in the first call for each class, and is used again in later calls.
+    """
     from pydantic import TypeAdapter
 
     return TypeAdapter(kind)

@@ -1,7 +1,9 @@
 """Interpolate a record onto a grid of constant period, and find its noise and its coherent band.
 
-The result does not depend on the bandwidth of the smoothing. A record that is smoothed with several
-bandwidths is therefore resampled once.
+The coherent band is the band of frequencies in which the force follows the displacement.
+
+The record is smoothed later. The result of this module does not depend on the bandwidth of the
+smoothing. A record that is smoothed with several bandwidths is therefore resampled only once.
 """
 
 from __future__ import annotations
@@ -24,16 +26,20 @@ FEWEST = 16
 
 @dataclass(frozen=True)
 class Resampled:
-    """A record on a grid of constant period, which is not smoothed."""
+    """A record that is interpolated onto a grid of constant period, but not smoothed.
+
+    Gaps, in which samples are missing, divide the record into pieces.
+    """
 
     pieces: list[tuple[Floats, Floats, Floats]]
-    """Time [s], position [m] and force [N] of each piece between gaps."""
+    """Time [s], position [m] and force [N] of each piece, as arrays of shape (n,)."""
     period: float
     """Grid period [s]."""
     band: CoherentBand
-    """Frequency band in which the force follows the position, of the longest piece."""
+    """Frequency band in which the force follows the position, computed from the longest piece."""
     ramp: bool
-    """Whether only the trend of position and force shows that the force follows the position."""
+    """Whether `band` is computed from the duration of a motion that never reverses, such as a ramp
+    (`teleop.evaluation.single_stroke`). False if it is computed from the spectra."""
     x_noise: float
     """Standard deviation of the noise of the position [m], of the longest piece."""
     f_noise: float
@@ -45,24 +51,27 @@ class Resampled:
     f_count: float
     """Resolution of the force: its smallest step [N]; 0 if the force never changes."""
     force_lag: float
-    """Time constant of the force channel that is compensated [s]."""
+    """Time constant of the force channel that is compensated [s]; 0 if no lag is compensated."""
 
 
 def resample(signals: Signals, force_lag: float = 0.0) -> Resampled:
-    """Interpolate a record linearly onto a grid of constant period. Gaps divide it into pieces.
+    """Interpolate a record linearly onto a grid of constant period.
+
+    Gaps, in which samples are missing, divide the record into pieces. Each piece is interpolated
+    separately.
 
     Parameters
     ----------
     signals
         The record.
     force_lag
-        Time constant of the force channel [s]. To compensate this lag, the position is delayed by
-        the same lag.
+        Time constant of the first-order lag of the force channel [s]. The lag is compensated by
+        filtering the position with the same lag.
 
     Raises
     ------
     ValueError
-        No piece between gaps is long enough.
+        No piece has `FEWEST` samples or more.
     """
     period = float(np.median(signals.dt))
     bounds = sorted({0, len(signals.t), *signals.gaps})
@@ -100,11 +109,14 @@ def resample(signals: Signals, force_lag: float = 0.0) -> Resampled:
 
 
 def measurement_noise(values: Floats) -> float:
-    """Estimate the standard deviation of white noise from third differences.
+    """Estimate the standard deviation of the white noise in a signal, in the unit of the signal.
+
+    It is computed from the third differences of the signal. The differences remove slow motion, but
+    not the noise.
 
     Parameters
     ----------
     values
-        Evenly sampled values, shape (n,).
+        Evenly sampled values of the signal, shape (n,).
     """
     return float(1.4826 * np.median(np.abs(np.diff(values, 3))) / np.sqrt(20.0))

@@ -2,13 +2,13 @@
 
 k is the tangent stiffness at half of the force range, in loading (`local_stiffness`). k depends
 neither on the zero of position and force nor on the length of the record. The secant stiffness (the
-force divided by the depth) depends on the zero and on the length of the record. It is reported in
-addition to k. The result also states how much the secant stiffness would change if the zero of the
-position had an error of 0.1 mm.
+force divided by the depth) is reported in addition to k. The secant stiffness depends on the zero
+and on the length of the record. The result also states how much the secant stiffness would change
+if the zero of the position had an error of `DATUM_ERROR`.
 
-The interval accounts for the autocorrelation of the residual, for the spread between models, and
-for the change of k with the smoothing bandwidth. If the data are not sufficient for k, both k and b
-are None, and `reasons` contains the reasons.
+The intervals of k and b include three causes of error: the autocorrelation of the residual, the
+differences between the fitted models, and the change of k and b with the smoothing bandwidth. If
+the data are not sufficient for k, both k and b are None, and `Result.reasons` states why.
 """
 
 from __future__ import annotations
@@ -28,12 +28,16 @@ from teleop.evaluation.reason import Reason
 from teleop.evaluation.reasons import reasons_after_fit, reasons_before_fit, remarks
 
 DATUM_ERROR = 1e-4
-"""Datum error for which the change of the secant stiffness is reported [m]."""
+"""Error of the zero of the position [m]. The change of the secant stiffness that it causes is
+reported."""
 
 
 @dataclass(frozen=True)
 class Result:
-    """Stiffness and damping with 95 % intervals, and the force and depth at which they hold."""
+    """Stiffness and damping with 95 % intervals, or the reasons why they are not reported.
+
+    The result also contains the force and the depth at which the stiffness is evaluated.
+    """
 
     k: float | None = None
     """Tangent stiffness [N/m]; None if it is not identifiable."""
@@ -52,51 +56,67 @@ class Result:
     reasons: tuple[str, ...] = ()
     """Reasons why k is not identifiable; if k is identifiable, remarks on the result."""
     hints: tuple[str, ...] = ()
-    """Options and commands of this program that concern the reasons. They are printed in a
-    terminal only."""
+    """Sentences that name options and commands of this program with which the user can act on the
+    reasons. They are printed in a terminal only."""
     force: float | None = None
-    """Force at which the tangent stiffness is evaluated: half of the force range [N]."""
+    """Force at which the tangent stiffness is evaluated: half of the force range [N]. It is
+    relative to the force out of contact if this force is known."""
     depth: float | None = None
     """Depth at `force`, relative to the contact point or to the lowest position in contact [m]."""
     secant: float | None = None
-    """Secant stiffness at `force`: force divided by depth [N/m]."""
+    """Secant stiffness at `force`: force divided by depth [N/m]; None if the force out of contact
+    is not known."""
     secant_change: float | None = None
-    """Relative change of the secant stiffness that a datum error of 0.1 mm causes."""
+    """Relative change of the secant stiffness that an error of `DATUM_ERROR` in the zero of the
+    position causes; None if `secant` is None."""
     times: tuple[float, ...] = field(default=())
     """Relaxation time constants of the best model [s]."""
     depth_error: float = 0.0
     """Half width of the 95 % interval of the contact point [m]; 0 if `depth` is not measured from
     a contact point."""
     depth_from: str = "lowest position"
-    """Position at which `depth` is zero: the contact point or the lowest position in contact."""
+    """Text that names the position at which `depth` is zero: "contact point" or "lowest position"
+    (in contact)."""
     damping_at_hz: float | None = None
-    """Frequency at which b is k''/omega [Hz]; None if relaxing parts may cause part of the loss."""
+    """Frequency [Hz] at which b is k''/omega, the loss stiffness divided by the angular frequency.
+    None if a relaxation of the force may cause part of the loss."""
 
     @property
     def kinds(self) -> dict[str, str]:
-        """Kinds of k and b, by symbol."""
+        """Kind of stiffness and kind of damping of this result, by the symbols "k" and "b".
+
+        Values of different kinds are different physical quantities (`teleop.evaluation.kinds`).
+        """
         loss = self.damping_at_hz is not None
         return {"k": TANGENT, "b": LOSS if loss else BESIDES_RELAXATION}
 
     @property
     def b_change_per_ms(self) -> float | None:
-        """Decrease of b that each millisecond of a lag of the force causes [N s/m].
+        """Decrease of b for each millisecond by which the force lags behind the position [N s/m].
 
-        This applies to a lag that is not compensated. The value is None if k is not identifiable.
+        A lag of the force that is not compensated makes b smaller by the product of k and the lag.
+        The value is None if k is not identifiable.
         """
         return None if self.k is None else 1e-3 * self.k
 
     def interval(self, symbol: str) -> tuple[float, float]:
-        """Return the lower and upper end of the interval of k or b (`symbol`)."""
+        """Return the lower and the upper end of the 95 % interval of k [N/m] or b [N s/m].
+
+        The parameter `symbol` is "k" or "b".
+        """
         return getattr(self, f"{symbol}_low"), getattr(self, f"{symbol}_high")
 
     def determines(self, symbol: str) -> bool:
-        """Return whether the record determines k or b (`symbol`)."""
+        """Return whether the record contains information about k or b (`symbol` is "k" or "b").
+
+        For example, a record with constant speed does not determine b. Such a value is marked by an
+        interval that is narrower than `UNDETERMINED`. Use this method only if k is identifiable.
+        """
         low, high = self.interval(symbol)
         return high - low >= UNDETERMINED
 
     def summary(self) -> dict[str, Any]:
-        """Return the result as a dictionary for JSON."""
+        """Return the result as a dictionary that can be written as JSON."""
         document = asdict(self)
         document["reasons"] = list(self.reasons)
         document["hints"] = list(self.hints)
@@ -116,7 +136,9 @@ class Result:
 def publishable(
     record: Prepared, phases: Phases, local: LocalStiffness | None, other: LocalStiffness | None
 ) -> Result:
-    """Return the result of a record.
+    """Return the result of a record for publication.
+
+    It contains k and b with 95 % intervals, or the reasons why they are not reported.
 
     Parameters
     ----------
@@ -125,11 +147,11 @@ def publishable(
     phases
         Phases of the record.
     local
-        Stiffness and damping in contact; None if there are too few samples.
+        Fitted stiffness and damping in contact; None if there are too few samples for a fit.
     other
-        Stiffness and damping in contact with another smoothing bandwidth. A difference between
-        `other` and `local` widens the intervals. If `other` is None, the intervals do not contain
-        this difference.
+        Stiffness and damping, fitted with another smoothing bandwidth than `local`. The difference
+        between `other` and `local` widens the intervals. If `other` is None, the intervals do not
+        include the effect of the smoothing bandwidth.
     """
     against = reasons_before_fit(record, phases)
     if local is None and not against:
@@ -181,7 +203,7 @@ def publishable(
 
 
 def without_result(against: Sequence[Reason]) -> Result:
-    """Return a result without k and b, for a record from which they cannot be determined.
+    """Return a result in which k and b are None, for a record that does not determine them.
 
     Parameters
     ----------
@@ -193,6 +215,14 @@ def without_result(against: Sequence[Reason]) -> Result:
 
 
 def texts_and_hints(found: Sequence[Reason]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the texts of reasons, and their distinct hints."""
+    """Return the texts of reasons, and their hints: the two fields of `Reason`, as two tuples.
+
+    A hint that several reasons have is returned once. Empty hints are omitted.
+
+    Parameters
+    ----------
+    found
+        Reasons why a record gives no stiffness, or remarks on its stiffness.
+    """
     hints = dict.fromkeys(one.hint for one in found if one.hint)
     return tuple(one.text for one in found), tuple(hints)

@@ -1,4 +1,8 @@
-"""The samples that are evaluated: all of them in blocks, and a part that fits into memory."""
+"""Provide the samples of a record for the evaluation: in blocks, and as arrays in memory.
+
+The online estimators process all samples, one block after another. The batch evaluation needs its
+samples in memory. If the record is long, the arrays in memory contain only a part of the samples.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +24,9 @@ from teleop.recording.recording import Recording, missing_column
 from teleop.recording.stream import RecordingStream
 
 BLOCK = 1 << 14
-"""Number of samples in a block of a long record."""
+"""Number of samples in a block of a record that is too long for a single block."""
 WHOLE = 1 << 16
-"""Largest number of samples of a record that is processed in a single block."""
+"""A record with at most this number of samples is processed in a single block."""
 NEEDED = ("time", "dt", "dropped", "x", "paired_position", "paired_force", "paired_dt")
 """Columns that are needed to evaluate a recorded trial."""
 
@@ -30,43 +34,46 @@ NOTHING: Floats = np.empty(0)
 
 
 class Block(NamedTuple):
-    """Successive samples, and their recorded estimates."""
+    """Successive samples of a record, and the estimates that were recorded after each sample."""
 
     signals: Signals
+    """The samples: measured time, position and force."""
     recorded: Mapping[str, tuple[Floats, Floats]] = {}
-    """Recorded b and k of each estimator after each sample; empty if they are not known."""
+    """Recorded b [N s/m] and k [N/m] after each sample, by the name of the estimator. It is empty
+    if no estimates were recorded."""
 
 
 class Samples:
-    """Samples in memory.
+    """The samples of a record for the evaluation, all of which are in memory.
 
     Parameters
     ----------
     signals
-        The samples.
+        The samples: measured time, position and force.
     recorded
-        Recorded estimates after each sample; empty if they are not known.
+        Recorded estimates after each sample, by the name of the estimator. None: no estimates were
+        recorded.
     """
 
     def __init__(self, signals: Signals, recorded: Mapping[str, Estimates] | None = None) -> None:
         self.signals = signals
         """The samples for the batch evaluation: all samples, or sections with gaps between them."""
         self.count = len(signals.t)
-        """Number of all samples."""
+        """Number of all samples of the record, even if `signals` contains only a part of them."""
         self._recorded = {name: (e.b, e.k) for name, e in (recorded or {}).items()}
 
     @property
     def is_whole(self) -> bool:
-        """Whether `signals` contains all samples."""
+        """Whether the attribute `signals` contains all samples of the record."""
         return self.count == len(self.signals.t)
 
     @property
     def _block(self) -> int:
-        """Largest number of samples in a block of this record."""
+        """Largest number of samples in a block into which this record is divided."""
         return WHOLE if self.count <= WHOLE else BLOCK
 
     def blocks(self) -> Iterator[Block]:
-        """Yield all samples in blocks."""
+        """Yield all samples of the record in blocks, in the order of time."""
         s, size = self.signals, self._block
         for start in range(0, self.count, size):
             part = slice(start, start + size)
@@ -77,25 +84,26 @@ class Samples:
 
 
 class RecordedSamples(Samples):
-    """Samples of a recorded trial, which are read from the file twice.
+    """The samples of a recorded trial for the evaluation, read from the file.
 
-    The file is read when the object is made, and again by `blocks`. If the recording is long,
-    `signals` contains only evenly spaced sections (see `Sections`). Therefore, the required memory
-    does not depend on the duration; it increases with the sampling rate.
+    The file is read when the object is made, and again by `blocks`. If the recording is long, the
+    attribute `signals` contains only evenly spaced sections of it (see `Sections`). Their number
+    and duration are limited. The required memory therefore does not increase with the duration of
+    the recording, but it increases with the sampling rate.
 
     Parameters
     ----------
     path
-        The recording.
+        File of the recording.
     is_wanted
-        Function that takes the name of a column, and returns whether the attribute `recording`
-        contains this column.
+        Function that takes the name of a column of the recording. It returns whether this column is
+        kept in the attribute `recording`.
 
     Raises
     ------
     InputError
         The recording cannot be read, is not complete or lacks a column, a sample is not finite, or
-        a period is not positive.
+        a sample period is not positive.
     """
 
     def __init__(self, path: Path, is_wanted: Callable[[str], bool]) -> None:
@@ -121,14 +129,15 @@ class RecordedSamples(Samples):
             settings=stream.settings,
             gaps=stream.gaps,
         )
-        """The recording with the wanted columns. Of a long one, only the end is kept (`Last`)."""
+        """The recording, with the columns that `is_wanted` selects. If the recording is long, only
+        its last ticks are kept (see `Last`)."""
         t, x, f, dt = sections.samples()
         gaps = with_gaps(t, dt, ends_of(stream.gaps), sections.starts)
         super().__init__(Signals(t, x, f, dt, "slave_position", gaps))
         self.count = sections.count
 
     def blocks(self) -> Iterator[Block]:
-        """Yield all samples in blocks, with their recorded estimates."""
+        """Read the file again, and yield all samples in blocks, with their recorded estimates."""
         stream = RecordingStream(self._path)
         names = estimators_in(stream.units)
         columns = [f"{name}_{symbol}" for name in names for symbol in "bk"]
@@ -146,23 +155,26 @@ class RecordedSamples(Samples):
 
 
 def measured(block: Mapping[str, Floats], further: Sequence[str] = ()) -> Floats:
-    """Return the samples that the estimators received in a block of ticks.
+    """Return the n samples that the estimators received in a block of ticks of the control loop.
+
+    Ticks at which the estimators received no sample are omitted.
 
     Parameters
     ----------
     block
-        Columns of the ticks. Ticks at which the estimators were not updated are omitted.
+        Columns of the recording by name, with one value for each tick.
     further
-        Names of columns that are returned besides `MEASURED`.
+        Names of columns that are returned in addition to the columns `MEASURED` (time, position,
+        force, and time since the previous sample).
 
     Returns
     -------
-    Array of shape (channels, n). Its rows are the columns `MEASURED` and `further`.
+    Array with one row for each column, first `MEASURED`, then `further`. It has n columns.
 
     Raises
     ------
     InputError
-        A sample is not finite, or a period is not positive.
+        A sample is not finite, or a sample period is not positive.
     """
     part = np.isfinite(block["x"])
     samples = np.stack([block[name][part] for name in (*MEASURED, *further)])
@@ -175,7 +187,11 @@ def measured(block: Mapping[str, Floats], further: Sequence[str] = ()) -> Floats
 
 
 def ends_of(gaps: Iterable[Gap]) -> list[float]:
-    """Return the time of the first tick after each gap [s]."""
+    """Return the end of each gap: the time of the first recorded tick after the gap [s].
+
+    In a gap, ticks of the control loop are missing in the recording. A gap at the end of the
+    recording has no end, and is omitted.
+    """
     return [gap.end for gap in gaps if gap.end is not None]
 
 
@@ -188,8 +204,8 @@ def with_gaps(
 ) -> tuple[int, ...]:
     """Return the index of the first sample after each gap, and correct `dt` at this sample.
 
-    At the first sample after a gap, the recorded `dt` is the time since a sample in the gap. The
-    arrays do not contain that sample. This value of `dt` is replaced by the time since the last
+    In a gap, samples are missing. The first sample after a gap has a recorded `dt` that is too
+    short: it is the time since the last missing sample. It is replaced by the time since the last
     sample before the gap. The array `dt` is changed in place.
 
     Parameters
@@ -199,12 +215,12 @@ def with_gaps(
     dt
         Time since the previous sample [s], shape (n,).
     ends
-        Time of the first tick after each gap [s].
+        Time at which each gap ends [s]. The first sample at or after this time follows the gap.
     starts
-        Further indices of samples that follow a gap.
+        Indices of samples that follow other gaps, which are not in `ends`.
     before
-        Time of the sample before the first of the n samples [s], shape (1,). If there is no such
-        sample, the array is empty.
+        Time of the last sample before these n samples [s], shape (1,). The array is empty if the n
+        samples are the first samples of the record.
     """
     found = {int(i) for i in np.searchsorted(t, ends) if i < len(t)} | set(starts)
     for i in found:
@@ -214,9 +230,16 @@ def with_gaps(
 
 
 def joined(blocks: Iterable[Floats], size: int) -> Iterator[Floats]:
-    """Join arrays of samples, and yield arrays of `size` samples, shape (channels, size).
+    """Join arrays of successive samples, and divide them again into arrays of `size` samples.
 
-    The last array may contain fewer samples.
+    The last yielded array may contain fewer samples.
+
+    Parameters
+    ----------
+    blocks
+        Arrays of successive samples, each of shape (channels, n). n can differ between them.
+    size
+        Number of samples in a yielded array, which has the shape (channels, size).
     """
     parts: list[Floats] = []
     count = 0

@@ -1,4 +1,4 @@
-"""Detect gaps between samples, and condition the signals in the pieces between gaps."""
+"""Detect gaps, in which samples are missing, and filter the pieces between gaps separately."""
 
 from __future__ import annotations
 
@@ -16,12 +16,22 @@ LONG = 20.0
 
 
 def long_periods(dt: Floats) -> NDArray[np.intp]:
-    """Return the index of the first sample after each gap."""
+    """Return the index of the first sample after each gap.
+
+    A gap is a sample period that is longer than `LONG` times the median period.
+
+    Parameters
+    ----------
+    dt
+        Time since the previous sample [s], shape (n,).
+    """
     return np.flatnonzero(dt > LONG * np.median(dt))
 
 
 def closed_up(dt: Floats, gaps: Sequence[int]) -> Floats:
-    """Return the sample periods, with each gap replaced by the median period.
+    """Return the sample periods [s], shape (n,), with the duration of gaps removed.
+
+    At the first sample after each gap, the period is replaced by the median period.
 
     Parameters
     ----------
@@ -36,13 +46,15 @@ def closed_up(dt: Floats, gaps: Sequence[int]) -> Floats:
 
 
 class PiecewiseConditioner:
-    """Conditions successive blocks of samples separately in each piece between gaps.
+    """Filters a record in blocks of samples, and restarts the filters after each gap.
+
+    In a gap, samples are missing. The filters compute displacement, velocity and force from the
+    measured position and force (conditioning).
 
     Parameters
     ----------
     conditioner
-        The filters that condition the signals. They are reset when this object is created, and
-        after each gap.
+        The filters. They are also reset when this object is created.
     """
 
     def __init__(self, conditioner: Conditioner) -> None:
@@ -53,7 +65,7 @@ class PiecewiseConditioner:
     def run(
         self, t: Floats, x: Floats, f: Floats, dt: Floats, gaps: Sequence[int]
     ) -> tuple[Regression, NDArray[np.bool_]]:
-        """Condition the next n samples.
+        """Filter the next block of n samples.
 
         Parameters
         ----------
@@ -65,8 +77,8 @@ class PiecewiseConditioner:
 
         Returns
         -------
-        The n conditioned samples, and a mask of shape (n,). The mask is True at samples at which
-        the filters have settled after the last gap.
+        The n filtered samples, and a mask of shape (n,). The mask is False at samples after a gap
+        until the filters have settled. It is True at all other samples.
         """
         conditioner = self._conditioner
         bounds = sorted({0, len(t), *gaps})

@@ -1,4 +1,4 @@
-"""Summarise the settings of an evaluation that are stated together with the results."""
+"""Summarise the settings of an evaluation, which are reported together with its results."""
 
 from __future__ import annotations
 
@@ -9,7 +9,11 @@ from teleop.evaluation.estimate_settings import EstimateSettings
 
 
 def settings_summary(settings: EstimateSettings) -> dict[str, Any]:
-    """Return software version, conditioning and force lag of an evaluation."""
+    """Return the settings that influenced the result of an evaluation, for a report.
+
+    The keys are `software` (version of this program), `conditioning` (name of the filters of
+    position and force) and `force_lag_s` (the setting of the force lag [s]; 0 if it is not set).
+    """
     return {
         "software": f"teleop {version('teleop')}",
         "conditioning": settings.conditioning,

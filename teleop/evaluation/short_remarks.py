@@ -1,4 +1,4 @@
-"""Shorten the remarks on results, so that recordings with similar remarks can be counted."""
+"""Remove the numbers from the remarks on results, and count the results with the same remark."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ FROM_FIRST_NUMBER = re.compile(r"[:;,][^:;,\d]*\d.*")
 
 
 def short(remark: str) -> str:
-    """Return a remark without the parts that contain numbers.
+    """Return a remark without its numbers, so that remarks on several recordings can be equal.
 
-    The numbers differ between recordings. A part in parentheses is removed alone. Another part is
-    removed together with the text after it.
+    For example, the remark "bad fit: 12 % of the force variance is not explained" becomes "bad
+    fit". Parentheses that contain a number are removed first. If a number remains after a colon, a
+    semicolon or a comma, the text from this punctuation mark to its end is removed.
     """
     return FROM_FIRST_NUMBER.sub("", IN_PARENTHESES.sub("", remark))
 
 
 def remark_counts(results: Iterable[Result]) -> dict[str, int]:
-    """Return the short form of each remark, with the number of results that have this remark."""
+    """Return the number of results with each remark, by the remark without its numbers."""
     return dict(Counter(text for one in results for text in dict.fromkeys(map(short, one.reasons))))

@@ -21,7 +21,8 @@ SHORTEST = 1e-9
 FEWEST = 3
 """Smallest number of samples in a table."""
 COARSE = 0.1
-"""Fraction of samples with a repeated time above which the option `--rate` is suggested."""
+"""The option `--rate` is suggested if more than this fraction of the samples has the same time as
+the previous sample."""
 BLOCKS_SHOWN = 12
 """Largest number of tables that an error message lists."""
 
@@ -40,7 +41,7 @@ class Signals(NamedTuple):
     position_name: str
     """Name of the position's column, without its unit."""
     gaps: tuple[int, ...] = ()
-    """Index of the first sample after each gap."""
+    """Index of the first sample after each gap (an interval in which samples are missing)."""
     force_filter: str = ""
     """Description of the force filter in the file; empty if the file has none."""
     notes: tuple[str, ...] = ()
@@ -48,9 +49,14 @@ class Signals(NamedTuple):
 
 
 def periods(t: Floats) -> Floats:
-    """Return the time since the previous sample [s], shape (n,).
+    """Return, for each sample, the time since the previous sample [s], shape (n,).
 
-    For the first sample, the result is the median of the other periods.
+    The first sample has no previous sample. Its value is the median of the other values.
+
+    Parameters
+    ----------
+    t
+        Time of each sample [s], shape (n,).
     """
     steps = np.diff(t)
     return np.concatenate(([np.median(steps)], steps))
@@ -73,38 +79,41 @@ def read_signals(
         Column to read, as NAME, or as NAME=UNIT if the header has no unit. If it is None, the
         column with a usual name is read.
     wanted
-        All other options of the user.
+        Options of the user for the selection and conversion of the columns. The fields `position`,
+        `force` and `time` of `wanted` are ignored, because they are parameters of this function.
 
     Raises
     ------
     InputError
         The file, a column, a unit or a value is not as expected. The message contains the file and
-        the place.
+        the place in the file.
     """
     wanted = (wanted or Wanted())._replace(position=position, force=force, time=time)
     return signals_of(chosen_table(path, wanted), wanted)
 
 
 def chosen_table(path: Path, wanted: Wanted, whole: Collection[str] = ()) -> Table:
-    """Return the table of a file that is evaluated.
+    """Select the table to evaluate from the tables in a measurement file, and return it.
 
-    If the user states the number of a table, this table is returned. Otherwise it is the table that
-    has the wanted columns. If no table has them, the table with the most samples is returned.
+    If the user states the number of a table, the table with this number is returned. Otherwise, the
+    result is the table that has columns of position, force and time. If no table has these columns,
+    the table with the most samples is returned.
 
     Parameters
     ----------
     path
         The file.
     wanted
-        The options of the user.
+        Options of the user for the selection of the table and its columns.
     whole
-        Names of columns. If a table contains all of these columns, it is loaded completely.
+        Names of columns. If a table contains all of these columns, all columns of the table are
+        loaded.
 
     Raises
     ------
     InputError
-        The file cannot be read, there is no table with the stated number, or more than one table
-        has the wanted columns.
+        The file cannot be read. Or the file has no table with the stated number. Or the user states
+        no number, and several tables have columns of position, force and time.
     """
     tables = read_tables(path, picker(wanted, whole), wanted)
     if wanted.block is not None:
@@ -118,7 +127,7 @@ def chosen_table(path: Path, wanted: Wanted, whole: Collection[str] = ()) -> Tab
 
 
 def blocks(tables: Sequence[Table]) -> str:
-    """Return the text of an error message that lists the tables in a file, numbered from 1."""
+    """Return a text for an error message that lists the tables in a file, numbered from 1."""
     shown = [
         f"{i} {table.title!r}, {table.samples} samples of {listed(table.headings)}"
         if table.title
@@ -130,10 +139,17 @@ def blocks(tables: Sequence[Table]) -> str:
 
 
 def signals_of(table: Table, wanted: Wanted) -> Signals:
-    """Return time, position and force of a table in SI units.
+    """Convert a table of a measurement file to time, position and force in SI units.
 
-    A sample with the same time as the previous sample is omitted. `notes` states the number of
-    omitted samples.
+    A sample with the same time as the previous sample is omitted. The attribute `notes` of the
+    result states the number of omitted samples.
+
+    Parameters
+    ----------
+    table
+        The table.
+    wanted
+        Options of the user for the selection and conversion of the columns.
 
     Raises
     ------
@@ -188,14 +204,22 @@ def signals_of(table: Table, wanted: Wanted) -> Signals:
 
 
 def rising(table: Table, t: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Return a mask of shape (n,) of the samples to keep.
+    """Return a mask that selects samples with increasing times, shape (n,).
 
     The mask is False at a sample with the same time as the previous sample.
+
+    Parameters
+    ----------
+    table
+        The table that contains the samples. It is used for the text of an error.
+    t
+        Time of each sample [s], shape (n,).
 
     Raises
     ------
     InputError
-        The times decrease, two different times are less than 1 ns apart, or too few samples remain.
+        The times decrease, two different times are less than `SHORTEST` apart, or fewer than
+        `FEWEST` samples are selected.
     """
     steps = np.diff(t)
     kept = np.concatenate(([True], steps > 0.0))

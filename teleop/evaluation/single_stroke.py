@@ -1,12 +1,17 @@
 """Find the frequency band of a motion that never reverses, such as a ramp.
 
-In `coherent_band`, the linear trend of force and position is removed before the spectra are
-computed. In a ramp at constant speed, the trend is the whole motion, and only noise remains. The
-coherence is then low at all frequencies, although the force follows the position. For a motion that
-never reverses, the force is therefore compared with the position itself.
+Two methods find the band of frequencies in which the force follows the position:
 
-A force that drifts while such a motion is made cannot be distinguished from the force of a
-specimen.
+- `estimation.coherent_band` computes the band from spectra (the coherent band). It first removes
+  the linear trend of force and position. In a ramp at constant speed, the trend is the whole
+  motion, and only noise remains. The coherence is then low at all frequencies, although the force
+  follows the position.
+- `stroke_band` computes the band from the duration of the motion (the stroke band). A parabola over
+  the position is fitted to the force, without removal of a trend. The fit shows whether the force
+  follows the position.
+
+If the force drifts during a motion that never reverses, the drift cannot be distinguished from the
+force of a specimen.
 """
 
 from __future__ import annotations
@@ -18,9 +23,11 @@ from estimation.compiled import Floats
 from teleop.evaluation.speed import typical_speed
 
 BLOCKS = 200
-"""Approximate number of blocks of samples in which the motion is examined."""
+"""Approximate number of blocks into which the samples of a motion are divided. The position is
+averaged in each block."""
 REVERSAL = 0.05
-"""Largest motion in the opposite direction, relative to the travel."""
+"""Largest motion in the opposite direction that does not count as a reversal, as a fraction of the
+travel."""
 LEAST_TRAVEL = 25.0
 """Least travel, in standard deviations of the noise of the position."""
 LEAST_RISE = 4.0
@@ -36,12 +43,16 @@ slow stroke to all frequencies."""
 
 
 def block_length(x: Floats) -> int:
-    """Return the number of samples in a block, if x is divided into about `BLOCKS` blocks."""
+    """Return the number of samples per block such that `x` has about `BLOCKS` blocks."""
     return max(1, len(x) // BLOCKS)
 
 
 def is_single_stroke(x: Floats, noise: float) -> bool:
-    """Return whether a motion never reverses.
+    """Return whether a motion never reverses, such as a ramp.
+
+    A motion in the opposite direction counts as a reversal if it is larger than `REVERSAL` times
+    the travel, and clearly larger than the noise. The result is also False if the travel is not
+    clearly larger than the noise.
 
     Parameters
     ----------
@@ -59,9 +70,10 @@ def is_single_stroke(x: Floats, noise: float) -> bool:
 
 
 def stroke_band(x: Floats, f: Floats, period: float, noise: float) -> CoherentBand | None:
-    """Return the frequency band of a motion that never reverses (the stroke band).
+    """Return the frequency band of a motion that never reverses, computed from its duration.
 
-    The result is None if the motion reverses, or if the force does not follow the position.
+    The band is called the stroke band. The result is None if the motion reverses, or if the force
+    does not follow the position.
 
     Parameters
     ----------
@@ -91,11 +103,20 @@ def stroke_band(x: Floats, f: Floats, period: float, noise: float) -> CoherentBa
 
 
 def combined(band: CoherentBand, stroke: CoherentBand) -> CoherentBand:
-    """Return the frequency band that is used for a motion that never reverses.
+    """Choose between two frequency bands of a motion that never reverses, and return the choice.
 
-    If the coherence of the coherent band is significant, the coherent band is used, with an upper
-    end that is limited by `WIDEST`. It is preferred because it also contains the wider spectrum of
-    a hold or a step within the stroke. Otherwise, the stroke band is used.
+    The coherent band is chosen if its coherence is at least the first limit in
+    `estimation.coherent_band.COHERENT`. If the motion contains a hold or a step, its spectrum is
+    wider than the stroke band, and only the coherent band contains this wider spectrum. The upper
+    end of the coherent band is limited by `WIDEST`. If the coherence is lower, the stroke band is
+    chosen.
+
+    Parameters
+    ----------
+    band
+        The coherent band, which is computed from the spectra of position and force.
+    stroke
+        The stroke band, which is computed from the duration of the motion (see `stroke_band`).
     """
     if band.coherence < COHERENT[0]:
         return stroke

@@ -1,4 +1,4 @@
-"""Compute the smallest step of a measured channel: one count of an encoder or a converter."""
+"""Compute the resolution of a measured channel (its smallest step), and the rounding error."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ ROUNDING = 1e-12
 
 
 def smallest_step(values: Floats) -> float:
-    """Return the smallest change between successive samples; 0 if the value never changes.
+    """Return the smallest change of the value between successive samples, without zero changes.
+
+    The result is 0 if the value never changes. For a channel with an encoder or an analogue-digital
+    converter, the result is the resolution.
 
     Parameters
     ----------
@@ -28,19 +31,20 @@ def smallest_step(values: Floats) -> float:
 def repeated_rounding(count: float, noise: float) -> float:
     """Return the standard deviation of the repeatable part of the rounding error of a signal.
 
-    Rounding to counts causes an error with standard deviation count / sqrt(12). Without noise, the
-    error is the same whenever the signal has the same value: the error is repeatable. If noise is
-    added to the signal before the rounding, the error varies randomly, and its mean at a given
-    value is smaller. This mean is the repeatable part. The noise reduces it by a factor that is the
-    characteristic function of the noise at 2 pi / count (Widrow).
+    A signal that is rounded to multiples of the resolution `count` has a rounding error with the
+    standard deviation count / sqrt(12). Without noise, the error is the same whenever the signal
+    has the same value: the error is repeatable. If the signal contains noise before the rounding,
+    the error varies randomly. The repeatable part is then the mean error at a given value of the
+    signal. The noise reduces the repeatable part by a factor. This factor is the characteristic
+    function of the noise at 2 pi / count (Widrow).
 
     Parameters
     ----------
     count
-        Smallest step of the channel.
+        Resolution of the signal, which is its smallest step.
     noise
-        Standard deviation of the measured noise, in the unit of `count`. It includes the rounding
-        error if the rounding error changes from sample to sample.
+        Standard deviation of the noise of the rounded signal, in the unit of `count`. It includes
+        the rounding error if the rounding error changes from sample to sample.
 
     References
     ----------

@@ -10,9 +10,9 @@ from estimation.compiled import Floats
 def typical_speed(v: Floats) -> float:
     """Return the typical speed of a motion, in the unit of `v`.
 
-    Half of the distance is travelled at a higher speed than this, and half at a lower speed. The
-    median of the speed over time is not used. In a record that is mostly at rest, the median is
-    only noise.
+    Half of the distance is travelled above the typical speed, and the other half below it. Rests
+    therefore do not change the result. The median of the speed over time is not used, because in a
+    record that is mostly at rest, it is only noise.
 
     Parameters
     ----------

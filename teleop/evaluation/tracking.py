@@ -43,12 +43,13 @@ class Tracking(NamedTuple):
     gain: float
     """Amplitude of the position divided by the amplitude of the target."""
     phase_deg: float
-    """Phase of the position relative to the target [deg], in (-270, 90]; negative for a lag."""
+    """Phase of the position relative to the target [deg]; negative for a lag. The largest value is
+    360 times `EARLIEST`. All values are within 360 deg below this value."""
     delay_s: float
-    """Delay of the position relative to the target that corresponds to this phase [s]; negative for
-    a lead."""
+    """Delay of the position relative to the target [s], computed from the phase; negative for a
+    lead."""
     rms_m: float
-    """Root mean square of position minus target [m]."""
+    """Root mean square of the tracking error, which is position minus target [m]."""
     frequency_hz: float
     """Frequency of the sine that fits the position best [Hz]."""
     target_hz: float
@@ -61,8 +62,8 @@ def tracking(t: Floats, target: Floats, position: Floats, frequency: float) -> T
     """Return gain, phase and error of a position relative to a sinusoidal target.
 
     The first period of the target is omitted, because the position starts to move in this period.
-    After it, the largest possible number of whole periods before the end of the target is
-    evaluated. Sines and a linear trend are fitted by least squares.
+    After it, the largest possible number of whole periods is evaluated. The last of these periods
+    ends when the target stops. Sines and a linear trend are fitted by least squares.
 
     Parameters
     ----------
@@ -78,7 +79,7 @@ def tracking(t: Floats, target: Floats, position: Floats, frequency: float) -> T
 
     Returns
     -------
-    The tracking; None if the target moves for less than `FEWEST` periods.
+    The tracking values; None if the target moves for less than `FEWEST` periods.
     """
     moves = np.flatnonzero(np.abs(np.diff(target)) > 0.0)  # not where the target is NaN
     if not len(moves):
@@ -104,14 +105,37 @@ def tracking(t: Floats, target: Floats, position: Floats, frequency: float) -> T
 
 
 def design(t: Floats, frequency: float) -> Floats:
-    """Return the regressors of a sine with an offset and a trend, of shape (n, 4)."""
+    """Return the regressors for a least-squares fit of a sine, of shape (n, 4).
+
+    The columns are a cosine, a sine, a constant and a linear trend over time.
+
+    Parameters
+    ----------
+    t
+        Time [s], of shape (n,).
+    frequency
+        Frequency of the sine [Hz].
+    """
     angle = 2.0 * math.pi * frequency * t
     middle = t - np.mean(t)
     return np.stack([np.cos(angle), np.sin(angle), np.ones_like(t), middle], axis=1)
 
 
 def phasor(t: Floats, x: Floats, frequency: float) -> complex:
-    """Return the complex amplitude of the sine of the given frequency that fits a signal best."""
+    """Return the complex amplitude of the sine of the given frequency that fits a signal best.
+
+    The sine is the real part of c exp(2 pi j frequency t), where c is the complex amplitude. An
+    offset and a linear trend are fitted together with the sine.
+
+    Parameters
+    ----------
+    t
+        Time [s], of shape (n,).
+    x
+        The signal, of shape (n,).
+    frequency
+        Frequency of the sine [Hz].
+    """
     (cosine, sine, *_), *_ = np.linalg.lstsq(design(t, frequency), x)
     return complex(cosine, -sine)
 
@@ -126,7 +150,7 @@ def achieved_frequency(t: Floats, position: Floats, frequency: float) -> float:
     position
         Position [m], of shape (n,).
     frequency
-        Frequency at the centre of the search [Hz].
+        Expected frequency [Hz]. The search is limited to a range around it (see `SPAN`).
     """
     from scipy.optimize import minimize_scalar
 

@@ -82,16 +82,20 @@ LARGEST = 1e12
 
 
 class Size(NamedTuple):
-    """Size of a unit in SI units."""
+    """Conversion of a unit of a measurement file to SI units."""
 
     scale: float
+    """Factor that converts a value in this unit to SI units."""
     on_lever: bool
     """Whether the unit is a unit of angle [rad] or torque [N m], for which a lever arm is
     needed."""
 
 
 def canonical(unit: str) -> str:
-    """Return a unit in the spelling of this module, for example `s` for `sec`, `N m` for `Nm`."""
+    """Return a unit in the spelling that this module uses.
+
+    For example, the result is `s` for `sec`, and `N m` for `Nm`.
+    """
     unit = unit.strip().replace(GREEK_MU, MICRO)
     torque = re.fullmatch(r"([mk]?N)[\s.·*-]?(m|mm|cm)", unit)
     if torque:
@@ -100,14 +104,17 @@ def canonical(unit: str) -> str:
 
 
 def size_of(unit: str, kind: str) -> Size | None:
-    """Return the size of a unit in SI units; None if it is not a unit of the quantity `kind`.
+    """Return the factor that converts a unit to SI units, as a `Size`.
+
+    The result is None if `unit` is not a unit of the quantity `kind`. Units of angle and torque
+    count as units of position and force, because a lever arm converts them.
 
     Parameters
     ----------
     unit
-        The unit in any spelling.
+        The unit in any known spelling.
     kind
-        `time`, `position` or `force`.
+        The quantity: `time`, `position` or `force`.
     """
     unit = canonical(unit)
     if unit in UNITS[kind]:
@@ -118,7 +125,7 @@ def size_of(unit: str, kind: str) -> Size | None:
 
 
 def is_unit(text: str) -> bool:
-    """Return whether a text is a unit of time, position or force."""
+    """Return whether a text is a known unit of time, position, force, angle or torque."""
     return any(size_of(text, kind) for kind in UNITS)
 
 
@@ -126,14 +133,17 @@ NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.]+)"
 
 
 def quantity(text: str, kind: str) -> float | None:
-    """Convert a text such as 1.5mm to SI units; None if it is not a number with a unit of `kind`.
+    """Convert a text such as 1.5mm, which is a number with a unit, to a number in SI units.
+
+    The result is None if the text is not a number with a unit of the quantity `kind`, or if the
+    absolute value is not below `LARGEST`.
 
     Parameters
     ----------
     text
         A number and a unit.
     kind
-        One of `OPTION_UNITS`: `time`, `position`, `force`, `frequency` or `angle`.
+        The quantity, a key of `OPTION_UNITS`: `time`, `position`, `force`, `frequency` or `angle`.
     """
     match = NUMBER.fullmatch(text.strip().replace(GREEK_MU, MICRO))
     if not match or match[2] not in OPTION_UNITS[kind]:

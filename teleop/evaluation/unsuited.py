@@ -1,4 +1,4 @@
-"""Detect recordings of tests that are not suited to determine a tangent stiffness."""
+"""Detect recordings from which no tangent stiffness (slope of force over depth) can be computed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from teleop.evaluation.single_stroke import LEAST_RISE, is_single_stroke
 from teleop.evaluation.speed import typical_speed
 
 FEWEST_PER_CYCLE = 8.0
-"""Smallest number of samples per cycle of the motion."""
+"""Smallest number of samples per cycle of the motion that is sufficient."""
 SMOOTHED = 9
 """Length of the median filter that is applied before the search for a puncture [samples]."""
 FALL = 0.25
@@ -30,16 +30,21 @@ CREPT = 0.1
 """Smallest travel at the constant force of a creep test, as a fraction of the travel of the
 record."""
 ZERO = 0.1
-"""Largest force that counts as a force without contact, as a fraction of the force range."""
+"""Largest magnitude of the highest force that counts as zero, as a fraction of the force range."""
 
 
 def unsuited(record: Prepared, phases: Phases) -> Reason | None:
-    """Return why this kind of test gives no tangent stiffness; None if there is no such reason.
+    """Return the reason why a test gives no tangent stiffness; None if no reason is found.
+
+    The function searches for inverted signs of force and position, a creep test, a puncture of the
+    specimen, and a drift of the force at rest.
 
     Parameters
     ----------
-    record, phases
-        The prepared record and its phases.
+    record
+        The prepared record of the test.
+    phases
+        The phases of the record, such as loading and unloading.
     """
     if phases.saturated and rests_at_zero(record):
         return Reason(
@@ -68,9 +73,10 @@ def unsuited(record: Prepared, phases: Phases) -> Reason | None:
 
 
 def no_contact(record: Prepared) -> str:
-    """Return the text of a reason: the force does not follow the displacement.
+    """Return the text of the message that the force does not follow the displacement.
 
-    The text is more detailed for a motion that never reverses.
+    This function does not check the force. It only uses the record to select one of two texts: the
+    text for a motion that never reverses, or the text for any other motion.
     """
     if is_single_stroke(record.raw_x, record.x_noise):
         return (
@@ -82,7 +88,10 @@ def no_contact(record: Prepared) -> str:
 
 
 def rests_at_zero(record: Prepared) -> bool:
-    """Return whether the highest force is nearly zero, relative to the force range."""
+    """Return whether the highest force of a record is nearly zero, relative to the force range.
+
+    If the result is True, the force is nearly zero or negative in the whole record.
+    """
     low, high = record.force_range
     return abs(high) < ZERO * (high - low)
 
@@ -98,7 +107,7 @@ def negative_force(record: Prepared) -> bool:
 
 
 def too_few_per_cycle(record: Prepared) -> str | None:
-    """Return a message if there are too few samples per cycle of the motion; otherwise None."""
+    """Return a message if a record has too few samples per cycle of the motion; otherwise None."""
     each = 1.0 / (record.band.centre * record.period)
     if record.band.coherence == 0.0 or each >= FEWEST_PER_CYCLE:
         return None
@@ -111,8 +120,8 @@ def too_few_per_cycle(record: Prepared) -> str | None:
 def creep_force(record: Prepared, phases: Phases) -> float | None:
     """Return the constant force of a creep test [N]; None for another test.
 
-    In a creep test the force is constant, and the position continues in one direction at a rate
-    that decreases.
+    In a creep test, the force is constant. The position continues to move in one direction, with
+    decreasing speed.
     """
     f, noise = record.f, record.f_noise_smoothed
     level = float(np.median(f[len(f) // 2 :]))
@@ -131,10 +140,12 @@ def creep_force(record: Prepared, phases: Phases) -> float | None:
 
 
 def puncture(record: Prepared) -> tuple[float, float, float] | None:
-    """Return the force before and after a puncture [N], and its position [m].
+    """Find a puncture of the specimen, at which the force falls suddenly during loading.
 
-    In a puncture, the force falls suddenly while the position continues to increase. The result is
-    None without a puncture.
+    Returns
+    -------
+    Three values: the force before the puncture [N], the force after it [N], and the position at
+    which the force begins to fall [m]. None if there is no puncture.
     """
     f = median_filter(record.raw_f, SMOOTHED, mode="nearest")
     x, v = record.x, record.v
@@ -152,7 +163,7 @@ def puncture(record: Prepared) -> tuple[float, float, float] | None:
 def largest_fall(x: Floats, f: Floats, travel: float) -> tuple[int, int]:
     """Return the indices of the two samples between which the force falls most.
 
-    The position increases by at most `travel` between these samples.
+    Only samples whose positions differ by at most `travel` are compared.
 
     Parameters
     ----------

@@ -1,11 +1,15 @@
 """Cells in shared memory, which transfer the requests of the live page to the control loop.
 
-The live process writes the cells, and the control process reads them at each tick. A cell has 8
-bytes, which a processor writes in one operation, so that no lock is needed. The state of the
-pointer needs two cells, depth and grip. The live process increases a sequence number by one before
-it writes these two cells, and again afterwards. While it writes, the sequence number is therefore
-odd. The control process reads the sequence number before and after the two cells. The two values
-belong together if the sequence number was even and has not changed.
+The live process (which serves the page) writes the cells. The control process reads them at each
+tick of the control loop. A cell contains one number of 8 bytes. A processor writes 8 bytes in one
+operation, so that no lock is needed.
+
+The hand of a simulated operator can follow the mouse or touch pointer of the page. The state of the
+pointer needs two cells: the depth, and whether the hand holds the handle. The live process
+increases a sequence number by one before it writes these two cells, and again afterwards. The
+sequence number is therefore odd during the writing. The control process reads the sequence number
+before and after it reads the two cells. The two values belong together if both readings of the
+sequence number are equal and even.
 """
 
 from __future__ import annotations
@@ -15,12 +19,14 @@ from mmap import mmap
 SIZE = 4096
 """Size of the shared memory [bytes]."""
 STOP, END, ARM, PROCESS, PAGE, SEQUENCE, DEPTH, GRIP = range(8)
-"""Indices of the cells: counters of the requests STOP, END and ARM, heartbeats of live process and
-page, and three cells for the pointer."""
+"""Indices of the cells: counters of the requests STOP, END and ARM, counters of the heartbeats of
+the live process and of the page, and three cells for the state of the pointer."""
 
 
 class CellWriter:
-    """Writes the requests to the cells; used by the live process.
+    """Writes the requests of the live page to cells in shared memory.
+
+    The live process, which serves the page, uses this class. The control process reads the cells.
 
     Parameters
     ----------
@@ -33,11 +39,25 @@ class CellWriter:
         self._numbers = memoryview(buffer).cast("d")
 
     def count(self, cell: int) -> None:
-        """Increase the counter in a cell by one. A heartbeat is also stored as a counter."""
+        """Increase the counter in a cell by one, to send one request or one heartbeat.
+
+        Parameters
+        ----------
+        cell
+            Index of the cell, such as `STOP`.
+        """
         self._counts[cell] += 1
 
     def point(self, depth: float, grip: bool) -> None:
-        """Write the intended depth of the hand [m], and whether the hand holds the handle."""
+        """Write the state of the pointer, which moves the hand of a simulated operator.
+
+        Parameters
+        ----------
+        depth
+            Wanted position of the hand [m].
+        grip
+            Whether the hand holds the handle.
+        """
         self._counts[SEQUENCE] += 1
         self._numbers[DEPTH] = depth
         self._counts[GRIP] = grip
@@ -45,7 +65,9 @@ class CellWriter:
 
 
 class CellReader:
-    """Reads the requests from the cells; used by the control process.
+    """Reads the requests of the live page from cells in shared memory.
+
+    The control process uses this class. The live process, which serves the page, writes the cells.
 
     Parameters
     ----------
@@ -55,13 +77,17 @@ class CellReader:
 
     def __init__(self, buffer: mmap) -> None:
         self.counts = memoryview(buffer).toreadonly().cast("Q")
-        """Values of the counters and heartbeats, by the index of the cell."""
+        """Values of the counters of requests and heartbeats, by the index of the cell."""
         self._numbers = memoryview(buffer).toreadonly().cast("d")
 
     def pointer(self) -> tuple[int, float, bool] | None:
-        """Return the sequence number, the depth [m], and whether the handle is held.
+        """Return the state of the pointer, which moves the hand of a simulated operator.
 
-        Return None while the live process writes these values.
+        Returns
+        -------
+        Three values: a number that changes whenever the live process writes a state, the wanted
+        position of the hand [m], and whether the hand holds the handle. None while the live process
+        writes.
         """
         counts = self.counts
         before = counts[SEQUENCE]

@@ -1,4 +1,4 @@
-"""Clients of the live page: send data to a client, and limit the amount of data and requests."""
+"""Send data to the open live pages (the clients), and limit the amount of data and requests."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ MOST_UNSENT = 64_000
 MOST_UNSENT_TEXT = 4 * MOST_UNSENT
 """Largest number of unsent bytes to a client. If there are more, the connection is aborted."""
 ALIVE = 2.0
-"""Longest time between two heartbeats of the live page that has control [s]."""
+"""Longest time between two heartbeats of the live page that has control [s]. A heartbeat is a
+message that a page sends at regular times."""
 
 
 class Client:
@@ -55,11 +56,15 @@ class Client:
 
     @property
     def unsent(self) -> int:
-        """Number of bytes that have not been passed to the operating system yet."""
+        """Number of bytes for this client that still wait in the send buffer of this process."""
         return self.connection.transport.get_write_buffer_size()
 
     def is_flooding(self) -> bool:
-        """Count a message; return whether the client sent too many messages in this second."""
+        """Count a message of the client, and return whether the client sends too many messages.
+
+        Call this method once for each received message. More than `MOST_REQUESTS` messages in one
+        second are too many.
+        """
         second = int(self._now())
         if second != self._second:
             self._second, self._requests = second, 0
@@ -67,7 +72,7 @@ class Client:
         return self._requests > MOST_REQUESTS
 
     def send(self, document: dict[str, Any]) -> None:
-        """Send a message. If too many bytes are unsent, abort the connection instead."""
+        """Send a message to the client, or abort the connection if too many bytes are unsent."""
         if self.unsent > MOST_UNSENT_TEXT:
             self.abort()
         else:
@@ -76,16 +81,20 @@ class Client:
     def send_rows(
         self, history: History, frames: dict[tuple[int, bool], tuple[bytes, int]]
     ) -> None:
-        """Send the next rows of the history, unless too many bytes are unsent.
+        """Send the client the rows that it has not received yet, unless too many bytes are unsent.
+
+        The rows are sent in a frame, which is a binary message with several rows. Clients that need
+        the same rows share one frame.
 
         Parameters
         ----------
         history
-            The latest rows of the live page.
+            The latest rows of data for the live page.
         frames
-            Frames that were created for clients in this period, each with the index after its last
-            row. A key contains the index of the first row, and whether the rows replace all earlier
-            rows. If the frame for this client is missing, it is created and added.
+            Frames that were already created in this period of the server. The key of a frame is the
+            index of its first row, and whether its rows replace all rows that the page shows. The
+            value is the frame, and the index after its last row. If the frame for this client is
+            missing, it is created and added to `frames`.
         """
         clear = self._epoch != history.epoch
         first = history.start if clear else self._next
@@ -98,5 +107,5 @@ class Client:
         broadcast([self.connection], frame)
 
     def abort(self) -> None:
-        """Close the connection immediately, and discard unsent data."""
+        """Close the connection to the client immediately, and discard unsent data."""
         self.connection.transport.abort()

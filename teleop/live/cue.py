@@ -1,4 +1,4 @@
-"""A bar of characters that shows target and slave position in the condition `mimic`."""
+"""Show target and slave position in a bar of characters, in the condition `mimic`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LEGEND = f"follow {TARGET} with {OWN}; {BOTH} where both are at the same place"
 
 @dataclass(frozen=True)
 class Cue:
-    """Bar of characters in which the operator sees the target and the position of the slave.
+    """Bar of characters on the terminal that shows the target and the position of the slave.
 
     Attributes
     ----------
@@ -28,7 +28,9 @@ class Cue:
     count_in: float
 
     def text(self, t: float, target: float, position: float) -> str:
-        """Return the bar as text, followed by the seconds until the target begins to move.
+        """Return the bar as text.
+
+        Before the target begins to move, the remaining seconds follow the bar.
 
         Parameters
         ----------
@@ -47,9 +49,10 @@ class Cue:
         return f"|{''.join(cells)}|" + (f" in {left}" if left > 0 else "")
 
     def _place(self, x: float) -> int | None:
-        """Return the index of the character for a position x [m]; None if x is NaN.
+        """Return the index of the character of the bar that marks a position x [m].
 
-        The bar shows positions from -0.1 to 1.1 times the depth.
+        The result is None if x is NaN. The bar shows positions from -0.1 to 1.1 times the attribute
+        `depth`. A position outside this range is marked at the nearer end of the bar.
         """
         if math.isnan(x):
             return None

@@ -1,4 +1,4 @@
-"""Interface between the server of the live page and the trial or recording that it shows."""
+"""Interface between the server of the live page and the trial or recording on the page."""
 
 from __future__ import annotations
 
@@ -41,7 +41,17 @@ FURTHER = tuple(name for name in UNITS if name not in PARTS)
 
 
 def shown_columns(names: Sequence[str], estimators: Sequence[str]) -> list[str]:
-    """Return the names of the columns that are sent to the live page, in the order of a row."""
+    """Return the names of the columns that are sent to the live page.
+
+    The order of the names is the order of the values in a row of data.
+
+    Parameters
+    ----------
+    names
+        Names of all columns that the control loop writes.
+    estimators
+        Names of the estimators.
+    """
     of_estimators = [f"{name}_{part}" for name in estimators for part in (*PARTS, *FURTHER)]
     return [name for name in (*NAMES, *of_estimators) if name in set(names)]
 
@@ -49,8 +59,15 @@ def shown_columns(names: Sequence[str], estimators: Sequence[str]) -> list[str]:
 def estimator_indices(names: Sequence[str], estimators: Sequence[str]) -> list[dict[str, Any]]:
     """Return one dictionary for each estimator, with its name and the indices of its values.
 
-    An index is the place of a value in a row; None if the row does not contain this value. The key
-    `further` contains the indices of the parameters besides b and k, by their names.
+    An index is the place of a value in a row of data; None if the row does not contain this value.
+    The key `further` contains the indices of the parameters besides b and k, by their names.
+
+    Parameters
+    ----------
+    names
+        Names of the columns of a row.
+    estimators
+        Names of the estimators.
     """
     place = {name: i for i, name in enumerate(names)}
     return [
@@ -69,31 +86,39 @@ class Feed(ABC):
     Attributes
     ----------
     history
-        The latest rows of the live page.
+        The latest rows of data for the page.
     """
 
     history: History
 
     @abstractmethod
     def advance(self) -> list[dict[str, Any]]:
-        """Add new rows to the history, and return the new messages for all clients.
+        """Add new rows of data to `history`, and return the new messages for all open pages.
 
-        The server calls this method 60 times per second.
+        The server calls this method regularly, once per `teleop.live.server.PERIOD`.
         """
 
     @abstractmethod
     def documents(self) -> list[dict[str, Any]]:
-        """Return the messages that a new client needs, such as `welcome` and `trial`."""
+        """Return the messages that a newly opened page needs, such as `welcome` and `trial`."""
 
     @abstractmethod
     def state(self) -> dict[str, Any]:
-        """Return those fields of the message `state` that describe the trial or recording."""
+        """Return the fields of the message `state` that describe the trial or recording.
+
+        The server adds the other fields, and sends the message to the page at regular times.
+        """
 
     @abstractmethod
     def request(self, request: dict[str, Any]) -> None:
-        """Carry out a request. The caller has checked that the client may make this request.
+        """Carry out a request of an open page. The caller has checked that this page may make it.
 
-        Every client may request `stop`.
+        Every page may request `stop`.
+
+        Parameters
+        ----------
+        request
+            The fields of the request, by their names. The field `type` is the kind of the request.
 
         Raises
         ------
@@ -103,11 +128,11 @@ class Feed(ABC):
 
     @abstractmethod
     def beat(self) -> None:
-        """Process a heartbeat of the client that has control."""
+        """Process a heartbeat, which the page that has control sends at regular times."""
 
     @abstractmethod
     def lost(self) -> None:
-        """React when the client that had control has lost it.
+        """Process the event that the page that had control has lost control.
 
-        The client has released control, is disconnected, or has sent no heartbeat for too long.
+        The page has released control, is disconnected, or has sent no heartbeat for too long.
         """

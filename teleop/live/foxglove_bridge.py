@@ -1,8 +1,8 @@
 """Server that sends the ticks of running trials to viewers that use the Foxglove protocol.
 
-The server checks neither a token nor the origin of a request. Any program and any web page on this
-machine can therefore receive the ticks. For this reason, viewers can only view data. They cannot
-call functions or change values.
+A tick is the data of one period of the control loop. The server checks neither a token nor the
+origin of a request. Any program and any web page on this machine can therefore receive the ticks.
+For this reason, viewers can only view data. They cannot call functions or change values.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from teleop.errors import InputError
 from teleop.live.ring import RingReader
 
 ALL, SLOW = "/tick", "/tick_60hz"
-"""Topic with every tick, and topic with 60 ticks per second for slow viewers."""
+"""Topic with every tick, and topic for slow viewers, with one tick per call of `advance`."""
 BATCH = 400
 """Largest number of ticks that one call of `advance` sends."""
 
 
 class FoxgloveBridge:
-    """Sends the ticks in a ring to Foxglove viewers.
+    """Sends the data of each tick of the control loop to Foxglove viewers.
 
     Parameters
     ----------
     ring
-        Ring in shared memory that contains the ticks.
+        Ring buffer in shared memory, to which the control loop writes the ticks.
     port
-        Port; 0 for any free port.
+        Port at which the server listens; 0 for any free port.
 
     Attributes
     ----------
@@ -65,13 +65,14 @@ class FoxgloveBridge:
         Parameters
         ----------
         definition
-            Definition of the message in the message definition language of ROS 2.
+            Definition of the message that contains one tick, in the message definition language of
+            ROS 2.
         name
-            Name of the message type of a tick.
+            Name of the type of this message.
         units
-            Unit of each column, by its name.
+            Unit of each column, by the name of the column.
         first
-            Number of the first tick in the ring.
+            Number of the first tick of the trial in the ring buffer.
         """
         self._read = first - 1
         if definition == self._definition:
@@ -92,7 +93,7 @@ class FoxgloveBridge:
         }
 
     def advance(self) -> None:
-        """Send the ticks that were written to the ring since the last call.
+        """Send the ticks of the control loop that were written since the last call.
 
         If there are more than `BATCH` new ticks, only the newest `BATCH` ticks are sent.
         """
@@ -114,5 +115,5 @@ class FoxgloveBridge:
         self._channels[SLOW].log(message, log_time=written)
 
     def close(self) -> None:
-        """Stop the server."""
+        """Stop the server that sends ticks to Foxglove viewers."""
         self._server.stop()

@@ -15,14 +15,19 @@ RECENT = 1.0
 
 
 class Health:
-    """Counts overruns, skipped periods and dropped ticks of a trial."""
+    """Counts overruns, skipped periods and dropped ticks of a trial.
+
+    An overrun is a tick of the control loop that starts late, because the previous tick was still
+    running at the planned start. A skipped period is a period without a tick, because the previous
+    tick took too long. A dropped tick is a tick that the recorder did not receive.
+    """
 
     def __init__(self) -> None:
         self._overruns = self._skipped = self._dropped = 0
         self._latenesses: deque[tuple[float, float]] = deque()
 
     def add(self, values: Floats, column: Mapping[str, int], now: float) -> None:
-        """Add ticks to the counts.
+        """Add new ticks to the counts of overruns, skipped periods and dropped ticks.
 
         Parameters
         ----------
@@ -39,7 +44,16 @@ class Health:
         self._latenesses.append((now, float(np.max(values[:, column["lateness"]]))))
 
     def document(self, now: float) -> dict[str, Any]:
-        """Return the counts, and the largest lateness of the last second [s]."""
+        """Return the counts of timing problems, and the largest lateness [s], by their names.
+
+        The lateness is the delay of a tick after its planned start. Its largest value in the last
+        `RECENT` seconds is returned; None if no tick was added in this time.
+
+        Parameters
+        ----------
+        now
+            Present time [s].
+        """
         while self._latenesses and self._latenesses[0][0] < now - RECENT:
             self._latenesses.popleft()
         return {

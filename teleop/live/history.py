@@ -1,4 +1,7 @@
-"""Store the latest rows of data for the live page, and create the frames that are sent."""
+"""Store the latest rows of data for the live page, and convert them to binary messages (frames).
+
+A row contains the values of one tick of the control loop.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from estimation.compiled import Floats
 SHOWN = 10.0
 """Length of the time axis of the live page [s]."""
 MOST_ROWS = 250.0
-"""Largest number of rows that are sent per second."""
+"""Largest number of rows that are sent to the live page per second."""
 HEAD = struct.Struct("<IIIId")
 """Layout of the head of a frame: kind, number of rows, number of columns, flags, time of sending
 [s]."""
@@ -26,19 +29,28 @@ LARGEST_FRAME = 32_000
 
 
 def decimation(rate: float) -> int:
-    """Return the smallest distance between two sent rows [ticks], for a loop of `rate` [Hz]."""
+    """Return the smallest distance between two ticks that are sent to the live page [ticks].
+
+    Not every tick of the control loop is sent, because at most `MOST_ROWS` ticks are sent per
+    second.
+
+    Parameters
+    ----------
+    rate
+        Rate of the control loop [Hz].
+    """
     return max(1, int(np.ceil(rate / MOST_ROWS)))
 
 
 def decimated(first: int, end: int, last: int, step: int) -> list[int]:
-    """Return the numbers of those ticks of a batch that are sent to the live page.
+    """Return the numbers of the ticks that are sent to the live page, from a range of new ticks.
 
     These are the newest tick, and every `step`-th tick before the newest tick.
 
     Parameters
     ----------
     first, end
-        The batch contains the ticks from number `first` up to but not including number `end`.
+        The range contains the ticks from number `first` up to but not including number `end`.
     last
         Number of the newest tick that has already been sent.
     step
@@ -48,7 +60,10 @@ def decimated(first: int, end: int, last: int, step: int) -> list[int]:
 
 
 class History:
-    """A ring buffer of the latest rows, in which new rows overwrite the oldest rows.
+    """Ring buffer of the latest rows of data for the live page.
+
+    A row contains the values of one tick of the control loop. If the buffer is full, new rows
+    overwrite the oldest rows.
 
     Parameters
     ----------
@@ -57,15 +72,17 @@ class History:
     rows
         Number of rows that the buffer can store.
     now
-        Function that returns the present time [s]. Each frame that is sent to a page contains this
-        time.
+        Function that returns the present time [s]. Each frame (binary message to a page) contains
+        the time at which it was created.
 
     Attributes
     ----------
     epoch
-        Integer that increases when the rows are cleared, or when a new trial begins.
+        Integer that increases when the rows are cleared, or when a new trial begins. A page must
+        then remove the rows that it shows.
     end
-        Number of rows that were added, which is the index of the next row.
+        Index of the next row that will be added. Rows are numbered from 0 in the order in which
+        they are added. `clear` does not change this index.
     """
 
     def __init__(
@@ -82,25 +99,26 @@ class History:
 
     @property
     def start(self) -> int:
-        """Index of the oldest row in the buffer."""
+        """Index of the oldest row in the buffer. Rows are numbered from 0 as they are added."""
         return max(self._start, self.end - len(self._rows))
 
     def add(self, rows: Floats) -> None:
-        """Add rows, shape (n, columns), oldest first."""
+        """Add rows to the buffer. They have the shape (n, columns), and the oldest row is first."""
         rows = rows[-len(self._rows) :]
         places = (self.end + np.arange(len(rows))) % len(self._rows)
         self._rows[places] = rows
         self.end += len(rows)
 
     def clear(self) -> None:
-        """Remove all rows. The next frame to each page has the flag `CLEAR`."""
+        """Remove all rows. Because `epoch` changes, the open pages then also remove their rows."""
         self.epoch += 1
         self._start = self.end
 
     def frame(self, first: int, clear: bool) -> tuple[bytes, int]:
-        """Return a frame with the rows from index `first` on, and the index after its last row.
+        """Return a frame (binary message to a page), and the index after its last row.
 
-        `LARGEST_FRAME` limits the number of rows in a frame.
+        The frame contains rows from the index `first` on. `LARGEST_FRAME` limits the number of rows
+        in a frame.
 
         Parameters
         ----------

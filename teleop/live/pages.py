@@ -1,4 +1,4 @@
-"""Read the fixed files of the live page, such as HTML and scripts."""
+"""Read the files that make up the live page, such as HTML and scripts."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ KINDS = {
 
 
 class Page(NamedTuple):
-    """A file that the server of the live page sends."""
+    """A file of the live page, such as HTML or a script, which the server sends to browsers."""
 
     kind: str
     """Media type of the file."""
     content: bytes
+    """Content of the file."""
 
 
 def read_pages() -> dict[str, Page]:
-    """Read all files of the live page, and return them by their path on the server.
+    """Read all files of the live page, and return them by the path of their URL.
 
     The server sends only these files. No path in a request can select another file.
     """

@@ -2,10 +2,11 @@
 
     python -m teleop.live.process
 
-Standard input contains one JSON document per line: first the session, then messages about the
-trials. When standard input ends, the control process has ended. To standard output, the live
-process writes the address of the page or a problem. After that, it writes the requests that the
-control process carries out between two trials.
+The control process, which runs the control loop, starts the live process. On standard input, the
+live process receives one JSON document per line: first a description of the session, then messages
+about the trials. When standard input ends, the control process has ended. On standard output, the
+live process sends the address of the page, or the text of a problem. After that, it sends the
+requests of the page that the control process carries out between two trials.
 """
 
 from __future__ import annotations
@@ -32,7 +33,10 @@ MOST_UNREAD = 1 << 16
 
 
 class ControlPipe:
-    """Receives messages from the control process and sends requests to it, without waiting."""
+    """Exchanges JSON documents with the control process, through standard input and output.
+
+    Only `read_line` waits for a message.
+    """
 
     def __init__(self) -> None:
         self._input, self._output = sys.stdin.fileno(), sys.stdout.fileno()
@@ -41,7 +45,7 @@ class ControlPipe:
         """Time at which standard input ended [s]; 0 before it ended."""
 
     def read_line(self) -> dict[str, Any]:
-        """Wait for a message, and return it.
+        """Wait for a message of the control process, and return the message.
 
         Raises
         ------
@@ -56,7 +60,11 @@ class ControlPipe:
         return loads(line)
 
     def receive_into(self, feed: TrialFeed) -> None:
-        """Pass all messages that have arrived to the feed."""
+        """Pass the messages that have arrived from the control process to the feed.
+
+        The feed is the source of data of the live page. If the control process has ended, this is
+        also reported to the feed. This method does not wait.
+        """
         if self.ended:
             return
         try:
@@ -71,7 +79,10 @@ class ControlPipe:
             feed.receive(loads(line))
 
     def send(self, document: dict[str, Any]) -> None:
-        """Send a document. Discard the document if the control process does not read."""
+        """Send a JSON document to the control process.
+
+        If the control process does not read or has ended, the document is discarded.
+        """
         try:
             os.write(self._output, dumps(document).encode() + b"\n")
         except (BlockingIOError, BrokenPipeError):

@@ -19,7 +19,7 @@ REDRAW, REDRAW_CUE, REDRAW_PLAIN = 0.1, 0.03, 0.5
 """Time between two updates of the progress line [s]. The first is for a terminal, the second for a
 terminal and a trial with a target, and the third for other outputs such as a notebook."""
 PLAIN_WIDTH = 100
-"""Width of the line if standard error is not a terminal [characters]."""
+"""Width of the progress line if standard error is not a terminal [characters]."""
 SHOWN = 4
 """Largest number of estimators whose estimates the line shows."""
 HEADING, SHORT_HEADING = "  k [N/m], b [N s/m], * misfit:", "  k, b:"
@@ -48,7 +48,7 @@ class Status(NamedTuple):
 
 
 class Progress:
-    """The progress line on standard error.
+    """The progress line, which shows the state of a running trial on standard error.
 
     Parameters
     ----------
@@ -57,12 +57,13 @@ class Progress:
     duration
         Duration of the trial [s].
     hint
-        Keys that stop the trial; the line shows them.
+        Short text in the line that names the key that stops the trial; empty for no text.
     instructions
-        Text that explains how to stop the trial, written once at the start; empty if a person has
-        already read it.
+        Text that explains how to stop the trial. It is written once before the line. Empty if a
+        person has already read it.
     largest_misfit
-        Limit of the misfit. An estimator with a larger misfit is marked in the line.
+        Limit of the misfit, which is the systematic part of the force error of an estimator. An
+        estimator with a larger misfit is marked in the line.
     cue
         Bar that shows the target in the condition `mimic`; None for another condition.
     """
@@ -90,12 +91,13 @@ class Progress:
                 self.report(textwrap.fill(f"teleop: {text}", width, break_on_hyphens=False))
 
     def show(self, t: float, status: Callable[[], Status]) -> None:
-        """Update the line, unless the time since the last update is too short.
+        """Update the progress line, unless the time since the last update is too short.
 
         Parameters
         ----------
         t
-            Time of the trial [s]; negative before the drives may be armed.
+            Time of the trial [s]. The time is negative until the checks before the trial have
+            ended. The drives are not armed before.
         status
             Function that returns the data to show. It is called only if the line is updated.
         """
@@ -115,18 +117,18 @@ class Progress:
         self._draw(line + cue + self._texts(estimates, max(len(longest), len(line)) + len(cue)))
 
     def _texts(self, estimates: Sequence[tuple[str, float, float, float]], used: int) -> str:
-        """Return the heading and the text of each estimator that fits into the line.
+        """Return the part of the progress line with the estimates: a heading and their texts.
 
-        The text of an estimator has the same width at each update, so that the same estimators are
-        always shown. The result is empty if the line has no space for an estimator, or if no
-        estimator has an estimate yet.
+        Only as many estimators are shown as fit into the line. The text of an estimator has the
+        same width at each update, so that the same estimators are always shown. The result is empty
+        if the line has no space for an estimator, or if no estimator has an estimate yet.
 
         Parameters
         ----------
         estimates
             Name, b [N s/m], k [N/m] and misfit of each estimator.
         used
-            Largest number of characters of the text before the heading.
+            Largest number of characters that the line needs before the heading.
         """
         room = (terminal_width() or PLAIN_WIDTH) - 1 - used
         texts = [self._text(*one) for one in estimates[:SHOWN]]
@@ -138,28 +140,34 @@ class Progress:
         return "".join([heading, *texts])
 
     def _text(self, name: str, b: float, k: float, misfit: float) -> str:
-        """Return the text of an estimator. If there is no estimate, dashes replace the values."""
+        """Return the text of an estimator: name, k, b, and a mark if the misfit is too large.
+
+        If there is no estimate yet, dashes replace the values.
+        """
         values = ("-", "-") if math.isnan(k) else (f"{k:.0f}", f"{b:+.0f}")
         mark = "*" if misfit > self._largest_misfit else " "
         return f"  {name} {values[0]:>{K_WIDTH}} {values[1]:>{B_WIDTH}}{mark}"
 
     def report(self, text: str) -> None:
-        """Write a message on a separate line that remains on the terminal."""
+        """Write a message on its own line, above the progress line. The message remains visible."""
         self._terminal.write((self._replacing("") + "\r" if self._shown else "") + text + "\n")
 
     def close(self) -> None:
-        """Clear the line. If the terminal is stopped (Ctrl-S), the line may remain."""
+        """Remove the progress line from the terminal.
+
+        If a person has stopped the output of the terminal (Ctrl-S), the line may remain.
+        """
         if self._shown:
             self._terminal.draw(self._replacing("") + "\r")
         self._terminal.close()
 
     def _draw(self, line: str) -> None:
-        """Draw the part of the line that fits into the terminal."""
+        """Draw the progress line. The text `line` is cut to the width of the terminal."""
         width = terminal_width() or PLAIN_WIDTH
         self._terminal.draw(self._replacing(line[: width - 1]))
 
     def _replacing(self, text: str) -> str:
-        """Return a text with the characters that erase the previous text of the line."""
+        """Return a text with added control characters, so that it replaces the progress line."""
         drawn, self._drawn = self._drawn, len(text)
         return f"\r{text}\x1b[K" if terminal_width() else f"\r{text:<{drawn}}"
 

@@ -1,4 +1,7 @@
-"""Replay a recording on the live page, with a slider for the time."""
+"""Source of data for the live page (a web page) that replays a recording.
+
+A person can move to any time of the recording, and change the speed of the replay.
+"""
 
 from __future__ import annotations
 
@@ -23,20 +26,24 @@ FASTEST = 16.0
 class Replay(Feed):
     """Source of data for the live page, which replays a recording.
 
+    The live page is a web page that shows a running trial or a recording.
+
     Parameters
     ----------
     columns
-        Columns of the recording by name, each of shape (ticks,). There is at least one tick.
+        Columns of the recording by name, each of shape (n,), for n > 0 ticks (periods of the loop).
     descriptions
-        Name, unit and meaning of each known column.
+        Descriptions of columns, as dictionaries with the keys `name`, `unit` and `meaning`. A
+        column without a description is shown, too.
     estimators
         Names of the estimators.
     events
-        Events of the recording.
+        Events of the recorded trial (changes of mode, and faults), as dictionaries.
     trial
-        The message `trial`, which describes the recorded trial; may be empty.
+        The message `trial` to the page, which describes the recorded trial. If it is empty, no such
+        message is sent.
     rate
-        Rate of the recorded loop [Hz].
+        Rate of the recorded control loop [Hz].
     now
         Function that returns the present time [s].
     """
@@ -85,11 +92,16 @@ class Replay(Feed):
 
     @property
     def end(self) -> float:
-        """Time of the last tick [s]."""
+        """Time of the last tick of the recording [s]."""
         return float(self._t[-1])
 
     def advance(self) -> list[dict[str, Any]]:
-        """Advance to the present time of the replay; return the messages for the pages, if any."""
+        """Add the rows up to the present time of the replay to `history`; return the new messages.
+
+        The list of messages contains at most one message, `replay`, which states time and speed of
+        the replay. The message is due once per `POSITION_PERIOD`, and after a person has changed
+        time or speed.
+        """
         now = self._now()
         if self._rate:
             self._at = min(self._from + (now - self._since) * self._rate, self.end)
@@ -105,13 +117,19 @@ class Replay(Feed):
         return [position]
 
     def documents(self) -> list[dict[str, Any]]:
-        """Return the messages `welcome`, `trial` and `replay`."""
+        """Return the messages that a newly opened live page needs.
+
+        `welcome` describes the columns of the data, `trial` describes the recorded trial, and
+        `replay` contains time and speed of the replay. If there is no message `trial`, it is left
+        out.
+        """
         return [self._welcome, *filter(None, [self._trial]), self._position()]
 
     def state(self) -> dict[str, Any]:
-        """Return the fields of the message `state`.
+        """Return the fields of the message `state` to the live page.
 
-        The field `text` describes the latest fault before the time that the page shows.
+        The field `text` describes the latest fault before the time that the page shows. It is empty
+        if there is no fault before this time.
         """
         faults = [e for e in self._events if e.get("fault") and e["time"] <= self._at]
         text = str(faults[-1]["text"]) if faults else ""
@@ -124,12 +142,12 @@ class Replay(Feed):
         }
 
     def request(self, request: dict[str, Any]) -> None:
-        """Move to another time of the recording, or change the speed of the replay.
+        """Carry out a request of the live page to change the time or the speed of the replay.
 
         Raises
         ------
         BadRequest
-            The request applies only to a running trial, or a value is out of its range.
+            The request is possible only during a running trial, or a value is out of its range.
         """
         if request["type"] == "seek":
             self._seek(float(request["t"]))
@@ -144,10 +162,10 @@ class Replay(Feed):
             raise BadRequest(f"{request['type']}: this is a recording")
 
     def beat(self) -> None:
-        """Do nothing, because the replay continues without a client in control."""
+        """Do nothing: a heartbeat of the live page has no effect on a replay."""
 
     def lost(self) -> None:
-        """Do nothing, because the replay continues without a client in control."""
+        """Do nothing: the replay continues if the live page that had control has lost it."""
 
     def _position(self) -> dict[str, Any]:
         return {
@@ -163,9 +181,15 @@ class Replay(Feed):
         self._from, self._since, self._rate = self._at, self._now(), rate
 
     def _seek(self, t: float) -> None:
-        """Continue the replay at time t [s], and show the data of the `SHOWN` seconds before t.
+        """Continue the replay at time t [s] of the recording.
 
-        If t is before the start or after the end of the recording, this start or end is used.
+        The live page then shows the data of the `SHOWN` seconds before t. If t is before the start
+        of the recording, the start is used; if t is after the end, the end is used.
+
+        Raises
+        ------
+        BadRequest
+            t is not finite.
         """
         if not math.isfinite(t):
             raise BadRequest("seek: expected a time")
@@ -177,7 +201,12 @@ class Replay(Feed):
         self._add(int(np.searchsorted(self._t, self._at - SHOWN)), end)
 
     def _add(self, start: int, end: int) -> None:
-        """Add rows of the ticks from `start` up to but not including `end`."""
+        """Add rows to `history`, whose rows are sent to the live page.
+
+        The rows are ticks of the recording with indices from `start` up to but not including `end`.
+        Only every `_step`-th tick is added, because the page needs fewer rows than the loop had
+        ticks.
+        """
         ticks = decimated(start, end, start - 1, self._step)
         self.history.add(self._rows[ticks])
         self._next = ticks[-1] + 1 if ticks else start

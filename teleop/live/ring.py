@@ -1,9 +1,12 @@
 """A ring buffer of messages in shared memory, with one process that writes and one that reads.
 
+The ring buffer (ring) consists of slots, and a slot stores one message. The writer overwrites the
+oldest messages. The messages are numbered from 1. A slot contains the number of its message twice,
+before and after the message. If the two numbers are not the number that the reader expects, the
+writer has overwritten the slot, or is writing it. The reader then discards the slot.
+
 The ring has no lock, and writing needs no system call. A reader that hangs or ends can therefore
-not delay the writer. The writer overwrites the oldest messages. Each slot contains the number of
-its message twice, before and after the message. If a reader finds another number than expected, the
-writer has overwritten the slot, and the reader discards this slot.
+not delay the writer.
 """
 
 from __future__ import annotations
@@ -19,39 +22,51 @@ from numpy.typing import NDArray
 HEAD = 64
 """Size of the head of the ring, which contains the number of the newest message [bytes]."""
 BEFORE = 24
-"""Size of the part of a slot before the message, with number, length and time of writing
-[bytes]."""
+"""Size of the part of a slot before the message [bytes]. This part contains number, length and time
+of writing of the message."""
 AFTER = 8
-"""Size of the part of a slot after the message, which contains the number again [bytes]."""
+"""Size of the part of a slot after the message [bytes]. It contains the number again."""
 SLOTS = 4096
-"""Number of slots in the ring for the ticks of a control loop."""
+"""Number of slots in the ring buffer for the ticks of a control loop."""
 MARGIN = 64
-"""Number of slots with the oldest messages, which are not read. The writer overwrites them next."""
+"""Number of slots with the oldest messages. They are not read, because the writer overwrites them
+next."""
 
 
 def stride(size: int) -> int:
-    """Return the size [bytes] of a slot for a message of at most `size` bytes."""
+    """Return the size of one slot of a ring buffer [bytes].
+
+    A slot stores one message. `size` is the largest size of a message [bytes].
+    """
     return BEFORE + -(-size // 8) * 8 + AFTER
 
 
 def ring_size(slots: int, size: int) -> int:
-    """Return the size of a ring [bytes]."""
+    """Return the size of the shared memory of a ring buffer [bytes].
+
+    Parameters
+    ----------
+    slots
+        Number of slots. A slot stores one message.
+    size
+        Largest size of a message [bytes].
+    """
     return HEAD + slots * stride(size)
 
 
 class RingWriter:
-    """Writes messages to a ring.
+    """Writes messages to a ring buffer in shared memory.
 
     Parameters
     ----------
     buffer
-        Shared memory of `ring_size` bytes.
+        Shared memory of `ring_size(slots, size)` bytes.
     slots
-        Number of slots.
+        Number of slots. A slot stores one message.
     size
         Largest size of a message [bytes].
     now
-        Function that returns the time of writing [s], which is stored with a message.
+        Function that returns the present time [s]. This time is stored with each message.
 
     Attributes
     ----------
@@ -72,12 +87,12 @@ class RingWriter:
         self._now = now
 
     def write(self, message: bytes) -> None:
-        """Write a message into the next slot.
+        """Write a message into the next slot, in place of the oldest message if all slots are used.
 
         Raises
         ------
         ValueError
-            The message is larger than a slot.
+            The message is larger than the largest size of a message.
         """
         length = len(message)
         if length > self._size:
@@ -90,14 +105,14 @@ class RingWriter:
 
 
 class RingReader:
-    """Reads messages from a ring.
+    """Reads messages from a ring buffer in shared memory.
 
     Parameters
     ----------
     buffer
-        Shared memory of `ring_size` bytes.
+        Shared memory of `ring_size(slots, size)` bytes.
     slots
-        Number of slots.
+        Number of slots. A slot stores one message.
     size
         Largest size of a message [bytes].
     """
@@ -115,24 +130,29 @@ class RingReader:
 
     @property
     def oldest(self) -> int:
-        """Number of the oldest message that is read.
+        """Number of the oldest message that should be read. The messages are numbered from 1.
 
-        The `MARGIN` oldest messages in the ring are not read, because the writer will soon
-        overwrite them.
+        The ring buffer can also contain up to `MARGIN` older messages. They should not be read,
+        because the writer will soon overwrite them.
         """
         return max(1, self.newest - self._slots + MARGIN)
 
     def read(self, numbers: Sequence[int]) -> tuple[list[int], NDArray[np.uint8]]:
-        """Return the messages with the given numbers that are still in the ring.
+        """Return those of the wanted messages that the ring buffer still contains.
+
+        Parameters
+        ----------
+        numbers
+            Numbers of the wanted messages, each at least 1.
 
         Returns
         -------
         found
-            Numbers of the returned messages.
+            Numbers of the messages that are returned.
         slots
-            Bytes of the slots of the returned messages, shape (len(found), bytes). The two copies
-            of the number are omitted. A row contains the length of the message as an unsigned
-            integer of 64 bits, the time of writing [s] as a double, and the message.
+            Array with one row of bytes for each message in `found`. A row contains, in this order:
+            the length of the message as an unsigned integer of 64 bits, the time of writing [s] as
+            a double, the message, and unused bytes.
         """
         wanted = np.asarray(numbers, dtype=np.uint64)
         places = wanted % np.uint64(self._slots)

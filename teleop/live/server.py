@@ -1,4 +1,7 @@
-"""The server of the live page, with HTTP for files and a WebSocket for data and requests."""
+"""The server of the live page, a web page that shows a running trial or a recording.
+
+The browser receives the files of the page by HTTP. Data and requests use a WebSocket.
+"""
 
 from __future__ import annotations
 
@@ -34,19 +37,20 @@ VIEWS = ("main", "operator")
 
 
 class Server:
-    """Sends the data of a feed to the clients, and passes the clients' requests to the feed.
+    """Sends data to the open live pages, and passes the requests of the pages to the data source.
 
-    One task sends all data to the clients, and also sends the heartbeat to the control process. If
-    this task fails, the heartbeat stops, and the control process detects the failure.
+    A client is a live page that is open in a browser. One task sends all data to the clients, and
+    also sends the heartbeat to the control process. If this task fails, the heartbeat stops, and
+    the control process detects the failure.
 
     Parameters
     ----------
     feed
-        Source of the data.
+        Source of the data: running trials or a recording.
     token
         Token that a client has to send in its first message.
     pages
-        Files of the live page, by their path.
+        Files of the live page, by their path in the URL.
     """
 
     def __init__(self, feed: Feed, token: str, pages: Mapping[str, Page]) -> None:
@@ -85,7 +89,7 @@ class Server:
         outer = self
 
         class Connection(ServerConnection):
-            """A connection that is aborted if too many connections are open."""
+            """A connection that is closed immediately if too many connections are open."""
 
             def connection_made(self, transport: asyncio.BaseTransport) -> None:
                 outer._connections += 1
@@ -126,7 +130,7 @@ class Server:
             await asyncio.sleep(max(0.0, due - time.monotonic()))
 
     def fan_out(self) -> None:
-        """Send all new messages and rows to every client."""
+        """Send all new messages and rows of data to every client (live page that is connected)."""
         if self.control.is_silent:
             self._lose_control()
         news = self._feed.advance()
@@ -157,7 +161,10 @@ class Server:
             self._feed.lost()
 
     def _process_request(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Return the response to the request for a file; None if a WebSocket may be opened."""
+        """Return the response to an HTTP request; None if the request may open a WebSocket.
+
+        The response contains a file of the live page, or states why the request is refused.
+        """
         path = request.path
         refusal = self._gate.refusal(request.headers.get_all, path == "/ws")
         if refusal:
@@ -233,7 +240,7 @@ class Server:
 
 
 def response(status: HTTPStatus, page: Page) -> Response:
-    """Return an HTTP response with the security headers."""
+    """Return an HTTP response that contains a page and the security headers."""
     headers = Headers({**HEADERS, "Content-Type": page.kind, "Connection": "close"})
     headers["Content-Length"] = str(len(page.content))
     return Response(status.value, status.phrase, headers, page.content)

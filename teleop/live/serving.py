@@ -1,4 +1,4 @@
-"""Run the server of the live page until a given function requests its end."""
+"""Run the server of the live page, a web page, until a given function returns True."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ CHECK = 0.1
 
 
 def page_url(host: str, port: int, token: str) -> str:
-    """Return the URL of the live page. The token is in the fragment, which browsers do not send."""
+    """Return the URL of the live page with the token, which permits a page to connect.
+
+    The token is in the fragment (after `#`), because a browser does not send this part of a URL.
+    """
     name = f"[{host}]" if ":" in host else host
     return f"http://{name}:{port}/#t={token}"
 
@@ -27,7 +30,8 @@ def check_address(host: str, port: int) -> None:
     Raises
     ------
     InputError
-        `host` stands for all addresses of the machine, or the port number is not valid.
+        `host` stands for all addresses of the machine, as 0.0.0.0 does, or `port` is not a valid
+        port number.
     """
     if host in ANY_ADDRESS:
         raise InputError(f"host {host!r}: expected one address or name of this machine")
@@ -49,7 +53,7 @@ def serve_until(
     stopped
         Function that returns whether the server must end.
     feed
-        Source of the data.
+        Source of the data: running trials or a recording.
     host, port
         Address and port at which the server listens; port 0 for any free port.
     ready

@@ -1,4 +1,8 @@
-"""A file in memory through which the control process and the live process share data."""
+"""A file in memory, through which two processes exchange data.
+
+The control process runs the control loop. The live process serves the live page, a web page that
+shows a running trial.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +19,9 @@ MEMORY = Path("/dev/shm")
 class SharedFile:
     """A memory-mapped file that the control process creates and the live process opens.
 
-    As soon as the live process has opened the file, the control process removes the name of the
-    file from the file system. The mapped memory remains until both processes have ended.
+    The control process runs the control loop, and the live process serves the live page. As soon as
+    the live process has opened the file, the control process removes the name of the file from the
+    file system. Both processes can use the mapped memory until they end.
 
     Attributes
     ----------
@@ -32,7 +37,14 @@ class SharedFile:
 
     @classmethod
     def create(cls, size: int) -> SharedFile:
-        """Create and return a new file of zeros, which only this user can open.
+        """Create a new file of zeros, map it into memory, and return it.
+
+        Only the user who runs this program can open the file.
+
+        Parameters
+        ----------
+        size
+            Size of the file [bytes].
 
         Raises
         ------
@@ -52,7 +64,14 @@ class SharedFile:
 
     @classmethod
     def open(cls, path: Path, writable: bool) -> SharedFile:
-        """Map an existing file, and return it.
+        """Map an existing file into memory, and return it.
+
+        Parameters
+        ----------
+        path
+            Path of the file.
+        writable
+            Whether the mapped bytes can be changed; otherwise they can only be read.
 
         Raises
         ------
@@ -64,6 +83,9 @@ class SharedFile:
             return cls(path, mmap.mmap(file.fileno(), 0, access=access))
 
     def remove(self) -> None:
-        """Remove the name of the file. The contents remain mapped in both processes."""
+        """Remove the name of the file from the file system, if it still exists.
+
+        The mapped memory remains usable in the processes that have opened the file.
+        """
         with contextlib.suppress(OSError):
             self.path.unlink()

@@ -1,4 +1,4 @@
-"""Source of data for the live page that reads running trials, and passes requests to the loop."""
+"""Source of data for the live page (a web page): the trials that one control process runs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 SILENCE = 0.5
 """Time without a new tick after which the page shows that the loop has ended [s]."""
 DEEPEST = 0.1
-"""Largest magnitude of the intended depth that is passed to the control process [m]."""
+"""Largest magnitude of the depth that the pointer of the live page can request [m]."""
 IN_CONDITION = {
     "free": "palpate freely",
     "mimic": "follow the target with the slave",
@@ -34,25 +34,27 @@ IN_CONDITION = {
 OUTSIDE_TRIALS = {"next", "repeat", "skip", "notes"}
 """Requests that the control process carries out only between two trials."""
 SENT = {"name": "sent", "unit": "s", "meaning": "time at which the loop wrote the tick"}
-"""Description of an additional column, which is the last column of each row."""
+"""Description of a column that is not recorded. It is the last column of each row for the page."""
 
 
 class TrialFeed(Feed):
-    """Source of data for the live page: the trials of one control process.
+    """Source of data for the live page: the trials of one control process (which runs the loop).
 
     Parameters
     ----------
     ring, events
-        Ring that contains the ticks, and ring that contains the events.
+        Ring buffers in shared memory. `ring` contains the ticks, `events` the events of the trials.
     cells
-        Shared-memory cells to which requests are written.
+        Object that writes requests to shared memory, where the control loop reads them at each
+        tick.
     session
-        Description of the session: `may_arm`, `pointer` and `choices` of the message `welcome`.
+        Fields of the message `welcome`: `may_arm` (whether the page may arm the drives), `pointer`
+        (whether the mouse moves the handle) and `choices` (values that a setting may have).
     send
         Function that sends a request to the control process. The control process reads requests
         between two trials.
     bridge
-        Server for Foxglove viewers; None for no such server.
+        Server for viewers of the Foxglove protocol; None for no such server.
     """
 
     def __init__(
@@ -86,7 +88,10 @@ class TrialFeed(Feed):
         self._describe([], [], 0.0)
 
     def receive(self, document: dict[str, Any]) -> None:
-        """Process a message of the control process: `begin`, `end`, `prompt` or `summary`."""
+        """Process a message of the control process.
+
+        It is `begin` or `end` of a trial, `summary` (its results), or `prompt` (a text to show).
+        """
         kind = document["type"]
         if kind == "begin":
             self._begin_trial(document)
@@ -100,11 +105,11 @@ class TrialFeed(Feed):
             self._publish(document)
 
     def leave(self) -> None:
-        """Store that the control process has ended."""
+        """Store that the control process has ended, so that the live page can show it."""
         self._gone = True
 
     def advance(self) -> list[dict[str, Any]]:
-        """Send a heartbeat, and read the ticks and events that are new since the last call."""
+        """Send a heartbeat, and read new ticks and events; return the new messages to the page."""
         self._cells.count(PROCESS)
         if self._running:
             self._read_ticks()
@@ -115,11 +120,11 @@ class TrialFeed(Feed):
         return news
 
     def documents(self) -> list[dict[str, Any]]:
-        """Return the latest messages `welcome`, `trial` and `summary`."""
+        """Return the latest messages `welcome`, `trial` and `summary`, which a new page needs."""
         return list(self._valid.values())
 
     def state(self) -> dict[str, Any]:
-        """Return mode of the supervisor, text for the operator, and state of the loop."""
+        """Return the message `state`: mode, text for the operator, whether the loop runs."""
         silent = self._running and time.monotonic() - self._latest > SILENCE
         if not self._running:
             mode = "ended" if "trial" in self._valid else "idle"
@@ -138,7 +143,7 @@ class TrialFeed(Feed):
         }
 
     def request(self, request: dict[str, Any]) -> None:
-        """Write a request to the cells, or send it to the control process.
+        """Pass a request to the control process, through shared memory or as a message.
 
         Raises
         ------
@@ -169,14 +174,13 @@ class TrialFeed(Feed):
             raise BadRequest(f"{kind}: this is not a recording")
 
     def beat(self) -> None:
-        """Send the loop the heartbeat of the page that has control."""
+        """Pass a heartbeat of the live page that has control to the control loop."""
         self._cells.count(PAGE)
 
     def lost(self) -> None:
-        """Write to the cells that the hand does not hold the handle.
+        """Report to the loop that the hand does not hold the handle, because no page has control.
 
-        If the page has armed the drives, the loop then stops the trial, because it receives no
-        more heartbeats of the page.
+        If the page has armed the drives, the loop stops the trial when it receives no heartbeats.
         """
         self._cells.point(0.0, False)
 
@@ -190,8 +194,8 @@ class TrialFeed(Feed):
     def _choose(self, request: dict[str, Any], active: bool) -> None:
         """Send the settings that a person has chosen in the page to the control process.
 
-        If a trial waits for START, it is ended. The control process then begins a trial with the
-        new settings.
+        If a trial waits for START (the command that arms the drives), the trial is ended. The
+        control process then begins a trial with the new settings.
         """
         choices = self._session["choices"]
         for name in request.keys() - {"type"}:
@@ -229,7 +233,7 @@ class TrialFeed(Feed):
         self.history.epoch = epoch + 1
 
     def _describe(self, columns: list[dict[str, str]], estimators: list[str], rate: float) -> None:
-        """Create the message `welcome` for a trial."""
+        """Create the message `welcome`, which describes the data of a trial to the live page."""
         self._valid["welcome"] = {
             "type": "welcome",
             "version": 1,
@@ -245,7 +249,7 @@ class TrialFeed(Feed):
         self._news.append(document)
 
     def _read_ticks(self) -> None:
-        """Read all new ticks, and add to the history those ticks that are sent to the page."""
+        """Read all new ticks. Add those that the live page receives to the buffer `history`."""
         first, end = max(self._read + 1, self._ring.oldest), self._ring.newest + 1
         found, slots = self._ring.read(range(first, end))
         if not found:
@@ -262,13 +266,13 @@ class TrialFeed(Feed):
             self.history.add(np.hstack([values[rows][:, self._indices], sent]))
 
     def _values(self, slots: np.ndarray[Any, np.dtype[np.uint8]]) -> Floats:
-        """Return the values of all columns of n ticks, shape (n, columns)."""
+        """Return all columns of n ticks, shape (n, columns), from a result of `RingReader.read`."""
         start = 16 + self._offset
         end = start + 8 * len(self._begin["columns"])
         return np.ascontiguousarray(slots[:, start:end]).view("<f8")
 
     def _read_texts(self) -> None:
-        """Read the new events of the supervisor."""
+        """Read the new events of the safety supervisor: changes of its mode, and faults."""
         first, end = max(self._read_events + 1, self._events.oldest), self._events.newest + 1
         found, slots = self._events.read(range(first, end))
         for slot in slots:
@@ -282,7 +286,10 @@ class TrialFeed(Feed):
         self._read_events = found[-1] if found else self._read_events
 
     def _advice(self, mode: str, by_page: bool) -> str:
-        """Return a text that states what a person can do next."""
+        """Return an instruction for the operator; empty if there is none.
+
+        `by_page` states whether the drives are armed from the live page.
+        """
         if mode == "ready" and by_page:
             return "UNLOCK, then START within 2 s, arms the drives"
         if mode == "active" and self._session["pointer"]:

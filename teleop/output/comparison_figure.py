@@ -1,4 +1,8 @@
-"""Draw the stiffness and damping of several recordings, by group."""
+"""Draw stiffness k and damping b of several recordings, which are grouped by factors.
+
+A factor is a property in which recordings differ, for example `condition`. A level is a value of a
+factor, for example `mimic`.
+"""
 
 from __future__ import annotations
 
@@ -31,26 +35,29 @@ LONGEST_LEVEL = 24
 LABELS = {"k": "stiffness $k$ [N/m]", "b": "damping $b$ [N s/m]"}
 """Label of each quantity, by its symbol."""
 OTHER_KIND = f"recording, b {BESIDES_RELAXATION} (of the others: {LOSS})"
-"""Legend of recordings whose b is of another kind than that of others in the figure."""
+"""Text in the legend for recordings whose b is another physical quantity than b of the others."""
 
 
 class Place(NamedTuple):
-    """A group of recordings in the figure."""
+    """A group of recordings, with the place of the group in the figure."""
 
     row: str
-    """Level that has its own row of panels; empty without such levels."""
+    """Level (value of a factor) of the row of panels; empty if the figure has no such rows."""
     name: tuple[str, ...]
-    """Levels that are written below the axis."""
+    """Levels of the other factors, which are written below the axis."""
     means: dict[str, Mean]
-    """Means of the results of the group, by symbol."""
+    """Means of k and b of the group, by symbol."""
     results: list[Result]
-    """Results of the recordings that have one."""
+    """Results of the recordings of the group. Recordings without a result are left out."""
     other: list[bool]
-    """Whether b of each of these recordings is of another kind than that of others in the
-    figure."""
+    """Whether b of each of these results is of the kind `BESIDES_RELAXATION`, while b of others in
+    the figure is another physical quantity."""
 
     def intervals(self, symbol: str) -> list[Interval]:
-        """Return the intervals of k or b (`symbol`) that are drawn."""
+        """Return the 95 % intervals of k or b (`symbol`) that are drawn for this group.
+
+        These are the intervals of the recordings and, for two or more recordings, of their mean.
+        """
         mean = self.means[symbol]
         found = [result.interval(symbol) for result in self.results if result.determines(symbol)]
         if mean.recordings > 1:
@@ -63,8 +70,10 @@ def comparison_figure(
 ) -> Figure:
     """Return a figure of k and b of each recording, and of the mean of each group.
 
-    Error bars are 95 % intervals. If k or b of the groups differ by more than a factor of ten, each
-    level of one factor has its own row of panels.
+    Error bars are 95 % intervals. If k or b of the groups differ too much for one linear axis
+    (`comparison_scales.WIDE`), the groups are divided between several rows of panels, one row for
+    each level of a factor. A factor is a property in which recordings differ, for example
+    `condition`. A level is a value of a factor, for example `mimic`.
 
     Parameters
     ----------
@@ -109,10 +118,11 @@ def comparison_figure(
 def placed(
     rows: Sequence[Compared], groups: Sequence[Group], by: Sequence[str]
 ) -> tuple[list[Place], int | None]:
-    """Return the place of each group in the figure, and the factor that determines the row.
+    """Return the place of each group in the figure, and the factor that divides the figure.
 
-    The figure has one row of panels for each level of this factor. The factor is returned as an
-    index of `by`. It is None if all groups are in the same panels.
+    If the values of the groups are too different for one panel, the figure has one row of panels
+    for each level (value) of one factor. This factor is returned as an index of `by`, which
+    contains the names of the factors. If the figure is not divided, the index is None.
     """
     results = [
         [r.result for r in rows if r.levels(by) == group.levels and r.result.identifiable]
@@ -145,9 +155,19 @@ def placed(
 def draw_panel(
     axes: Axes, places: Iterable[Place], names: Sequence[tuple[str, ...]], symbol: str
 ) -> None:
-    """Draw k or b (`symbol`) of each group.
+    """Draw k or b of several groups of recordings in one panel.
 
-    The position of a group on the horizontal axis is the index of its name in `names`.
+    Parameters
+    ----------
+    axes
+        The panel.
+    places
+        The groups that are drawn in this panel.
+    names
+        Names of all groups of the figure. The index of a name in `names` is the position of the
+        group on the horizontal axis.
+    symbol
+        "k" or "b".
     """
     intervals: list[Interval] = []
     for place in places:
@@ -160,7 +180,18 @@ def draw_panel(
 
 
 def label_groups(axes: Axes, names: Sequence[tuple[str, ...]], width: float) -> None:
-    """Write the names of the groups below axes of this width [in]."""
+    """Write the names of the groups below the horizontal axis; long names are written vertically.
+
+    Parameters
+    ----------
+    axes
+        The panel.
+    names
+        Name of each group, from left to right. A name consists of the levels of the group, which
+        are its values of the factors.
+    width
+        Width of the panel [inch].
+    """
     texts = ["\n".join(map(level_text, name)) for name in names]
     axes.set_xticks(range(len(names)), texts or [""])
     longest = max((len(part) for text in texts for part in text.split("\n")), default=0)
@@ -170,12 +201,29 @@ def label_groups(axes: Axes, names: Sequence[tuple[str, ...]], width: float) -> 
 
 
 def level_text(level: str) -> str:
-    """Return the name of a level, which has at most `LONGEST_LEVEL` characters."""
+    """Return a level, which is a value of a factor, as text for the figure.
+
+    A long level is shortened to `LONGEST_LEVEL` characters.
+    """
     return plain(level[:LONGEST_LEVEL])
 
 
 def draw_results(axes: Axes, at: int, place: Place, symbol: str) -> None:
-    """Draw k or b (`symbol`) of the recordings of a group side by side, around `at` on the axis."""
+    """Draw k or b of each recording of a group, side by side, with 95 % intervals.
+
+    If there is no value, the text "no result" is drawn.
+
+    Parameters
+    ----------
+    axes
+        The panel.
+    at
+        Position of the group on the horizontal axis.
+    place
+        The group.
+    symbol
+        "k" or "b".
+    """
     shown = np.array([one.determines(symbol) for one in place.results], bool)
     if not shown.any():
         axes.text(
@@ -213,7 +261,17 @@ def draw_results(axes: Axes, at: int, place: Place, symbol: str) -> None:
 
 
 def draw_mean(axes: Axes, place: int, mean: Mean) -> None:
-    """Draw the mean of a group at `place` on the axis, if the group has at least two recordings."""
+    """Draw the mean of k or b of a group, if it is the mean of at least two recordings.
+
+    Parameters
+    ----------
+    axes
+        The panel.
+    place
+        Position of the group on the horizontal axis.
+    mean
+        The mean with its 95 % interval.
+    """
     if mean.recordings < 2:
         return
     axes.errorbar(

@@ -1,4 +1,4 @@
-"""Notes below the tables that compare recordings."""
+"""Create the notes below the tables that compare several recordings."""
 
 from __future__ import annotations
 
@@ -46,7 +46,10 @@ DEPTHS = (
 
 
 def pooled_text(names: Sequence[str]) -> str:
-    """Return a note on means over recordings that differ in the levels of some factors.
+    """Return a note on groups that contain recordings with different levels of some factors.
+
+    A factor is a property in which recordings differ, for example `condition`. A level is a value
+    of a factor, for example `mimic`.
 
     Parameters
     ----------
@@ -61,7 +64,14 @@ def pooled_text(names: Sequence[str]) -> str:
 
 
 def damping_note(kinds: Collection[str]) -> str:
-    """Return a note that states the kinds of the damping of the results."""
+    """Return a note that describes the damping b of the results.
+
+    Parameters
+    ----------
+    kinds
+        Kinds of b that occur in the results. A kind states which physical quantity b is; see
+        `MEANING`.
+    """
     named = [MEANING[kind] for kind in MEANING if kind in kinds]
     text = " or ".join(named)
     if len(named) > 1:
@@ -73,12 +83,13 @@ def damping_note(kinds: Collection[str]) -> str:
 
 
 def model_notes(kinds: Collection[str]) -> list[str]:
-    """Return notes that state the models of estimators with further parameters, such as k3.
+    """Return one note for each estimator model with a parameter besides b and k, such as k3.
 
     Parameters
     ----------
     kinds
-        Kinds of the stiffness of the estimators (see `kinds_of_estimates`).
+        Kinds of the stiffness of the estimators. A kind names the further parameters of the model,
+        for example `average with k3` (see `kinds_of_estimates`).
     """
     return [
         f"{kind}: the estimator has the model {meaning}."
@@ -88,7 +99,13 @@ def model_notes(kinds: Collection[str]) -> list[str]:
 
 
 def lag_note(lags: Collection[float]) -> str:
-    """Return a note that states the lags of the force that are compensated [s]."""
+    """Return a note that states which lag of the measured force was compensated.
+
+    Parameters
+    ----------
+    lags
+        Compensated lags of the recordings [s]; 0 if no lag was compensated. There is at least one.
+    """
     low, high = min(lags) * 1e3, max(lags) * 1e3
     if not high:
         return "No lag of the force is compensated."
@@ -98,7 +115,16 @@ def lag_note(lags: Collection[float]) -> str:
 
 
 def different_text(symbol: str, kinds: Mapping[str, int]) -> str:
-    """Return why values of several kinds have no mean."""
+    """Return a note: there is no mean, because the values are different physical quantities.
+
+    Parameters
+    ----------
+    symbol
+        Symbol of the values, for example "b".
+    kinds
+        Number of recordings for each kind of value. A kind states which physical quantity a value
+        is.
+    """
     parts = (
         f"{MEANING.get(kind, kind)} in {count} recording{'s' if count > 1 else ''}"
         for kind, count in kinds.items()
@@ -107,7 +133,17 @@ def different_text(symbol: str, kinds: Mapping[str, int]) -> str:
 
 
 def missing_text(method: str, missing: Mapping[str, str]) -> str:
-    """Return the reasons why a method has no value for some files, with the names of the files."""
+    """Return a note that states why a method has no value for some recordings.
+
+    The note contains the names of the files. It lists at most `FILES_NAMED` files for each reason.
+
+    Parameters
+    ----------
+    method
+        `RESULT` for the batch evaluation, or the name of an online estimator.
+    missing
+        Reason for each of these recordings, by the name of the file.
+    """
     files: dict[str, list[str]] = {}
     for file, reason in missing.items():
         files.setdefault(reason, []).append(Path(file).name)
@@ -122,9 +158,9 @@ def missing_text(method: str, missing: Mapping[str, str]) -> str:
 
 
 def holding_text(groups: Sequence[Group]) -> str:
-    """Return a note that states for which force, depth and frequency k and b of each group hold.
+    """Return a note on the force, depth and frequency at which k and b of each group are valid.
 
-    The note is empty if no group has known values of force, depth or frequency.
+    The note is empty if force, depth and frequency are not known for any group.
     """
     parts = [
         f"{levels_text(group)}: {where}" if group.levels else where
@@ -138,7 +174,11 @@ def holding_text(groups: Sequence[Group]) -> str:
 
 
 def held_at(group: Group) -> str:
-    """Return the ranges of force, depth and frequency at which the results of a group hold."""
+    """Return the force and depth at which k of a group is valid, and the frequency for b, as text.
+
+    For example, the text is "k at 1.00 to 1.20 N, 2.00 mm from the contact point, b at 1.00 Hz". A
+    value is a range if the recordings of the group differ. Values that are not known are left out.
+    """
     parts = []
     if group.holding.keys() >= {"force_n", "depth_m"}:
         force = range_text(group.holding["force_n"], 1.0, "N")
@@ -151,13 +191,27 @@ def held_at(group: Group) -> str:
 
 
 def range_text(ends: tuple[float, float], size: float, unit: str) -> str:
-    """Return a range whose ends are multiplied by `size`, as text."""
+    """Return a range as text, for example "1.00 to 2.00 mm".
+
+    Parameters
+    ----------
+    ends
+        Lower and upper end of the range, in SI units.
+    size
+        Factor that converts the ends to `unit`.
+    unit
+        Unit in the text.
+    """
     low, high = (small(size * end) for end in ends)
     return f"{low} {unit}" if low == high else f"{low} to {high} {unit}"
 
 
 def remark_texts(groups: Sequence[Group]) -> list[str]:
-    """Return one note for each remark on the results, with the groups that it concerns."""
+    """Return one note for each remark on the results of the recordings.
+
+    A remark is a sentence about a limitation of a result. If a remark does not concern all results,
+    the note names the groups of recordings that it concerns, or their number.
+    """
     results = sum(group.means[RESULT]["k"].recordings for group in groups)
     counts: Counter[str] = Counter()
     for group in groups:
@@ -177,5 +231,8 @@ def remark_texts(groups: Sequence[Group]) -> list[str]:
 
 
 def levels_text(group: Group) -> str:
-    """Return the factor levels of a group of recordings, separated by commas."""
+    """Return the levels of a group of recordings, separated by commas, for example "mimic, soft".
+
+    A level is a value of a factor, and a factor is a property in which recordings differ.
+    """
     return ", ".join(group.levels)

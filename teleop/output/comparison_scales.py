@@ -1,4 +1,8 @@
-"""Choose the panels and the axes of a figure whose values differ by orders of magnitude."""
+"""Choose the panels and the scales of the axes for a figure with very different values.
+
+The values can differ by orders of magnitude, for example the stiffness of a soft and a hard
+specimen.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +13,11 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullLocator
 
 WIDE = 10.0
-"""Ratio of the largest to the smallest size of the values in a panel above which the groups are
-divided between several panels, or the axis is logarithmic."""
+"""Largest ratio of the magnitudes of the values on a linear axis. If the ratio is larger, the
+groups are divided between several panels, or the axis is logarithmic."""
 WIDE_SIGNED = 20.0
-"""This ratio for an axis that is logarithmic for positive and negative values. Such an axis is hard
-to read. Up to this ratio, a linear axis still shows the smallest values."""
+"""As `WIDE`, if some values are negative or zero. This limit is larger than `WIDE`, because an axis
+that is logarithmic above and below zero is hard to read."""
 MOST_ROWS = 6
 """Largest number of rows of panels."""
 
@@ -25,21 +29,28 @@ MINUS = "\u2212"
 Interval = tuple[float, float]
 """Lower and upper end of an interval."""
 Drawn = Mapping[tuple[str, ...], Sequence[Sequence[Interval]]]
-"""Intervals that are drawn for each quantity, by the levels of a group."""
+"""Intervals that are drawn for a group: one list for each quantity. A key contains the levels of
+the group, which are its values of the factors."""
 
 
 def factor_of_rows(drawn: Drawn) -> int | None:
-    """Return the index of the factor whose levels have separate rows of panels; None for one row.
+    """Return the factor that divides a figure into rows of panels, as an index; None for one row.
 
-    A linear axis is useful only for values of similar size. Therefore the groups are divided into
-    rows if the ratio of the largest to the smallest size of a quantity is above `WIDE`. The chosen
-    factor makes the largest ratio within a row as small as possible. The result is None if no
-    division is needed, or if no factor is suitable.
+    The figure shows groups of recordings. A factor is a property in which the groups differ, and a
+    level is a value of a factor. If the figure is divided, each row contains the groups with one
+    level of the factor.
+
+    A linear axis is useful only for values of similar magnitude. The figure is therefore divided
+    if, for a quantity, the ratio of the largest to the smallest magnitude is above `WIDE`. The
+    chosen factor makes the largest ratio within a row as small as possible. The result is None if
+    no division is needed, or if no factor is suitable. A suitable factor makes the ratio smaller
+    and gives at most `MOST_ROWS` rows.
 
     Parameters
     ----------
     drawn
-        Intervals that are drawn for each quantity, by the levels of a group.
+        Intervals that are drawn for each group: one list for each quantity, such as k and b. A key
+        contains the level of the group for each factor.
     """
     best, least = None, widest([*drawn.values()])
     if least <= WIDE:
@@ -55,44 +66,56 @@ def factor_of_rows(drawn: Drawn) -> int | None:
 
 
 def widest(groups: Sequence[Sequence[Sequence[Interval]]]) -> float:
-    """Return the ratio of the largest to the smallest size of a quantity in these groups.
+    """Return a ratio that states how much the values of several groups differ in magnitude.
 
-    If there are several quantities, it is the largest of their ratios.
+    For each quantity, such as k or b, the largest magnitude in all groups is divided by the
+    smallest (`size_ratio`). The largest of these ratios is returned.
+
+    Parameters
+    ----------
+    groups
+        Intervals that are drawn for each group: one list for each quantity.
     """
     quantities = zip(*groups, strict=True)
     return max((size_ratio([i for part in one for i in part]) for one in quantities), default=1.0)
 
 
 def sizes(intervals: Sequence[Interval]) -> list[float]:
-    """Return the size of each interval, without the sizes that are zero.
+    """Return the magnitude of each interval, without magnitudes that are zero.
 
-    The size is the largest absolute value in the interval.
+    The magnitude is the larger one of the absolute values of the two ends.
     """
     return [size for low, high in intervals if (size := max(abs(low), abs(high))) > 0.0]
 
 
 def size_ratio(intervals: Sequence[Interval]) -> float:
-    """Return the ratio of the largest to the smallest size of intervals; 1 without intervals."""
+    """Return the ratio of the largest to the smallest magnitude of intervals (see `sizes`).
+
+    The ratio is 1 if there are no intervals, or if all magnitudes are zero.
+    """
     found = sizes(intervals)
     return max(found) / min(found) if found else 1.0
 
 
 def set_scale(axes: Axes, intervals: Sequence[Interval]) -> None:
-    """Set the scale of the vertical axis.
+    """Set the scale of the vertical axis according to the values that are drawn.
 
-    - If the sizes of the intervals are similar, the axis is linear.
-    - If the sizes differ and all values are positive, the axis is logarithmic.
-    - If the sizes differ and some values are not positive, the axis is linear near zero and
-      logarithmic for larger magnitudes. The linear range ends at the power of ten that is nearest
-      to the smallest size.
-    - If there are no intervals, the axis has no ticks.
+    The scale depends on the ratio of the largest to the smallest magnitude of the values:
+
+    - If the ratio is small, the axis is linear. The limit of the ratio is `WIDE` if all values are
+      positive, and `WIDE_SIGNED` otherwise.
+    - If the ratio is larger and all values are positive, the axis is logarithmic.
+    - If the ratio is larger and some values are negative or zero, the axis is linear near zero. It
+      is logarithmic above and below this linear part. The linear part ends at the power of ten that
+      is nearest to the smallest magnitude.
+    - If there are no values, the axis has no ticks.
 
     Parameters
     ----------
     axes
-        The axes.
+        The panel.
     intervals
-        Lower and upper ends of the intervals that the axes show.
+        Lower and upper ends of the 95 % intervals that are drawn.
     """
     if not intervals:
         axes.set_yticks([])

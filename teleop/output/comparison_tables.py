@@ -1,4 +1,4 @@
-"""Tables that compare recordings: results, and means of groups."""
+"""Tables that compare several recordings: k and b of each recording, and means over groups."""
 
 from __future__ import annotations
 
@@ -35,14 +35,17 @@ from teleop.output.result_tables import with_half
 from teleop.output.table_files import TextTable, shortened
 
 OTHER_KIND = "*"
-"""Mark of a damping of another kind than the others, in the table of the recordings."""
+"""Mark of a b that is another physical quantity than the values of b without this mark."""
 
 
 def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
-    """Return the table of groups, with notes and with one row for each group and method.
+    """Return the table of means, with one row for each group of recordings and each method.
 
-    If some recordings of a group have no value, the number of recordings has a mark. The note with
-    this mark states the reasons.
+    A method is the batch evaluation or an online estimator. A row states the number n of recordings
+    that are averaged. If a method has no value for some recordings of a group, n has a mark. A note
+    below the table begins with the same mark and states the reasons.
+
+    The parameter `by` contains the names of the factors by which the recordings are grouped.
     """
     rows, notes = [], [("", CAPTION)]
     if kinds := {kind for group in groups for kind in group.kinds[RESULT]["b"]}:
@@ -77,16 +80,17 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
 
 
 def published_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
-    """Return the table of groups for a file, with notes that contain the remarks on the results."""
+    """Return the table of `group_table` for a file, with additional notes: remarks on results."""
     table = group_table(groups, by)
     remarks = [("", text) for text in remark_texts(groups)]
     return replace(table, notes=[*table.notes, *remarks])
 
 
 def marked(notes: list[tuple[str, str]], text: str) -> str:
-    """Return the mark of the note with this text, such as (a).
+    """Return the mark, such as (a), of the note below a table that has this text.
 
-    If the notes do not contain the text, it is added to them with a new mark.
+    A note is a pair of mark and text. If no note has this text, a note with this text and a new
+    mark is added to `notes`.
     """
     known = {note: mark for mark, note in notes}
     if text not in known:
@@ -96,9 +100,10 @@ def marked(notes: list[tuple[str, str]], text: str) -> str:
 
 
 def without_kinds(table: TextTable, by: Sequence[str]) -> TextTable:
-    """Return the table of groups without the kinds of k and b, which the notes state as well.
+    """Return the table of `group_table` without the columns "kind of k" and "kind of b".
 
-    With the usual factors, the table then fits a terminal of 80 columns.
+    The notes below the table contain the same information. Without these columns, the table usually
+    fits a terminal of 80 columns. `by` is the argument with which the table was created.
     """
     start, end = len(by) + 1, len(by) + 1 + len(OF_RESULT)
     headings, *rows = ([*row[:start], *row[end:]] for row in (table.headings, *table.rows))
@@ -106,7 +111,11 @@ def without_kinds(table: TextTable, by: Sequence[str]) -> TextTable:
 
 
 def tracking_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable | None:
-    """Return the table of tracking in the condition `mimic`, by group; None without such trials."""
+    """Return the table that states how well the slave followed the target in the condition `mimic`.
+
+    The table has one row of means for each group of recordings. If there is no such recording, None
+    is returned. `by` contains the names of the factors by which the recordings are grouped.
+    """
     rows = [
         [
             *group.levels,
@@ -126,7 +135,7 @@ column."""
 
 
 def scaled(mean: Mean, size: float) -> Mean:
-    """Return a mean and its interval multiplied by `size`, to convert them to another unit."""
+    """Return a mean and its interval, multiplied by the factor `size` to convert the unit."""
     return mean._replace(value=mean.value * size, half=mean.half * size)
 
 
@@ -141,14 +150,17 @@ def letters(index: int) -> str:
 
 
 def mean_text(mean: Mean) -> str:
-    """Return a mean with the half width of its interval; a dash if the mean is not finite."""
+    """Return a mean and the half width of its 95 % interval as text; a dash if there is no mean."""
     if not isfinite(mean.value):
         return "-"
     return with_half(mean.value, mean.half)
 
 
 def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequence[str]) -> None:
-    """Print the results of the recordings, and the table of groups."""
+    """Print k and b of each recording, and the means over groups of recordings.
+
+    `by` contains the names of the factors by which the recordings are grouped.
+    """
     console = plain_console()
     pattern, names = common_part([row.file for row in rows])
     kinds = kinds_of_b(rows)
@@ -183,10 +195,11 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
 
 
 def remark_lines(rows: Sequence[Compared], names: Sequence[str]) -> list[str]:
-    """Return the remarks on the results as lines.
+    """Return the remarks on the results of recordings as lines of text.
 
-    A remark on several recordings is one line without the numbers that differ between them. The
-    other remarks on a recording are one line that begins with the name of the recording.
+    A remark that several recordings have is printed once, in a short form without numbers, with the
+    number of these recordings. The other remarks on a recording are together in one line, which
+    begins with the name of the recording.
     """
     results = [(name, row.result) for name, row in zip(names, rows, strict=True)]
     results = [(name, result) for name, result in results if result.identifiable]
@@ -199,28 +212,35 @@ def remark_lines(rows: Sequence[Compared], names: Sequence[str]) -> list[str]:
 
 
 def kinds_of_b(rows: Iterable[Compared]) -> list[str]:
-    """Return the kinds of b that occur in the results, in the order of `MEANING`."""
+    """Return the kinds of b (`kind_of_b`) that occur in the results, in the order of `MEANING`."""
     found = {kind_of_b(row) for row in rows}
     return [kind for kind in MEANING if kind in found]
 
 
 def kind_of_b(row: Compared) -> str | None:
-    """Return the kind of b of a result; None if the recording does not determine b."""
+    """Return which physical quantity b of a recording is, as one of the keys of `MEANING`.
+
+    The result is None if the recording does not determine b.
+    """
     value = values_of(row, RESULT).get("b")
     return value.kind if value else None
 
 
 def damping_text(row: Compared, kinds: Sequence[str]) -> str:
-    """Return b with its interval as text.
+    """Return b of a recording and the half width of its 95 % interval as text.
 
-    The text has a mark if the kind of b is not the first one in `kinds`.
+    A kind states which physical quantity b is. If b is not of the first kind in `kinds`, the text
+    begins with the mark `OTHER_KIND`.
     """
     text = result_text(row, "b")
     return f"{OTHER_KIND} {text}" if kind_of_b(row) in kinds[1:] else text
 
 
 def shared(texts: Iterable[Iterable[str]]) -> list[tuple[str, int]]:
-    """Return the texts that two or more recordings have, and the number of these recordings."""
+    """Return the texts that occur in two or more recordings, each with the number of recordings.
+
+    Each element of `texts` contains the texts of one recording.
+    """
     counts = Counter(chain.from_iterable(texts))
     return [(text, count) for text, count in counts.items() if count > 1]
 
@@ -230,10 +250,14 @@ def common_part(files: Sequence[str]) -> tuple[str, list[str]]:
 
     Returns
     -------
-    The pattern, and the different part of each name. If all files are recordings in one folder, the
-    pattern is the folder with `*.mcap`, and the parts are the names of the files without the
-    ending. If they are other files in one folder, the pattern is the folder, and the parts are the
-    names of the files. Otherwise the pattern is empty, and the parts are the unchanged names.
+    The pattern, and the different part of each name. They depend on the files:
+
+    - All files are recordings in one folder: the pattern is the folder with `*` and the ending
+      `RECORDING`. The parts are the names of the files without the ending.
+    - All files are in one folder, but not all are recordings: the pattern is the folder. The parts
+      are the names of the files.
+    - The files are in several folders, or in the current folder: the pattern is empty. The parts
+      are the unchanged names.
     """
     paths = [Path(file) for file in files]
     if len({path.parent for path in paths}) > 1 or str(paths[0].parent) == ".":
@@ -244,7 +268,7 @@ def common_part(files: Sequence[str]) -> tuple[str, list[str]]:
 
 
 def print_text_table(title: str, table: TextTable) -> None:
-    """Print an empty line, and a table with its notes."""
+    """Print an empty line, then a table, and below it the notes of the table."""
     console = plain_console()
     console.print()
     rows = shortened(table.rows, table.left)
@@ -255,15 +279,18 @@ def print_text_table(title: str, table: TextTable) -> None:
 
 
 def result_text(row: Compared, symbol: str) -> str:
-    """Return k or b (`symbol`) and the half width of its 95 % interval; a dash for no value."""
+    """Return k or b (`symbol`) of a recording and the half width of its 95 % interval, as text.
+
+    The text is a dash if there is no value.
+    """
     value = values_of(row, RESULT).get(symbol)
     return with_half(value.value, value.half) if value else "-"
 
 
 def tangent_texts(result: Result) -> list[str]:
-    """Return the force [N] and the depth [mm] at which k holds, as two texts.
+    """Return the force [N] and the depth [mm] at which k (the tangent stiffness) is evaluated.
 
-    Both texts are dashes if the result has no k.
+    Both are texts. They are dashes if the result has no k.
     """
     if result.force is None or result.depth is None:
         return ["-", "-"]

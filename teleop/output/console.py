@@ -36,7 +36,10 @@ BORDERS = 3
 
 
 def terminal_width() -> int:
-    """Return the width of the terminal [characters]; `WIDTH` if the output is not a terminal."""
+    """Return the width of the terminal [characters].
+
+    If the output is not a terminal, return `WIDTH`, which is so large that no line is broken.
+    """
     return shutil.get_terminal_size((0, 0)).columns or WIDTH
 
 
@@ -46,29 +49,40 @@ def print_json(document: Mapping[str, Any]) -> None:
 
 
 class PlainConsole(Console):
-    """A console that prints control characters as escapes, and breaks lines only between words."""
+    """A console of the library rich that prints text safely and without broken words.
+
+    Control characters are printed as backslash escapes. Long lines are broken only between words.
+    """
 
     def print(self, *objects: Any, **options: Any) -> None:
-        """Print objects. Text is wrapped to the terminal width, unless `soft_wrap` is true."""
+        """Print objects. Break lines wider than the terminal, unless `soft_wrap` is true."""
         width = WIDTH if options.get("soft_wrap") else terminal_width()
         shown = (wrapped(one, width) if isinstance(one, str) else one for one in objects)
         super().print(*shown, **options)
 
     def render_str(self, text: str, **options: Any) -> Text:
-        """Return the text with escapes instead of control characters."""
+        """Return a text in which backslash escapes replace the control characters.
+
+        The library rich calls this method for each text that it prints.
+        """
         return super().render_str(printable(text), **options)
 
     def on_broken_pipe(self) -> None:
-        """Raise the BrokenPipeError again, because rich would end the program at this point."""
+        """Raise the present BrokenPipeError again, so that the program can handle it.
+
+        The library rich calls this method if nothing reads the output any more. The method of rich,
+        which this one replaces, would end the program.
+        """
         raise
 
 
 def plain_console(stream: TextIO | None = None) -> Console:
-    """Return a console without markup, highlighting and truncation.
+    """Return a console of the library rich that interprets no markup in texts, such as "[bold]".
 
-    Width and height are given to the library rich, so that rich does not read them from the
-    terminal or from environment variables. For a terminal of the type `dumb`, rich would assume 80
-    columns, even if the variable COLUMNS has another value.
+    The console does not highlight or shorten texts. Width and height are given to the library rich,
+    so that rich does not read them from the terminal or from environment variables. For a terminal
+    of the type `dumb`, rich would assume 80 columns, even if the variable COLUMNS has another
+    value.
 
     Parameters
     ----------
@@ -81,9 +95,10 @@ def plain_console(stream: TextIO | None = None) -> Console:
 
 
 def wrapped(text: str, width: int) -> str:
-    """Return a text with lines of at most `width` characters, broken only between words.
+    """Break each line of a text that is longer than `width` characters into several lines.
 
-    No line is broken between a number and its unit.
+    A line is broken only between words, and never between a number and its unit. A single word that
+    is longer than `width` is not broken.
     """
     lines = []
     for line in text.split("\n"):
@@ -110,9 +125,11 @@ def number(value: float, digits: int) -> str:
 
 
 def small(value: float, digits: int = 3) -> str:
-    """Return a number as text with `digits` or more significant digits; a dash if not finite.
+    """Return a number as text with `digits` significant digits; a dash if it is not finite.
 
-    Zeros at the end are kept, so that all numbers of a column have the same precision.
+    Zeros at the end are kept, so that all numbers of a column have the same precision. A large
+    number is rounded to an integer, and then has more significant digits. A very small number has
+    fewer, because the number of decimals is limited.
     """
     if not math.isfinite(value) or value == 0.0:
         return number(value, digits)
@@ -126,20 +143,27 @@ def print_table(
     rows: Iterable[Sequence[str]],
     left: int = 1,
 ) -> None:
-    """Print a table that fits the width of the terminal; see `fitting_tables`."""
+    """Print a table. A table that is too wide for the terminal is divided.
+
+    The parameters are those of `fitting_tables`.
+    """
     for part in fitting_tables(title, headings, rows, left):
         console.print(part)
 
 
 class TrimmedTable(Table):
-    """A table without spaces at the ends of its lines.
+    """A table of the library rich that is printed without spaces at the ends of its lines.
 
     If a line fills the whole width of the terminal, an additional space at its end would cause an
     empty line.
     """
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """Yield the segments of the table, line by line."""
+        """Yield the parts of the printed table, line by line.
+
+        The library rich calls this method to print the table. A part (segment) is a text in one
+        style.
+        """
         segments = cast(Iterable[Segment], super().__rich_console__(console, options))
         for line in Segment.split_lines(segments):
             while line and not line[-1].text.rstrip():
@@ -158,12 +182,15 @@ def fitting_tables(
     left: int = 1,
     styles: Sequence[str] = (),
 ) -> list[TrimmedTable | str]:
-    """Return a table that fits the width of the terminal, as one or several tables and lines.
+    """Return a table in a form that fits the width of the terminal: tables, and lines below them.
 
-    If the table is too wide, headings are divided into two lines. If it is still too wide, the
-    columns are divided between several tables. If the columns with text are still too wide, the
-    texts of the widest of these columns are replaced by numbers. Lines that explain the numbers
-    then follow the tables.
+    If the table is too wide, it is changed in three steps until it fits:
+
+    1. The headings are divided into two lines.
+    2. If the columns with text leave no space for a column with numbers, each text in the widest
+       column with text is replaced by a number. Lines below the tables explain these numbers. The
+       step is repeated with the next column, if necessary.
+    3. The columns are divided between several tables.
 
     Parameters
     ----------
@@ -175,7 +202,7 @@ def fitting_tables(
         Number of columns at the left that contain text. If the table is divided, they are part of
         each table. The other columns contain numbers.
     styles
-        Style of each row; empty for plain rows.
+        Style of each row for the library rich, such as "bold red"; empty for no styles.
     """
     cells = [list(row) for row in rows]
     width = terminal_width()
@@ -210,13 +237,16 @@ def fitting_tables(
 
 
 def numbered(texts: Iterable[str]) -> dict[str, str]:
-    """Return the number of each distinct text that is not empty; the numbers start at 1."""
+    """Number the distinct texts from 1, and return a dictionary from each text to its number.
+
+    A number is a text such as "1". Empty texts are left out.
+    """
     distinct = dict.fromkeys(text for text in texts if text)
     return {text: str(number) for number, text in enumerate(distinct, start=1)}
 
 
 def widths(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[int]:
-    """Return the width of the text of each column [characters]."""
+    """Return the width of each column of a table [characters], as its longest text requires."""
     lines = [heading.split("\n") for heading in headings]
     return [
         max(cell_len(printable(text)) for text in (*lines[i], *(row[i] for row in rows)))
@@ -225,12 +255,12 @@ def widths(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[int]:
 
 
 def total(columns: Sequence[int]) -> int:
-    """Return the width of a table [characters] from the widths of its columns."""
+    """Return the width of a table with its borders [characters] from the widths of its columns."""
     return sum(columns) + BORDERS * len(columns)
 
 
 def parts(columns: Sequence[int], left: int, width: int) -> list[list[int]]:
-    """Divide the columns of a table that is too wide between several tables.
+    """Divide the columns of a table between several tables that are not wider than `width`.
 
     Parameters
     ----------
@@ -243,8 +273,8 @@ def parts(columns: Sequence[int], left: int, width: int) -> list[list[int]]:
 
     Returns
     -------
-    Indices of the columns of each table. If there are other columns than the `left` columns, each
-    table has at least one of them.
+    One list for each table, with the indices of its columns. Each table has at least one column
+    besides the columns at the left, if there are other columns.
     """
     first = list(range(left))
     found = [first[:]]

@@ -1,4 +1,4 @@
-"""Print tables of estimates: values at the end with intervals, averages over time, and remarks."""
+"""Print estimates of k and b: final values with 95 % intervals, averages, and remarks."""
 
 from __future__ import annotations
 
@@ -32,12 +32,16 @@ LEAST_SQUARES = "least squares"
 COMPARISON = "compared with least squares"
 """Title of the table that compares the estimators with least squares."""
 RMS_RATIO = "rms/window"
-"""Heading of a column: the one-step error of an estimator, divided by the one-step error of least
-squares over a window of 1 s."""
+"""Heading of a column: the root mean square error of the force that an estimator predicts one step
+ahead, divided by the same error of least squares over a window (`model_comparison.WINDOW`)."""
 
 
 def estimate_cells(rows: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
-    """Return the cells of the table of averages, one row for each estimator, see `HEADINGS`."""
+    """Return the text of the cells of the table of averages, one row for each estimator.
+
+    `HEADINGS` contains the headings of the columns. `rows` contains the fields of
+    `EstimatorSummary` for each estimator, by its name.
+    """
     return [
         [
             name,
@@ -57,10 +61,12 @@ def digits(value: float) -> int:
 
 
 def with_interval(value: float, half: float, decimals: int) -> str:
-    """Return a value and the half width of its 95 % interval as text.
+    """Return a value and the half width of its 95 % interval as text, for example "12.30 +- 0.45".
 
-    The half width is rounded to two significant digits. If the half width is not known or too
-    large, only the value is returned, with `decimals` decimals.
+    The half width determines the number of decimals: it is printed with two significant digits
+    (more if it is large), and the value has the same number of decimals. This number is limited. If
+    the half width is not known, or is so large that the interval contains no information
+    (`MEANINGLESS`), only the value is printed, with `decimals` decimals.
     """
     if not half < MEANINGLESS * max(abs(value), 1.0):
         return number(value, decimals)
@@ -72,14 +78,15 @@ def with_interval(value: float, half: float, decimals: int) -> str:
 def print_estimates(
     rows: Mapping[str, Mapping[str, Any]], further: Mapping[str, Mapping[str, Any]]
 ) -> None:
-    """Print the estimates at the end, the averages, and the remarks on each estimator.
+    """Print the final estimates, the averages over the record, and remarks on each estimator.
 
     Parameters
     ----------
     rows
-        Summary of the estimates, by the name of the estimator.
+        Summary of the estimates (the fields of `EstimatorSummary`), by the name of the estimator.
     further
-        Further summaries for the table of averages only, for example of least squares.
+        Further rows of the table of averages, by name. They are not in the other tables. An example
+        is a least-squares fit.
     """
     console = plain_console()
     headings, cells = interval_table(rows)
@@ -103,7 +110,10 @@ def print_estimates(
 
 
 def further_lines(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return lines with the final estimates of further parameters, such as k3."""
+    """Return lines with the final estimates of parameters besides k and b, such as k3.
+
+    There is one line for each estimator whose model has such parameters.
+    """
     lines = []
     for name, row in rows.items():
         if row["held"] == 1.0:
@@ -118,10 +128,11 @@ def further_lines(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 
 def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], list[list[str]]]:
-    """Return headings and cells of the table of estimates at the end.
+    """Return headings and cells of the table of the final estimates, one row for each estimator.
 
-    The columns are the estimates with 95 % intervals, the fraction of samples at which the estimate
-    was held constant, the misfit and, if it was measured, the computing time per sample.
+    The columns are k and b with 95 % intervals, the fraction of samples that did not change the
+    estimate (`held`), the misfit (systematic part of the force error, relative to the force) and,
+    if it was measured, the computing time per sample.
     """
     timed = any("cost_us" in row for row in rows.values())
     headings = ["", "k [N/m]", "b [N s/m]", "held", "misfit", *(["cost [us]"] if timed else [])]
@@ -142,10 +153,12 @@ def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], li
 def comparison_table(
     rows: Mapping[str, Mapping[str, Any]],
 ) -> tuple[list[str], list[list[str]]] | None:
-    """Return headings and cells of the comparison of estimators with least squares.
+    """Return headings and cells of the table that compares the estimators with least squares.
 
-    The result is None if no summary contains a comparison, see
-    `teleop.evaluation.model_comparison.Comparison`.
+    The columns are the error of the force prediction, as a ratio to that of least squares, and the
+    fractions of samples at which the 95 % intervals of k and b contain the values of a
+    least-squares fit to the whole record (`teleop.evaluation.model_comparison.Comparison`). The
+    result is None if no summary contains such a comparison.
     """
     cells = [
         [
@@ -161,33 +174,38 @@ def comparison_table(
 
 
 def percent(share: float) -> str:
-    """Return a fraction as text in percent; a dash if it is not finite."""
+    """Return a fraction as text in percent; a dash if the fraction is not finite."""
     return f"{share:.0%}" if math.isfinite(share) else "-"
 
 
 def left_out_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return lines that state which part of the record was not used for results and tables.
+    """Return a list with one line: which part of the record was not used for results and tables.
 
-    There are no lines if the whole record was used.
+    An example is the time before the target starts to move. The list is empty if the whole record
+    was used.
     """
     left_out = summary["left_out"]
     return [f"results and tables leave out {left_out}"] if left_out else []
 
 
 def print_estimated(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print the names of the channels that an observer estimated, because they have no sensor."""
+    """Print the names of the channels without a sensor, whose values an observer estimated."""
     for name in summary.get("estimated_channels", ()):
         console.print(f"  {name}: estimated by an observer, not measured", style="yellow")
 
 
 def print_reading(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print the changes that were made to the samples when the file was read."""
+    """Print what was changed when the file was read, for example how many samples were left out."""
     for note in summary["reading"]:
         console.print(f"  {note}", style="yellow")
 
 
 def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
-    """Print the evaluation of a file: result for publication, batch models, online estimates."""
+    """Print the evaluation of a file: result for publication, batch models, online estimates.
+
+    `summary` is the evaluation as `teleop estimate --json` prints it. `name` is the name of the
+    file.
+    """
     console = plain_console()
     print_result(summary, name)
     print_models(summary)
@@ -202,7 +220,12 @@ def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
 
 
 def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return lines that state how the estimates were computed, such as datum and conditioning."""
+    """Return lines that state how the estimates were computed.
+
+    Examples are the number of samples, the datum (the position and the force that are treated as
+    zero), the filters, and the memory of the estimators (for how long a sample influences an
+    estimate).
+    """
     datum = summary["datum"]
     lag = summary["force_lag_s"]
     return [
@@ -220,7 +243,11 @@ def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:
 
 
 def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print gaps between samples, and whether the estimates equal those of the recorded trial."""
+    """Print the times in which samples are missing, and long times between two samples.
+
+    If the file is the recording of a trial, also print whether the estimates are equal to those
+    that were computed during the trial.
+    """
     gaps = summary["gaps"]
     for gap in gaps[:GAPS_LISTED]:
         console.print(
@@ -253,8 +280,9 @@ def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
 def print_model(console: Console, summary: Mapping[str, Any]) -> None:
     """Print remarks on the models of the estimators.
 
-    They state which estimators do not use the chosen model. If the datum is the mean of the motion,
-    they also state which estimators need a position that is measured from the contact point.
+    The first remark names the estimators that do not use the model that the user has chosen. The
+    second remark is printed only if positions are measured from the mean of the motion. It names
+    the estimators whose model needs positions that are measured from the contact point.
     """
     from_contact = summary["from_contact"]
     if summary["own_model"]:

@@ -1,4 +1,4 @@
-"""Write the report of a fault: cause, values of the channels, stopping time, timing of the loop."""
+"""Write the report of a fault in a trial: cause, measured values, stopping time, loop timing."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LISTED = (*CHANNELS, "desired_slave_velocity", "applied_slave_velocity")
 
 
 def write_fault_report(folder: Path, recording: Recording, fault: dict[str, Any]) -> None:
-    """Write the report of a fault: `cause.txt` and the figure `channels.svg`.
+    """Write the report of a fault that stopped a trial: `cause.txt` and the figure `channels.svg`.
 
     Existing files are overwritten.
 
@@ -30,7 +30,7 @@ def write_fault_report(folder: Path, recording: Recording, fault: dict[str, Any]
     recording
         Ticks before and after the fault.
     fault
-        Event of the fault.
+        Event of the fault, as one of the dictionaries in `recording.events`.
 
     Raises
     ------
@@ -42,7 +42,10 @@ def write_fault_report(folder: Path, recording: Recording, fault: dict[str, Any]
 
 
 def fault_text(recording: Recording, fault: dict[str, Any]) -> str:
-    """Return the text of the report of a fault. See `write_fault_report` for the parameters."""
+    """Return the report of a fault as text: cause, measured values, stopping time, loop timing.
+
+    The parameters are those of `write_fault_report`.
+    """
     t = recording["time"]
     lines = [
         f"what      {fault['text']}",
@@ -86,9 +89,9 @@ def fault_text(recording: Recording, fault: dict[str, Any]) -> str:
 
 
 def stopping_time(recording: Recording, fault: dict[str, Any]) -> float:
-    """Return the time from a fault until the commanded velocity is zero and remains zero [s].
+    """Return the time from a fault until the commanded velocity of the slave remains zero [s].
 
-    The result is NaN if the commanded velocity is not zero at the end of the recording.
+    The result is NaN if this velocity is not zero at the end of the recording.
     """
     t, speed = recording["time"], abs(recording["commanded_slave_velocity"])
     moving = (t >= fault["time"]) & (speed > 0.0)

@@ -1,4 +1,4 @@
-"""Draw the force against the position, at the hand and at the slave."""
+"""Draw the force against the position, once at the hand of the operator and once at the slave."""
 
 from __future__ import annotations
 
@@ -11,13 +11,16 @@ from teleop.safety.events import ACTIVE
 
 
 def feedback_figure(recording: Recording) -> Figure:
-    """Return a figure of force against position, at the hand and at the slave.
+    """Return a figure of force against position, with two panels.
+
+    The left panel shows the force that the hand felt against the position of the master. The right
+    panel shows the contact force against the position of the slave.
 
     Parameters
     ----------
     recording
-        Recording of a trial with force feedback or a communication channel. It contains the
-        settings of the trial.
+        Recording of a trial with force feedback or with a communication channel (a simulated
+        connection with delay). The recording must contain the settings of the trial.
     """
     settings = recording.settings
     admittance = settings["admittance"]

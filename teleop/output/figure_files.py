@@ -20,7 +20,11 @@ FILES: Any = {"pdf.fonttype": 42, "svg.fonttype": "none"}
 
 
 def plain(text: str) -> str:
-    """Return a text for a figure: shortened, with escapes for control characters and `$`."""
+    """Return a text, such as a file name, in a form that can be drawn in a figure.
+
+    The result is one line. A line longer than `LONGEST_TITLE` characters is shortened. Each control
+    character and each `$` is replaced by a backslash escape.
+    """
     shown = printable(" ".join(text.split()))
     shown = shown if len(shown) <= LONGEST_TITLE else f"{shown[: LONGEST_TITLE - 4]} ..."
     return shown.replace("$", r"\$")
@@ -34,7 +38,7 @@ def save(figure: Figure, path: Path, overwrite: bool = False) -> None:
     figure
         The figure.
     path
-        The file.
+        The file to write. The ending of its name, for example `.svg`, states the format.
     overwrite
         Whether to overwrite an existing file.
 
@@ -48,15 +52,27 @@ def save(figure: Figure, path: Path, overwrite: bool = False) -> None:
 
 
 def is_small(figure: Figure) -> bool:
-    """Return whether a figure is smaller than a figure for the screen.
+    """Return whether a figure is narrower than a figure for the screen (see `WIDTHS`).
 
-    Such a figure is meant for print, and needs more pixels per inch.
+    Narrower figures are meant for print, and are therefore saved with more pixels per inch.
     """
     return bool(figure.get_figwidth() < WIDTHS["screen"])
 
 
 def render(figure: Figure, file: IO[Any], **options: Any) -> None:
-    """Write a figure to an open file, without warnings about characters that the font lacks."""
+    """Write a figure to an open file.
+
+    No warning is printed if the font does not contain a character of the figure.
+
+    Parameters
+    ----------
+    figure
+        The figure.
+    file
+        The open file.
+    options
+        Arguments of `Figure.savefig` of matplotlib, for example the format.
+    """
     with warnings.catch_warnings(), mpl.rc_context(FILES):
         warnings.filterwarnings("ignore", "Glyph .* missing from font")
         figure.savefig(file, **options)

@@ -1,4 +1,7 @@
-"""Draw the results of a batch evaluation: fitted model, residual, phases and complex modulus."""
+"""Draw the results of the batch evaluation, which fits models to all samples of a file together.
+
+The figures show the fitted force, the residual, the phases of the motion and the complex modulus.
+"""
 
 from __future__ import annotations
 
@@ -44,17 +47,21 @@ MOST_POINTS = 4000
 
 
 def fit_figure(title: str, evaluation: Evaluation) -> Figure:
-    """Return a figure of force against displacement and time, with the best model and its residual.
+    """Return a figure of the force in a file, the force of the best model, and the residual.
 
-    The models are fitted to the force minus a baseline, which varies more slowly than the
-    palpation. The figure shows the measured force, and the force of the model plus this baseline.
+    The upper panel shows the force against displacement, the middle panel the force against time.
+    The lower panel shows the residual, which is the smoothed force minus the force of the model.
+
+    Before a model is fitted, the baseline of the force is subtracted. The baseline is the part of
+    the force that varies more slowly than the palpation. In the figure, the baseline is added to
+    the force of the model, so that this force can be compared with the measured force.
 
     Parameters
     ----------
     title
-        Title of the figure: the name of the file.
+        Title of the figure, for example the name of the file.
     evaluation
-        Evaluation of the file.
+        Results of the evaluation of the file.
     """
     record, datum = evaluation.analysis.record, evaluation.datum
     figure = new_figure(1.05, rows=3)
@@ -101,16 +108,29 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
 
 
 def best_fit(evaluation: Evaluation) -> BatchFit | None:
-    """Return the best model whose parameters are identifiable; None if there is no result."""
+    """Return the best of the fitted models whose parameters are all identifiable.
+
+    A parameter is identifiable if the data determine it. The function returns None if no model has
+    only identifiable parameters, or if the data are not sufficient for k and b.
+    """
     if not evaluation.analysis.result.identifiable:
         return None
     return next((fit for fit in evaluation.models if fit.identifiable), None)
 
 
 def drawn_name(evaluation: Evaluation, fit: BatchFit) -> str:
-    """Return the name of the drawn model.
+    """Return the name of the model that a figure shows, for the legend.
 
-    If it is not the first model of the table, the text also states why the first is not drawn.
+    The figure shows the best model whose parameters are all identifiable (determined by the data).
+    Another model can fit better, but have parameters that are not identifiable. The text then also
+    states the name of this other model, and why it is not drawn.
+
+    Parameters
+    ----------
+    evaluation
+        Evaluation with all fitted models.
+    fit
+        The model that the figure shows.
     """
     if fit is evaluation.models[0]:
         return fit.name
@@ -121,7 +141,21 @@ def drawn_name(evaluation: Evaluation, fit: BatchFit) -> str:
 def draw_phases(
     axes: Axes, evaluation: Evaluation, x: np.ndarray, f: np.ndarray, every: int
 ) -> None:
-    """Draw the smoothed force against displacement, each phase in its colour."""
+    """Draw the smoothed force against displacement, with a line style for each kind of phase.
+
+    The kinds of phase are free motion, loading, hold and unloading.
+
+    Parameters
+    ----------
+    axes
+        The panel.
+    evaluation
+        Evaluation that contains the phases.
+    x, f
+        Displacement [mm] and smoothed force [N], each of shape (n,).
+    every
+        Number of samples from one drawn sample to the next. In short phases, it is smaller.
+    """
     labelled = set()
     for phase in evaluation.analysis.phases.phases:
         part = slice(phase.start, phase.end + 1, min(every, max(1, (phase.end - phase.start) // 8)))
@@ -149,11 +183,11 @@ def draw_fit(
     over_x, over_t
         Panels whose horizontal axes are displacement [mm] and time [s].
     name
-        Name of the model.
+        Name of the model, for the legend.
     modelled
         Displacement [mm], time [s] and force of the model [N], each of shape (n,).
     every
-        Distance between two samples that are drawn [samples].
+        Number of samples from one drawn sample to the next.
     """
     x, t, force = (values[::every] for values in modelled)
     over_x.plot(x, force, color=MODEL, linewidth=0.6, label=name)
@@ -161,14 +195,15 @@ def draw_fit(
 
 
 def modulus_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Return a figure of the complex modulus against frequency, with 95 % intervals.
+    """Return a figure of the complex modulus k' + i k'' against frequency, with 95 % intervals.
 
-    The panels are the storage stiffness k', the loss stiffness k'', and tan delta = k'' / k'.
+    The panels show the storage stiffness k', the loss stiffness k'', and tan delta = k'' / k'.
 
     Parameters
     ----------
     rows
-        Complex modulus of each file, see `Analysis.modulus`.
+        Complex modulus of each file, at one frequency per file; at least one file. The keys are
+        those that `Analysis.modulus` returns.
     """
     figure = new_figure(0.9, rows=3)
     panels = figure.subplots(3, 1, sharex=True)

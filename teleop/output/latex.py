@@ -1,4 +1,4 @@
-"""Write text in LaTeX, for the default font encoding OT1."""
+"""Convert plain text to LaTeX source, for the default font encoding of LaTeX (OT1)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CHARACTERS = {
     "\u00d7": r"$\times$",
     "\u2212": "$-$",
 }
-"""Characters that have a meaning in LaTeX or print another character, and their replacements."""
+"""Replacements of characters that LaTeX treats as commands or prints as other characters."""
 TERMS = {"k''/omega": r"$k''/\omega$", "eta^2": r"$\eta^2$"}
 """Terms of mathematics, and their replacements."""
 TERM = re.compile(f"(?<!\\w)({'|'.join(map(re.escape, TERMS))})(?!\\w)")
@@ -32,14 +32,15 @@ TERM = re.compile(f"(?<!\\w)({'|'.join(map(re.escape, TERMS))})(?!\\w)")
 MINUS = re.compile(r"(?<![\w-])-(?=\d)")
 """Pattern of the sign of a negative number."""
 LIGATURE = re.compile("(?<=-)(?=-)|(?<=')(?=')")
-"""Pattern of the place between two characters that LaTeX would print as one."""
+"""Pattern of the place between two characters that LaTeX would print as one, for example --."""
 
 
 def latex(text: str) -> str:
-    r"""Return a text in LaTeX.
+    r"""Return a plain text as LaTeX source.
 
-    If a cell of a table begins with "[" or "*", LaTeX treats the character as an option of the
-    command \\ at the end of the previous row. Therefore an empty group {} is added before it.
+    The text may be a cell of a table. If the first cell of a row begins with "[" or "*", LaTeX
+    treats this character as an option of the command \\ that ends the previous row. To prevent
+    this, an empty group {} is added before the character.
     """
     parts = TERM.split(MINUS.sub("\u2212", text))
     found = "".join(TERMS[part] if i % 2 else escaped(part) for i, part in enumerate(parts))
@@ -47,9 +48,11 @@ def latex(text: str) -> str:
 
 
 def escaped(text: str) -> str:
-    """Return a text in which the characters in `CHARACTERS` are replaced.
+    """Replace the characters of a plain text that LaTeX would not print as they are.
 
-    Empty groups {} prevent that LaTeX prints two characters, such as --, as one character.
+    `CHARACTERS` contains these characters and their replacements. In addition, LaTeX prints some
+    pairs of characters, for example --, as one character (a ligature). An empty group {} between
+    the two characters prevents this.
     """
     pieces = LIGATURE.split(text)
     return "{}".join("".join(CHARACTERS.get(one, one) for one in piece) for piece in pieces)

@@ -41,10 +41,11 @@ from teleop.recording.recording import Recording
 from teleop.recording.sinks import BEGIN
 
 MARGIN = 0.1
-"""Candidates of the multi-estimator are tied if their monitoring signals exceed the smallest
-monitoring signal by at most this fraction.
+"""Relative margin within which candidates of the multi-estimator are tied.
 
-The data are not sufficient to choose between tied candidates.
+The candidates are pairs (b, k). The monitoring signal of a candidate is a weighted integral of its
+squared force error. A candidate is tied with the best candidate if its signal exceeds the smallest
+signal by at most this fraction. The data are not sufficient to choose between tied candidates.
 """
 LOOKS = 400
 """Approximate number of points in time of a recording at which the tied candidates are computed."""
@@ -67,22 +68,24 @@ def report_page(
     Parameters
     ----------
     name
-        Name of the recording. It is the title of the page.
+        File name of the recording. It is the title of the page.
     evaluation, summary
-        Evaluation of the recording, and summary of this evaluation. Both are None for a trial that
-        was stopped before there were enough samples.
+        Results of the evaluation of the recording, as an object, and as a dictionary that also
+        contains the settings of the evaluation. Both are None if a fault stopped the trial before
+        there were enough samples.
     recording
-        The recorded trial; None for a file of another program.
+        The recorded trial; None if another program wrote the file.
     truth
-        True values of a simulated trial; None if they are not known.
+        True stiffness and damping of the simulated specimen; None if they are not known.
     link
-        Path of the recording, relative to the folder of the page; empty to show only its name.
+        Path of the recording, relative to the folder of the page. The page contains a link to this
+        path. If it is empty, the link is `name`.
     tracking
-        Gain, phase and error of the slave in a trial of the condition `mimic`; None for any other
-        file.
+        Gain and phase of the slave relative to the target, and tracking error, in a trial of the
+        condition `mimic` (the operator follows a target); None for any other file.
     motion
-        Depth, and target or excitation signal of a recorded trial as text, by name; None if they
-        are not known.
+        Texts that describe the motion in a recorded trial, by name: the depth, and the target or
+        the excitation signal. None if they are not known.
     """
     values = of_recording(recording, motion or {}) | of_evaluation(name, evaluation, summary, truth)
     values["tracking"] = ""
@@ -94,9 +97,17 @@ def report_page(
 
 
 def of_recording(recording: Recording | None, motion: Mapping[str, str]) -> dict[str, Any]:
-    """Return those variables of the page template that describe a recorded trial.
+    """Return the part of a report page that describes a recorded trial.
 
-    `motion` contains depth, and target or excitation signal, see `report_page`.
+    The result contains the values for the variables of the page template, by name. If `recording`
+    is None, these values are empty.
+
+    Parameters
+    ----------
+    recording
+        The recorded trial; None if another program wrote the file.
+    motion
+        Texts that describe the motion, by name: the depth, and the target or the excitation signal.
     """
     values: dict[str, Any] = {
         "facts": [],
@@ -130,10 +141,11 @@ def of_recording(recording: Recording | None, motion: Mapping[str, str]) -> dict
 
 
 def event_rows(events: Iterable[Mapping[str, Any]]) -> list[list[str]]:
-    """Return time [s], mode and text of each event, in the order of the times.
+    """Return a table of the events of a trial: time [s], mode and text, in the order of the times.
 
-    The event that marks the beginning of the recording is omitted, because its time is not correct.
-    This time is 0, but the recorder was started earlier, before the rig was connected.
+    The mode is that of the supervisor after the event. The event that marks the beginning of the
+    recording is omitted, because its recorded time is wrong. Its recorded time is 0, but the
+    recording begins before the rig is connected, and so before the time 0 of the trial.
     """
     return [
         [number(event["time"], 3), event.get("mode") or "", event["text"]]
@@ -143,9 +155,17 @@ def event_rows(events: Iterable[Mapping[str, Any]]) -> list[list[str]]:
 
 
 def facts(recording: Recording, motion: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-    """Yield the name and the value of each fact that the page states about a trial.
+    """Yield the rows of the first table of a report page, which describes the recorded trial.
 
-    The facts are date, rig, the settings in `STATED`, the motion, and the software and computer.
+    Each row is a name and a text. The rows are the date, the rig, the settings named in `STATED`,
+    the motion, the software with its libraries, and the computer.
+
+    Parameters
+    ----------
+    recording
+        The recorded trial.
+    motion
+        Texts that describe the motion, by name: the depth, and the target or the excitation signal.
     """
     session = recording.session
     yield "date", session.get("created", "not known")
@@ -167,7 +187,11 @@ def of_evaluation(
     summary: Mapping[str, Any] | None,
     truth: Truth | None,
 ) -> dict[str, Any]:
-    """Return those variables of the page template that describe an evaluation."""
+    """Return the part of a report page that describes the evaluation of a recording.
+
+    The result contains the values for the variables of the page template, by name. `report_page`
+    describes the parameters.
+    """
     if evaluation is None or summary is None:
         return {"summary": None, "gaps": ()}
     e = evaluation
@@ -198,10 +222,10 @@ def of_evaluation(
 
 
 def ambiguity_drawing(evaluation: Evaluation) -> Markup:
-    """Return a figure of the tied candidates of the multi-estimator as an SVG element.
+    """Return a figure of the tied candidates of the multi-estimator over time, as an SVG element.
 
-    Candidates are tied if they fit the data about equally well (see `MARGIN`). The figure shows
-    them over time.
+    The multi-estimator selects its estimate from a grid of candidates (b, k). Candidates are tied
+    if they fit the data about as well as the best candidate (see `MARGIN`).
     """
     e = evaluation
     t, regression, *_ = e.sampled

@@ -1,4 +1,4 @@
-"""Print the result of an evaluation, its batch models, and the fit to several files together."""
+"""Print results of evaluations: k and b of a file, fitted models, and fits to several files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,17 @@ MOST_DECIMALS = 12
 
 
 def print_result(summary: Mapping[str, Any], name: str) -> None:
-    """Print the result of the evaluation of a file: k and b, or the reasons why there are none."""
+    """Print the result of the evaluation of a file: k and b, or the reasons why there are none.
+
+    The motion in the file, its phases and the contact point are also printed.
+
+    Parameters
+    ----------
+    summary
+        The dictionary that `Evaluation.summary` returned.
+    name
+        Name of the file.
+    """
     console = plain_console()
     result = summary["result"]
     console.print(f"{name}: result", style="bold")
@@ -47,9 +57,10 @@ def print_result(summary: Mapping[str, Any], name: str) -> None:
 
 
 def result_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return lines with stiffness, damping and their 95 % intervals, if there is a result.
+    """Return lines of text with stiffness, damping and their 95 % intervals.
 
-    Otherwise, the only line states that no stiffness and no damping can be given.
+    A further line states how much a lag of the force changes b. If the data are not sufficient for
+    stiffness and damping, the only line states that these cannot be given.
     """
     result = summary["result"]
     if not result["identifiable"]:
@@ -72,7 +83,11 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
 
 
 def motion_line(summary: Mapping[str, Any]) -> str:
-    """Return a line with frequency, amplitude and travel of the motion."""
+    """Return a line of text with frequency, amplitude and travel of the motion in a file.
+
+    The travel is the largest minus the smallest position. If the file contains too few strokes for
+    a frequency, the line states their number instead of frequency and amplitude.
+    """
     motion = summary["motion"]
     travel = f"travel {motion['travel_m'] * 1e3:.3g} mm"
     if not math.isfinite(motion["frequency_hz"]):
@@ -90,7 +105,16 @@ def motion_line(summary: Mapping[str, Any]) -> str:
 
 
 def tangent_lines(tangent: Mapping[str, Any]) -> list[str]:
-    """Return lines with force and depth of the tangent stiffness, and the secant stiffness."""
+    """Return lines of text that state at which force and depth k is the tangent stiffness.
+
+    A second line states the secant stiffness (force divided by depth) at this point, if it is
+    known. There are no lines if the data are not sufficient for k.
+
+    Parameters
+    ----------
+    tangent
+        The item `tangent` of the dictionary that `Result.summary` returned.
+    """
     if tangent["force_n"] is None:
         return []
     lines = [
@@ -106,7 +130,10 @@ def tangent_lines(tangent: Mapping[str, Any]) -> list[str]:
 
 
 def print_material(material: Mapping[str, Any]) -> None:
-    """Print the elastic modulus with its 95 % interval, and the method of its computation."""
+    """Print the elastic modulus of the specimen, its 95 % interval, and how it was computed.
+
+    `material` is the dictionary that `elastic_modulus` returned.
+    """
     low, value, high = (material[f"modulus{end}_pa"] for end in ("_low", "", "_high"))
     plain_console().print(
         f"  elastic modulus E = {value / 1e3:.4g} kPa "
@@ -116,7 +143,10 @@ def print_material(material: Mapping[str, Any]) -> None:
 
 
 def print_models(summary: Mapping[str, Any]) -> None:
-    """Print the batch models of a file, the best model first."""
+    """Print the models that were fitted to all samples of a file together, the best model first.
+
+    `summary` is the dictionary that `Evaluation.summary` returned.
+    """
     console = plain_console()
     models = summary["models"]
     if not models:
@@ -154,7 +184,17 @@ def print_models(summary: Mapping[str, Any]) -> None:
 
 
 def parameter_text(name: str, one: Mapping[str, Any]) -> str:
-    """Return a parameter with the half width of its interval, or "not identifiable", as text."""
+    """Return the estimate of a parameter, and the half width of its 95 % interval, as text.
+
+    If the data do not determine the parameter, the text is its name and "not identifiable".
+
+    Parameters
+    ----------
+    name
+        Name of the parameter.
+    one
+        The fields of its `Parameter` (value, interval, unit, and whether it is identifiable).
+    """
     if not one["identifiable"]:
         return f"{name} not identifiable"
     half = 0.5 * (one["high"] - one["low"])
@@ -162,7 +202,11 @@ def parameter_text(name: str, one: Mapping[str, Any]) -> str:
 
 
 def with_half(value: float, half: float) -> str:
-    """Return a value and a half width as text, with two significant digits of the half width."""
+    """Return a value and the half width of its confidence interval as text: "value +- half".
+
+    The half width has two significant digits, and the value has the same number of decimals. If the
+    half width is zero or not finite, the text is only the value.
+    """
     if not math.isfinite(half) or half <= 0.0:
         return small(value, 4)
     return f"{significant(value, half)} \u00b1 {significant(half, half)}"
@@ -176,8 +220,8 @@ def significant(value: float, width: float) -> str:
     value
         The value.
     width
-        Uncertainty of the value. The last digit of the rounded value is the second significant
-        digit of this uncertainty.
+        Uncertainty of the value, in the unit of the value. The value is rounded to the decimal
+        place of the second significant digit of this uncertainty.
     """
     decimals = 3
     if width > 0.0:
@@ -186,10 +230,16 @@ def significant(value: float, width: float) -> str:
 
 
 def print_together(together: Mapping[str, Any]) -> None:
-    """Print Kelvin-Voigt fits to each single file, and one fit to all files together.
+    """Print whether one Kelvin-Voigt body (f = b v + k x) explains several files.
 
-    Then print the complex moduli, the ratios of the values, and whether a single body explains all
-    files.
+    The first table contains k and b of a fit to each file, and of one fit to all files together.
+    The second table contains the complex modulus of each file. Then follow the ratio of the largest
+    to the smallest k, the same ratio for b, and the conclusions as text.
+
+    Parameters
+    ----------
+    together
+        The dictionary that `evaluate_together` returned.
     """
     console = plain_console()
     names = [Path(row["file"]).name for row in together["alone"]]

@@ -1,4 +1,4 @@
-"""Print tables of a rig: channels, drives, ports, zero offsets, and lag of the force channel."""
+"""Print tables of a rig: channels (measured quantities), drives, ports, zero offsets and lag."""
 
 from __future__ import annotations
 
@@ -28,7 +28,11 @@ SHOWN_IN = {"N": ("N", 1.0), "m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
 
 
 def table(title: str, *headings: str) -> TrimmedTable:
-    """Return an empty table. The first two columns are for text, the other columns for numbers."""
+    """Return a table that has headings but no rows yet.
+
+    The first two columns are aligned to the left, for text. The other columns are aligned to the
+    right, for numbers.
+    """
     made = TrimmedTable(title=title, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold")
     for i, heading in enumerate(headings):
         made.add_column(heading, justify="left" if i < 2 else "right", no_wrap=True)
@@ -50,7 +54,17 @@ CHANNEL_HEADINGS = (
 
 
 def channel_tables(title: str, channels: Sequence[Row]) -> list[TrimmedTable | str]:
-    """Return the table of a rig's channels, in one or more tables that fit the terminal."""
+    """Return a table of a rig's channels (measured quantities), with one row for each channel.
+
+    A table that is too wide for the terminal is divided into several tables.
+
+    Parameters
+    ----------
+    title
+        Title of the table.
+    channels
+        Result of the check of each channel.
+    """
     rows = []
     for c in channels:
         unit, factor = SHOWN_IN[CHANNEL_UNITS[c["name"]]]
@@ -73,15 +87,20 @@ def channel_tables(title: str, channels: Sequence[Row]) -> list[TrimmedTable | s
 
 @contextlib.contextmanager
 def live_channels(stream: TextIO) -> Iterator[Callable[[Sequence[Row]], None]]:
-    """Context manager that shows a table of the channels in a terminal.
+    """Show a table of a rig's channels (measured quantities) in a terminal.
 
-    The table is shown during the block of the `with` statement. If the stream is not a terminal,
-    nothing is shown.
+    This is a context manager. The table is shown until the end of the `with` block. If the stream
+    is not a terminal, nothing is shown.
+
+    Parameters
+    ----------
+    stream
+        Output stream, for example standard error.
 
     Yields
     ------
-    Function that updates the table. Its argument is the present result of the check of each
-    channel.
+    Function that updates the table. Its argument is a sequence with the latest result of the check
+    of each channel.
     """
     if not stream.isatty():
         yield lambda channels: None
@@ -93,12 +112,12 @@ def live_channels(stream: TextIO) -> Iterator[Callable[[Sequence[Row]], None]]:
 
 
 def print_check(check: Mapping[str, Any]) -> None:
-    """Print the result of the check of a rig.
+    """Print the result of the check of a rig: channels, devices, drives and problems.
 
     Parameters
     ----------
     check
-        The document that `teleop rig check --json` prints.
+        The dictionary that `teleop rig check --json` prints as a JSON document.
     """
     console = plain_console()
     for part in channel_tables(check["rig"], check["channels"]):
@@ -124,7 +143,7 @@ def print_check(check: Mapping[str, Any]) -> None:
 
 
 def print_ports(ports: Sequence[Port]) -> None:
-    """Print the ports and buses of this machine."""
+    """Print the serial ports and CAN buses of this machine, and how a rig file refers to them."""
     console = plain_console()
     if not ports:
         console.print("no serial port and no CAN bus found")
@@ -139,18 +158,22 @@ def print_ports(ports: Sequence[Port]) -> None:
 def print_emulation(
     name: str, ports: Mapping[str, str], out: Path, palpation: Mapping[str, Any]
 ) -> None:
-    """Print the ports of the emulated devices, and a command that uses the emulated rig.
+    """Print the ports of an emulated rig, and the command that starts a trial with this rig.
+
+    The devices of an emulated rig are simulated. They communicate over ports with the same
+    protocols as the real devices.
 
     Parameters
     ----------
     name
         Name of the rig.
     ports
-        Port of each bus, by the name of the bus.
+        Mapping from the name of each bus of the rig to the port of its emulated devices.
     out
-        Rig file with which `teleop run` uses the emulated devices.
+        Rig file that refers to these ports. The printed command contains it.
     palpation
-        Options of `teleop run` for the emulated palpation, by name.
+        Options of the printed command that describe the palpation, for example the specimen: a
+        mapping from the name of each option to its value.
     """
     console = plain_console()
     body = f"{palpation['specimen']} cube, depth {palpation['depth'].removesuffix('mm')} mm"
@@ -166,7 +189,16 @@ def print_emulation(
 
 
 def print_lag(summary: Mapping[str, Any]) -> None:
-    """Print the lag of the force channel and the lost motion, with their 95 % intervals."""
+    """Print the lag of the force channel and the lost motion (backlash) of a rig.
+
+    Both have 95 % intervals. The command that compensates the lag in an evaluation is also printed.
+
+    Parameters
+    ----------
+    summary
+        The dictionary that `ForceLag.summary` returned; for the simulated rig, also the true lag
+        and the true lost motion.
+    """
     console = plain_console()
     low, high = summary["lag_low_s"] * 1e3, summary["lag_high_s"] * 1e3
     lost_low, lost_high = summary["lost_motion_low_m"] * 1e6, summary["lost_motion_high_m"] * 1e6
@@ -198,7 +230,9 @@ def print_lag(summary: Mapping[str, Any]) -> None:
 def print_tare(
     tare: Tare, master_noise: float, contact_noise: float, path: Path, rig: Path | None
 ) -> None:
-    """Print the zero offsets of a rig, and a command that uses them.
+    """Print the zero offsets of a rig, and the command that starts a trial with them.
+
+    A zero offset is the reading of a sensor when the measured quantity is zero.
 
     Parameters
     ----------
@@ -207,7 +241,7 @@ def print_tare(
     master_noise, contact_noise
         Root mean square of the noise of the master force and of the contact force [N].
     path
-        File with the zero offsets.
+        File in which the zero offsets are stored.
     rig
         Rig file; None for the simulated rig.
     """

@@ -1,4 +1,4 @@
-"""The rows of a table of recorded settings: rounded values with units."""
+"""Convert the recorded settings of a trial to rows of a table, with rounded values and units."""
 
 from __future__ import annotations
 
@@ -22,15 +22,24 @@ UNITS = {
 UNIT_OF = {name: unit for unit, names in UNITS.items() for name in names}
 """Unit of a setting, by its name."""
 INFINITE = "Infinity"
-"""A limit that is infinite, as the JSON of a recording contains it."""
+"""Text that a recording contains instead of an infinite limit."""
 DIGITS = 5
-"""Number of significant digits of a value."""
+"""Number of significant digits to which a value is rounded."""
 
 
 def settings_rows(settings: Mapping[str, Any], start: str = "") -> Iterator[tuple[str, str]]:
-    """Yield name and value of each setting that is set; dots join the names of nested settings.
+    """Yield the name and the value, as texts, of each recorded setting that has a value.
 
-    Settings without a value are omitted: None, an empty text and an empty list.
+    A setting that is None, an empty text or an empty list is omitted. If a setting is a dictionary
+    of further settings, each of these is yielded. A dot then joins the names, for example in
+    `limits.max_velocity`.
+
+    Parameters
+    ----------
+    settings
+        Settings by name.
+    start
+        Text that is added before each name. It is empty, except in recursive calls.
     """
     for name, value in settings.items():
         if isinstance(value, Mapping):
@@ -40,7 +49,11 @@ def settings_rows(settings: Mapping[str, Any], start: str = "") -> Iterator[tupl
 
 
 def value_text(value: Any) -> str:
-    """Return a value as text; numbers are rounded to `DIGITS` significant digits."""
+    """Return the value of a setting as text.
+
+    A `float` is rounded to `DIGITS` significant digits, or to an integer if the integer has more
+    digits.
+    """
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
@@ -51,7 +64,11 @@ def value_text(value: Any) -> str:
 
 
 def unit_of(name: str, value: Any) -> str:
-    """Return the unit of a setting; empty if it has none, or if the value is not a number."""
+    """Return the unit of a setting; an empty text if it has none.
+
+    The unit follows from the name of the setting (see `UNITS` and `SUFFIXES`). A value that is
+    neither a number nor a list of numbers has no unit.
+    """
     first = value[0] if isinstance(value, list | tuple) else value
     if not isinstance(first, int | float) or isinstance(first, bool):
         return ""

@@ -1,4 +1,4 @@
-"""Draw the estimated stiffness in several trials, with the values of the paper."""
+"""Draw the estimated stiffness in several trials, and the values of the reproduced paper."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ def stiffness_figure(
     Parameters
     ----------
     panels
-        Trials by title. For each trial: time [s], shape (n,), and estimates by the name of the
-        estimator.
+        Data of each trial, by the title of its panel: the time [s], shape (n,), and a mapping from
+        the name of each estimator to its estimates.
     paper
-        Average stiffness in the paper [N/m], by the title of the trial. It is drawn as a horizontal
-        line.
+        Average stiffness of each trial in the paper that this package reproduces [N/m], by the
+        title of its panel. It is drawn as a horizontal line.
     same_scale
-        Whether all trials have the same stiffness axis.
+        Whether the stiffness axes of all panels have the same limits.
     """
     figure = new_figure(0.29 * len(panels) + 0.08, rows=len(panels))
     axes = figure.subplots(len(panels), 1, sharex=True, sharey=same_scale)

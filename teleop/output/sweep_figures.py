@@ -1,4 +1,8 @@
-"""Draw figures of a sweep: the effect of each factor on a result, and a map over two factors."""
+"""Draw figures of a sweep: the effect of each factor on a result, and maps over two factors.
+
+A sweep runs simulated trials, or evaluates recordings, with many combinations of settings. The
+settings that vary are called factors.
+"""
 
 from __future__ import annotations
 
@@ -16,33 +20,42 @@ from estimation.figure_style import CHOSEN, WIDTHS, legend, line, new_figure, ti
 from teleop.output.figure_files import plain
 
 MOST_LEVELS = 12
-"""Largest number of levels of a factor that are shown. If there are more, numbers are divided into
-bins."""
+"""Largest number of different values of a numerical factor that are shown separately. If there are
+more values, they are divided into bins."""
 BINS = 8
-"""Number of bins of a factor. Each bin contains the same number of points."""
+"""Number of bins of a factor. Each bin contains about the same number of rows of the sweep's
+table."""
 INCHES = 2.4
 """Smallest width of a panel [in]."""
 CHARACTERS = 18
-"""Largest total number of characters of the level names of a panel for which the names are written
-horizontally."""
+"""If the names of all levels in a panel have more characters in total, they are written
+vertically."""
 
 
 class Levels(NamedTuple):
-    """Levels of a factor, or bins of the values of a factor."""
+    """Levels of a factor, which is a setting that varies in a sweep.
+
+    Each level is one value of the factor, or one bin if the factor has many different numbers.
+    """
 
     places: Floats
-    """Position of each level on the axis, shape (levels,)."""
+    """Position of each level on the axis, shape (levels,). For numbers, it is the value of the
+    level, or the mean of the values in the bin. For texts, it is an index."""
     names: tuple[str, ...]
-    """Name of each level; empty if the positions are the values of the factor."""
+    """Name of each level if the values of the factor are texts; empty if they are numbers."""
     level: NDArray[np.intp]
-    """Index of the level of each row of the sweep's table, shape (n,)."""
+    """Index of the level in each row of the sweep's table, shape (n,)."""
 
 
 class SweepRows(NamedTuple):
-    """The n rows of a sweep's table that contain a result; arrays have shape (n,)."""
+    """The n rows of a sweep's table that contain the result to show in a figure.
+
+    The table has a row for each estimator at each combination of settings. Each array has the shape
+    (n,).
+    """
 
     factors: dict[str, Sequence[float | str]]
-    """Values of each factor in the n rows, by the name of the factor."""
+    """Values of each factor (setting that varies) in the n rows, by the name of the factor."""
     estimator: NDArray[np.str_]
     """Name of the estimator in each row."""
     response: Floats
@@ -52,7 +65,16 @@ class SweepRows(NamedTuple):
 
 
 def levels_of(values: Sequence[float | str]) -> Levels:
-    """Return the levels of a factor: its values, or bins if the values are many numbers."""
+    """Return the levels of a factor, which is a setting that varies in a sweep.
+
+    Each different value is a level. But if there are more than `MOST_LEVELS` different numbers,
+    they are divided into bins, and each bin is a level.
+
+    Parameters
+    ----------
+    values
+        Value of the factor in each row of the sweep's table.
+    """
     if any(isinstance(value, str) for value in values):
         names, index = np.unique([str(value) for value in values], return_inverse=True)
         order = dict.fromkeys(str(value) for value in values)
@@ -70,15 +92,16 @@ def levels_of(values: Sequence[float | str]) -> Levels:
 
 
 def main_effects_figure(rows: SweepRows) -> Figure:
-    """Return a figure of the mean result at each level of a factor, with a panel for each factor.
+    """Return a figure of the mean result of a sweep at each level of each factor.
 
-    The mean is computed over all levels of the other factors and all seeds. Error bars are 95 %
-    intervals of this mean.
+    A factor is a setting that varies in the sweep, and a level is one of its values. There is a
+    panel for each factor. Each mean is computed over all levels of the other factors and all
+    repetitions with different seeds. The error bars are 95 % intervals of the mean.
 
     Parameters
     ----------
     rows
-        Rows of the sweep; at least one.
+        Rows of the sweep's table that contain the result; at least one row.
     """
     columns = max(1, min(len(rows.factors), int(WIDTHS[CHOSEN.get()] / INCHES)))
     lines = -(-len(rows.factors) // columns)
@@ -103,7 +126,9 @@ def main_effects_figure(rows: SweepRows) -> Figure:
 def draw_effect(
     axes: Axes, levels: Levels, response: Floats, chosen: NDArray[np.bool_], name: str, number: int
 ) -> None:
-    """Draw the mean response of one estimator at each level, with 95 % intervals.
+    """Draw the mean result of one estimator at each level of a factor, with 95 % intervals.
+
+    A factor is a setting that varies in a sweep, and a level is one of its values.
 
     Parameters
     ----------
@@ -112,11 +137,13 @@ def draw_effect(
     levels
         Levels of the factor.
     response
-        Response of all rows, shape (n,).
+        Result in each row of the sweep's table, shape (n,).
     chosen
-        Mask of the rows of the estimator, shape (n,).
-    name, number
-        Name and number of the estimator, for the legend and the style.
+        Whether each row of the table belongs to the estimator, shape (n,).
+    name
+        Name of the estimator, for the legend.
+    number
+        Index of the estimator, which determines the style of the line.
     """
     places, means, halves = [], [], []
     for level, place in enumerate(levels.places.tolist()):
@@ -132,7 +159,11 @@ def draw_effect(
 
 
 def label_axis(axes: Axes, factor: str, levels: Levels) -> None:
-    """Label the horizontal axis with a factor and its levels, and make it logarithmic if needed."""
+    """Label the horizontal axis of a panel with the name of a factor and the names of its levels.
+
+    A factor is a setting that varies in a sweep, and a level is one of its values. If the levels
+    are numbers, they have no names, and the axis can be logarithmic (see `is_logarithmic`).
+    """
     axes.set_xlabel(plain(factor))
     if levels.names:
         name_ticks(axes, levels.places, levels.names)
@@ -141,14 +172,35 @@ def label_axis(axes: Axes, factor: str, levels: Levels) -> None:
 
 
 def name_ticks(axes: Axes, places: Floats, names: Sequence[str]) -> None:
-    """Write names to the horizontal axis; write them vertically if they have many characters."""
+    """Write the names of levels (values of a setting) below the horizontal axis of a panel.
+
+    If the names have more than `CHARACTERS` characters in total, they are written vertically.
+
+    Parameters
+    ----------
+    axes
+        The panel.
+    places
+        Position of each name on the axis, shape (levels,).
+    names
+        Name of each level.
+    """
     axes.set_xticks(places.tolist(), [plain(name) for name in names])
     if sum(map(len, names)) > CHARACTERS:
         axes.tick_params(axis="x", labelrotation=90)
 
 
 def is_logarithmic(places: Floats) -> bool:
-    """Return whether the values of a factor are more evenly spaced on a logarithmic axis."""
+    """Return whether a logarithmic axis is more suitable for numbers than a linear axis.
+
+    This is the case if the distances between successive numbers are more equal on the logarithmic
+    axis. If there are too few numbers, or if one is not positive, the result is False.
+
+    Parameters
+    ----------
+    places
+        The numbers in increasing order, shape (levels,).
+    """
     if len(places) < 3 or places[0] <= 0.0:
         return False
     even, even_logarithm = (np.diff(one) for one in (places, np.log(places)))
@@ -158,12 +210,15 @@ def is_logarithmic(places: Floats) -> bool:
 def map_figure(rows: SweepRows, first: str, second: str) -> Figure:
     """Return a figure with a map for each estimator: mean result as a function of two factors.
 
+    A factor is a setting that varies in the sweep, and a level is one of its values. The colour of
+    a map shows the mean result for each pair of levels of the two factors.
+
     Parameters
     ----------
     rows
-        Rows of the sweep; at least one.
+        Rows of the sweep's table that contain the result; at least one row.
     first, second
-        Names of the factors of the horizontal and the vertical axis.
+        Names of the factors on the horizontal and the vertical axis.
     """
     across, upwards = levels_of(rows.factors[first]), levels_of(rows.factors[second])
     names = [*dict.fromkeys(rows.estimator.tolist())]

@@ -1,4 +1,4 @@
-"""Draw target, slave position and their difference over time, in the condition `mimic`."""
+"""Draw how well the slave follows the target over time, for a trial of the condition `mimic`."""
 
 from __future__ import annotations
 
@@ -15,16 +15,19 @@ from teleop.recording.recording import Recording
 
 
 def tracking_figure(title: str, recording: Recording, tracking: Mapping[str, Any]) -> Figure:
-    """Return a figure of target, slave position and their difference over time.
+    """Return a figure of target, slave position and tracking error over time.
+
+    The tracking error is the slave position minus the target.
 
     Parameters
     ----------
     title
         Title of the figure.
     recording
-        All ticks of a trial of the condition `mimic`.
+        All ticks of a trial of the condition `mimic`, in which the operator follows the target.
     tracking
-        Gain, phase and error (see `teleop.evaluation.tracking`), which the figure states as text.
+        The fields of a `Tracking`: gain and phase of the slave relative to the target, and tracking
+        error. The title of the figure states them.
     """
     t, target, position = (recording[name] for name in ("time", "target", "slave_position"))
     shown = np.isfinite(target)

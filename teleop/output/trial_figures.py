@@ -1,4 +1,4 @@
-"""Draw figures of a trial: channels at a fault, timing of the loop, and tied candidates."""
+"""Draw figures of a trial: signals at a fault, timing of the control loop, ambiguous estimates."""
 
 from __future__ import annotations
 
@@ -27,14 +27,17 @@ from teleop.recording.recording import Recording
 
 
 def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
-    """Return a figure of the channels and commands from 0.5 s before a fault to 0.5 s after it.
+    """Return a figure of the measured signals and the commands shortly before and after a fault.
+
+    A fault is a condition for which the supervisor stops the drives. The panels show forces,
+    positions, velocities, and the lateness of each tick (delay of its start).
 
     Parameters
     ----------
     recording
         Ticks before and after the fault.
     fault
-        Event of the fault.
+        Event of the fault, as a dictionary that the recording contains.
     """
     t = recording["time"]
     part = (t > fault["time"] - 0.5) & (t < fault["time"] + 0.5)
@@ -80,7 +83,10 @@ def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
 
 
 def timing_figure(recording: Recording) -> Figure:
-    """Return a figure with histograms of the delay (lateness) and the duration of the ticks.
+    """Return a figure with histograms of the lateness and the duration of the ticks.
+
+    A tick is one cycle of the control loop. Its lateness is the delay of its start. Its duration is
+    the time from its start until the loop waits for the next tick.
 
     Parameters
     ----------
@@ -105,15 +111,16 @@ def timing_figure(recording: Recording) -> Figure:
 def ambiguity_figure(t: Floats, tied: Ambiguity) -> Figure:
     """Return a figure of k and b of the best candidate and of the tied candidates over time.
 
-    Candidates are tied if they fit the data about as well as the best candidate.
+    The candidates are the pairs (b, k) from which the multi-estimator selects its estimate. A
+    candidate is tied if it fits the data about as well as the best candidate.
 
     Parameters
     ----------
     t
         Times at which the candidates are compared [s], shape (n,).
     tied
-        The best candidate and the ranges of k and b at each time. The ranges contain the values of
-        all tied candidates.
+        For each time: k and b of the best candidate, and the smallest and the largest k and b of
+        the tied candidates.
     """
     figure = new_figure(0.57, rows=2)
     upper, lower = figure.subplots(2, 1, sharex=True)

@@ -23,7 +23,7 @@ def print_trial(summary: Mapping[str, Any]) -> None:
     Parameters
     ----------
     summary
-        The results that `Trial.summary` returned.
+        The dictionary that `Trial.summary` returned.
     """
     console = plain_console()
     print_fault(console, summary["safety"])
@@ -56,7 +56,18 @@ def print_trial(summary: Mapping[str, Any]) -> None:
 
 
 def print_results(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print estimates, true values, tracking, felt stiffness, excitation and contact."""
+    """Print the estimates of a trial, and quantities that help to judge them.
+
+    These quantities are the true values of the simulated rig, how well the slave followed the
+    target, the force feedback, the excitation, and the fraction of samples without contact.
+
+    Parameters
+    ----------
+    console
+        The terminal.
+    summary
+        The dictionary that `Trial.summary` returned.
+    """
     if summary["estimates"]:
         print_estimates(summary["estimates"], {})
         for line in left_out_lines(summary):
@@ -79,7 +90,11 @@ def print_results(console: Console, summary: Mapping[str, Any]) -> None:
 
 
 def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:
-    """Print which ticks are missing in the recording, and how to recover its intact part."""
+    """Print which ticks are missing in a recording, and how to recover the intact part of its file.
+
+    Nothing is printed if the recording is complete. `recording` is the item of this name in the
+    dictionary that `Trial.summary` returned.
+    """
     if recording["missing_ticks"]:
         missing = missing_text([Gap(*row.values()) for row in recording["missing_ticks"]])
         console.print(
@@ -111,7 +126,11 @@ def duration(summary: Mapping[str, Any]) -> str:
 
 
 def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
-    """Print the true stiffness, damping, lag and lost motion of the simulated rig."""
+    """Print the true values of the simulated rig: stiffness, damping, lag and lost motion.
+
+    The lag is that of the force channel. The lost motion is the backlash between the slave's
+    position sensor and its tip. `truth` is the item of this name that `Trial.summary` returned.
+    """
     console.print(
         f"  true values of the simulated rig: b {truth['b']:.3g} N s/m, secant stiffness k\n"
         f"  {number(truth['k_surface'], 0)} N/m at the surface and "
@@ -131,14 +150,22 @@ def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
 
 
 def print_tracking(console: Console, tracking: Mapping[str, Any] | None) -> None:
-    """Print gain, phase and error of the slave relative to the target in the condition `mimic`."""
+    """Print how well the slave followed the target in a trial of the condition `mimic`.
+
+    `tracking` contains the fields of a `Tracking`. If it is None, for example in other conditions,
+    nothing is printed.
+    """
     if tracking:
         first, second = tracking_lines(tracking)
         console.print(f"  tracking: {first},\n  {second}")
 
 
 def tracking_lines(tracking: Mapping[str, Any]) -> tuple[str, str]:
-    """Return two lines with gain, phase and error relative to the target, and the frequency."""
+    """Return two lines of text on how well the slave followed a sinusoidal target.
+
+    The first line states gain and phase of the slave position relative to the target, and the
+    tracking error. The second line states the frequencies of the motion and of the target.
+    """
     return (
         f"gain {tracking['gain']:.2f}, phase {tracking['phase_deg']:.0f} deg "
         f"(delay {tracking['delay_s']:.3f} s), error {tracking['rms_m'] * 1e3:.2f} mm rms",
@@ -148,7 +175,19 @@ def tracking_lines(tracking: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def print_feedback(console: Console, feedback: Mapping[str, Any] | None) -> None:
-    """Print the felt stiffness, the error of the felt force, and the lowest energy at the hand."""
+    """Print what the hand of the operator felt in a trial with force feedback.
+
+    The stiffness that the hand felt and the error of the felt force are printed. The lowest energy
+    that the hand had given to the displayed environment at any time is also printed. This energy is
+    negative if the environment gave energy to the hand.
+
+    Parameters
+    ----------
+    console
+        The terminal.
+    feedback
+        The dictionary that `Trial.feedback` returned. If it is None, nothing is printed.
+    """
     if not feedback:
         return
     channel = f", channel {feedback['channel']}" if feedback["channel"] else ""
@@ -165,7 +204,7 @@ def print_feedback(console: Console, feedback: Mapping[str, Any] | None) -> None
 
 
 def print_loop(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print the timing of the loop."""
+    """Print the timing of the control loop: its rate, and delays and durations of the ticks."""
     loop = summary["loop"]
     late, busy = loop["lateness_us"], loop["tick_us"]["busy"]
     few = summary["pairs"] < summary["ticks"]
@@ -198,21 +237,28 @@ def print_loop(console: Console, summary: Mapping[str, Any]) -> None:
 
 
 def print_rejected(console: Console, rejected: Mapping[str, Mapping[str, int]]) -> None:
-    """Print how many messages (frames) of each device were rejected, and for which reasons."""
+    """Print how many messages of each device were rejected because of errors, by reason."""
     for device, counts in rejected.items():
         reasons = ", ".join(f"{count} for {reason}" for reason, count in counts.items())
         console.print(f"  {device}: rejected {reasons}", style="yellow")
 
 
 def print_limited(console: Console, safety: Mapping[str, Any]) -> None:
-    """Print which soft limits reduced the command."""
+    """Print which soft limits reduced the commanded velocity, and in how many ticks.
+
+    A soft limit reduces the command, but does not stop the trial. `safety` is the item of this name
+    in the dictionary that `Trial.summary` returned.
+    """
     held = [f"{name} {count} ticks" for name, count in safety["limited_ticks"].items() if count]
     if held:
         console.print(f"  soft limits limited the command: {', '.join(held)}", style="yellow")
 
 
 def print_fault(console: Console, safety: Mapping[str, Any]) -> None:
-    """Print the fault that stopped the trial, and further faults."""
+    """Print the fault for which the supervisor stopped the trial, and further faults, if any.
+
+    `safety` is the item of this name in the dictionary that `Trial.summary` returned.
+    """
     if safety["fault"]:
         fault = safety["fault"]
         console.print(

@@ -18,12 +18,13 @@ def web_page(template: str, package: str = __package__, **values: Any) -> str:
     Parameters
     ----------
     template
-        Name of the template. The template may extend `page.html` and use the macros of
-        `macros.html`.
+        File name of the template. The template may use the templates of this package: `page.html`
+        as its base, and the macros of `macros.html`.
     package
-        Package whose folder `templates` contains the template.
+        Package whose folder `templates` contains the template; by default, this package.
     values
-        Values of the variables of the template. A `str` is escaped; a `Markup` is not.
+        Values of the variables of the template. A `str` is shown as text (its HTML characters are
+        escaped). A `Markup` is inserted as HTML.
     """
     loaders = [PackageLoader(package), PackageLoader(__package__)]
     environment = Environment(
@@ -37,7 +38,7 @@ def web_page(template: str, package: str = __package__, **values: Any) -> str:
 
 
 def svg(figure: Figure) -> Markup:
-    """Return a figure as an SVG element."""
+    """Return a figure as an SVG element, which can be inserted into an HTML page."""
     text = StringIO()
     render(figure, text, format="svg")
     drawing = text.getvalue()

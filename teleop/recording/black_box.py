@@ -1,4 +1,4 @@
-"""The black box, which stores the ticks shortly before and after a fault in memory."""
+"""Define the black box, which stores the ticks shortly before and after a fault in memory."""
 
 from __future__ import annotations
 
@@ -15,16 +15,20 @@ from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Event
 
 BEFORE, AFTER = 5.0, 1.0
-"""Length of the stored part of a trial before a fault, and after the fault [s]."""
+"""Duration of the stored part of a trial before a fault, and after the fault [s]."""
 
 
 class BlackBox(Sink):
-    """Stores the latest ticks and all events in memory, independently of the recorder.
+    """Stores the latest ticks and all events of a trial in memory.
+
+    The black box does not depend on the recorder, which is the process that writes all ticks to a
+    file. The stored ticks cover the time `BEFORE` + `AFTER`. The loop ends when the time `AFTER`
+    after a fault has elapsed. The stored ticks are then those before and after the fault.
 
     Parameters
     ----------
     layout
-        Layout of the message of a tick.
+        Layout of the message of a tick: its columns, and how they are packed into bytes.
     rate
         Ticks per second [Hz].
     """
@@ -35,20 +39,23 @@ class BlackBox(Sink):
         self._events: list[dict[str, Any]] = []
 
     def push(self, message: bytes) -> None:
-        """Store the message of one tick."""
+        """Store the message of one tick. If the memory is full, the oldest message is deleted."""
         self._messages.append(message)
 
     def event(self, event: Event) -> None:
-        """Store an event."""
+        """Store an event (a fault, or a change of the supervisor's mode)."""
         self._events.append(event_record(event))
 
     def close(self) -> Outcome:
-        """Return the number of stored ticks. There is nothing to close, because no file is open."""
+        """Return an `Outcome` in which `pushed` is the number of stored ticks.
+
+        Other sinks complete and close their file here. The black box has no open file.
+        """
         return Outcome(None, len(self._messages), 0, "")
 
     @property
     def fault(self) -> dict[str, Any] | None:
-        """Event of the first fault; None if there was no fault."""
+        """Event of the first fault, as a dictionary; None if there was no fault."""
         return next((event for event in self._events if event["fault"]), None)
 
     def recording(self, metadata: dict[str, dict[str, str]]) -> Recording:
@@ -57,7 +64,8 @@ class BlackBox(Sink):
         Parameters
         ----------
         metadata
-            Metadata of the session: dictionaries of texts, by the name of the record.
+            Metadata records, by their names, for example `session` and `settings`. Each record is
+            a dictionary of texts.
         """
         messages = b"".join(self._messages)
         return from_messages(self._layout.definition, messages, self._events, metadata)
@@ -70,9 +78,10 @@ class BlackBox(Sink):
         path
             The file.
         metadata
-            Metadata of the session: dictionaries of texts, by the name of the record.
+            Metadata records, by their names, for example `session` and `settings`. Each record is
+            a dictionary of texts.
         start
-            Wall-clock time of the beginning of the trial, since 1970 [ns].
+            Wall-clock time of the beginning of the trial, as nanoseconds since 1970 (Unix time).
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Read a file that may be damaged. The bytes per read and the memory for ticks are limited."""
+"""Read a file that may be damaged, with limits for the size of a read and for the used memory."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LARGEST_RECORD = 128 << 20
 
 
 def machine_memory() -> int:
-    """Return the memory of this machine [bytes], or 8 GiB if the system does not report it."""
+    """Return the memory size of this machine [bytes]; a default value if the size is unknown."""
     try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, ValueError, OSError):
@@ -26,7 +26,20 @@ the ticks need the same amount of memory again."""
 
 
 def check_memory(path: Path | str, size: int) -> None:
-    """Raise InputError if `size`, the total size of the ticks [bytes], exceeds `LARGEST_TICKS`."""
+    """Check that the ticks of a recording fit into the memory of this machine.
+
+    Parameters
+    ----------
+    path
+        The recording, for the error message.
+    size
+        Total size of the ticks [bytes].
+
+    Raises
+    ------
+    InputError
+        The size is larger than `LARGEST_TICKS`.
+    """
     if size > LARGEST_TICKS:
         raise InputError(
             f"{path}: too large for this machine's memory: more than {LARGEST_TICKS >> 20} MiB "
@@ -35,15 +48,16 @@ def check_memory(path: Path | str, size: int) -> None:
 
 
 class BoundedFile:
-    """A file from which one read returns at most `LARGEST_RECORD` bytes.
+    """A file from which one call of `read` returns at most `LARGEST_RECORD` bytes.
 
-    A damaged record can state a wrong length, so that a reader requests too many bytes. Bytes that
-    are added to the file later are not read.
+    A file consists of records that state their own length. If a record is damaged, the stated
+    length can be much too large, and a reader would request too many bytes. Bytes that are added to
+    the file after this object is created are not read.
 
     Parameters
     ----------
     file
-        A regular file, from which nothing has been read yet.
+        An open regular file (not a pipe or device), from which nothing has been read yet.
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -52,9 +66,9 @@ class BoundedFile:
         """Number of bytes that have not been read yet."""
 
     def read(self, count: int) -> bytes:
-        """Return the next `count` bytes, but at most `LARGEST_RECORD` bytes.
+        """Return the next `count` bytes of the file, but at most `LARGEST_RECORD` bytes.
 
-        At the end of the file, fewer bytes are returned.
+        If the file contains fewer bytes after the present position, all of them are returned.
         """
         data = self._file.read(min(count, self.left, LARGEST_RECORD))
         self.left -= len(data)

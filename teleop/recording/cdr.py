@@ -1,6 +1,7 @@
-"""Define the encoding of the message of a tick.
+"""Define the encoding of the message in which a tick (cycle of the control loop) is recorded.
 
-The message is a ROS 2 message of doubles in CDR (Common Data Representation).
+The message is a ROS 2 message whose fields are all doubles. Its encoding is CDR (Common Data
+Representation).
 """
 
 from __future__ import annotations

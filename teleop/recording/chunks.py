@@ -1,7 +1,8 @@
-"""Decompress the chunks of MCAP files.
+"""Decompress the chunks of MCAP files. A damaged chunk cannot fill the memory.
 
-Each chunk declares the size of its decompressed data. The decompression stops one byte after this
-size. A damaged chunk can therefore not fill the memory.
+A chunk is a block of records, usually compressed. It states the size of its data after
+decompression. If a chunk is damaged, its data can be larger. The decompression therefore stops one
+byte after the stated size, and an error is raised.
 """
 
 from __future__ import annotations
@@ -14,19 +15,20 @@ import zstandard
 from mcap.records import Chunk
 
 LARGEST = 64 << 20
-"""Size of the largest chunk that is read [bytes]. The recorder writes chunks below 1 MiB."""
+"""Size of the largest chunk that is read, after decompression [bytes]. The chunks of the recorder
+are much smaller."""
 PIECE = 1 << 20
 """Largest number of bytes that one call of the zstd reader decompresses."""
 
 
 def chunk_data(chunk: Chunk) -> bytes:
-    """Decompress a chunk, and return its records.
+    """Decompress a chunk (a block of records of an MCAP file), and return the bytes of its records.
 
     Raises
     ------
     ValueError
-        The chunk is larger than `LARGEST`, does not have the size that it declares, cannot be
-        decompressed, or has a wrong checksum.
+        The chunk states a size larger than `LARGEST`, or its data do not have the stated size. The
+        data cannot be decompressed, or have a wrong checksum.
     """
     size = chunk.uncompressed_size
     if size > LARGEST:
@@ -45,12 +47,15 @@ def chunk_data(chunk: Chunk) -> bytes:
 
 
 def uncompressed(data: bytes, _: int) -> bytes:
-    """Return the data of an uncompressed chunk unchanged."""
+    """Return the data of a chunk that is not compressed. The second argument is not used.
+
+    The function has the same parameters as the functions that decompress data.
+    """
     return data
 
 
 def from_zstd(data: bytes, max_size: int) -> bytes:
-    """Decompress zstd data to at most `max_size` bytes."""
+    """Decompress zstd data. Return at most the first `max_size` bytes of the result."""
     result = BytesIO()
     with zstandard.ZstdDecompressor().stream_reader(data) as reader:
         while result.tell() < max_size:
@@ -62,7 +67,7 @@ def from_zstd(data: bytes, max_size: int) -> bytes:
 
 
 def from_lz4(data: bytes, max_size: int) -> bytes:
-    """Decompress lz4 data to at most `max_size` bytes."""
+    """Decompress lz4 data. Return at most the first `max_size` bytes of the result."""
     return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=max_size))
 
 

@@ -21,7 +21,8 @@ from teleop.recording.stream import RecordingStream
 def write_csv(file: BinaryIO, recording: RecordingStream) -> None:
     """Write the columns of a recording as CSV. The header of each column is `name [unit]`.
 
-    Settings, session and events are written to a separate file, see `description`.
+    Settings, session data and events are not written. `description` returns them as a document for
+    a separate file.
     """
     writer = table_writer(file, recording.units)
     for columns in blocks(recording):
@@ -29,25 +30,27 @@ def write_csv(file: BinaryIO, recording: RecordingStream) -> None:
 
 
 def description_of(path: Path) -> Path | None:
-    """Return the path of the description of a CSV file; None if `path` is not a CSV file.
+    """Return the path of the JSON file that describes a CSV file; None for any other file.
 
-    The standard "CSV on the Web" defines the name of the description.
+    The standard "CSV on the Web" defines the name of the JSON file.
     """
     is_csv = path.suffix.lower() in FORMATS and format_of(path) == "csv"
     return path.with_name(f"{path.name}-metadata.json") if is_csv else None
 
 
 def description(path: Path, recording: RecordingStream) -> str:
-    """Return the settings, session and events of a recording as a JSON document.
+    """Return a JSON document with the settings, the session data and the events of a recording.
 
-    The standard "CSV on the Web" defines how the document describes the CSV file.
+    The document describes a CSV file that contains the columns of the recording. The standard "CSV
+    on the Web" defines the form of the document.
 
     Parameters
     ----------
     path
-        The CSV file that the document describes.
+        The CSV file.
     recording
-        The recording. All its blocks have been read, so that its events are complete.
+        The recording. The caller has already read all its blocks. Before that, its events are not
+        complete.
     """
     about = {
         "settings": recording.settings,
@@ -61,8 +64,8 @@ def description(path: Path, recording: RecordingStream) -> str:
 def write_hdf5(disk: BinaryIO, recording: RecordingStream) -> None:
     """Write an HDF5 file with one dataset per column. Each dataset has the attribute `unit`.
 
-    The session and the settings are attributes of the file. The dataset `events` contains the
-    events as JSON documents.
+    The session data (for example date and rig) and the settings are attributes of the file. The
+    dataset `events` contains the events as JSON documents.
 
     Raises
     ------
@@ -91,8 +94,9 @@ def write_hdf5(disk: BinaryIO, recording: RecordingStream) -> None:
 def write_matlab(file: BinaryIO, recording: RecordingStream) -> None:
     """Write a MATLAB file with one variable per column.
 
-    The variables `units`, `session`, `settings` and `events` contain the other data. The MATLAB
-    format stores one variable after another. The whole recording must therefore fit into memory.
+    The variables `units`, `session`, `settings` and `events` contain the other data. In a MATLAB
+    file, all values of a variable precede the next variable. The recording can therefore not be
+    written in blocks of ticks, and must fit into memory.
 
     Raises
     ------
@@ -114,7 +118,8 @@ def write_matlab(file: BinaryIO, recording: RecordingStream) -> None:
 def write_parquet(file: BinaryIO, recording: RecordingStream) -> None:
     """Write the columns with their units to a Parquet file.
 
-    Session, settings and events are metadata of the file, as JSON documents.
+    The session data (for example date and rig), the settings and the events are metadata of the
+    file, as JSON documents.
 
     Raises
     ------
@@ -153,7 +158,7 @@ FORMATS: dict[str, tuple[str, Callable[[BinaryIO, RecordingStream], None]]] = {
 
 
 def format_of(path: Path) -> str:
-    """Return the name of the export format for the ending of a file name.
+    """Return the name of the export format that the ending of a file name states.
 
     Raises
     ------
@@ -168,13 +173,14 @@ def format_of(path: Path) -> str:
 def export_recording(file: Path, path: Path, overwrite: bool = False) -> RecordingStream:
     """Write a recording to a file in the format that the ending of `path` determines.
 
-    If the file is a CSV file, settings, session and events are written to an additional file.
-    `description_of` returns the path of the additional file.
+    If the new file is a CSV file, it contains only the columns of the recording. The settings, the
+    session data (for example date and rig) and the events are then written to an additional file.
+    `description_of` returns the path of this file.
 
     Parameters
     ----------
     file
-        The recording. It is read twice: once to check that it is complete, and once to export it.
+        The recording. It is read twice: first to check that it is complete, then to export it.
     path
         The file to write.
     overwrite
@@ -182,7 +188,7 @@ def export_recording(file: Path, path: Path, overwrite: bool = False) -> Recordi
 
     Returns
     -------
-    The recording, of which all blocks have been read.
+    The recording. It has been read completely, so that its events and gaps are known.
 
     Raises
     ------
@@ -203,30 +209,35 @@ def export_recording(file: Path, path: Path, overwrite: bool = False) -> Recordi
 
 
 def blocks(recording: RecordingStream) -> Iterator[dict[str, Floats]]:
-    """Open the file of a recording again, and yield its columns in blocks of ticks."""
+    """Read a recording again from its file, because a `RecordingStream` can be read only once.
+
+    Yields
+    ------
+    The columns by name for each block of n successive ticks, each of shape (n,).
+    """
     return RecordingStream(recording.path).blocks()
 
 
 def missing(library: str, name: str) -> InputError:
-    """Return the error that is raised if the library of a format is not installed.
+    """Return an error which states that the library for an export format is not installed.
 
     Parameters
     ----------
     library
-        Name of the library.
+        Name of the library, for example `h5py`.
     name
-        Name of the format.
+        Name of the format, for example HDF5.
     """
     return InputError(f"{name} needs {library}: pip install '.[export]'")
 
 
 class TableFile:
-    """A CSV file to which a table is written in blocks, with all digits of each number.
+    """A CSV file to which a table is written in blocks of rows, with all digits of each number.
 
     Parameters
     ----------
     file
-        The open file.
+        The file, open for writing bytes.
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -234,13 +245,13 @@ class TableFile:
         self._writer: Any = None
 
     def write(self, table: tuple[Mapping[str, Floats], Mapping[str, str]]) -> None:
-        """Write n rows. The first call also writes the header.
+        """Write the next n rows of the table. The first call also writes the header.
 
         Parameters
         ----------
         table
-            Two mappings with the name of the column as key. The first contains the values of each
-            column, shape (n,). The second contains the unit of each column.
+            Two mappings, whose keys are the names of the columns. The first mapping contains the
+            values of each column, shape (n,). The second mapping contains the unit of each column.
         """
         columns, units = table
         if self._writer is None:
@@ -249,12 +260,23 @@ class TableFile:
 
 
 def table_writer(file: BinaryIO, units: Mapping[str, str]) -> Any:
-    """Write the header of a CSV table, and return a writer for its rows."""
+    """Write the header of a CSV table, and return a `csv.writer` for its rows.
+
+    Parameters
+    ----------
+    file
+        The file, open for writing bytes.
+    units
+        Unit of each column, by the name of the column.
+    """
     writer = csv.writer(codecs.getwriter("utf-8")(file, "backslashreplace"))
     writer.writerow([f"{name} [{unit}]" for name, unit in units.items()])
     return writer
 
 
 def rows_of(columns: Mapping[str, Floats]) -> Iterable[tuple[float, ...]]:
-    """Return the rows of a table as Python floats, which the CSV writer writes with all digits."""
+    """Return the rows of a table whose columns are arrays.
+
+    The values in the rows are Python floats, which the CSV writer writes with all digits.
+    """
     return zip(*(column.tolist() for column in columns.values()), strict=True)

@@ -1,4 +1,4 @@
-"""Find the gaps in a recording. In a gap, ticks are missing that the recorder did not receive."""
+"""Find the gaps in a recording. In a gap, ticks are missing because the recorder was too slow."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from estimation.compiled import Floats
 SAME_TIME = 1e-6
 """Largest difference between two times that are treated as equal [s]."""
 LISTED = 4
-"""Largest number of gaps that an error message lists."""
+"""Largest number of gaps that a message lists."""
 
 
 class Gap(NamedTuple):
@@ -27,7 +27,7 @@ class Gap(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Text for a message, with the number of missing ticks and the time of the gap."""
+        """Number of missing ticks and time of the gap [s], as a part of a message."""
         if self.start is None:
             return f"{self.ticks} before {self.end:.3f} s"
         if self.end is None:
@@ -38,22 +38,28 @@ class Gap(NamedTuple):
 def missing_ticks(
     t: Floats, dt: Floats, dropped: Floats, total_dropped: int = 0
 ) -> tuple[Gap, ...]:
-    """Return the gaps in a recording.
+    """Return the gaps in a recording, which are the parts with missing ticks.
 
-    The loop measures `dt` at every tick, even if the tick is not recorded. If the time between two
-    successive recorded ticks is larger than `dt` of the second one, ticks are missing between the
-    two. Periods that the loop skipped are not gaps.
+    A tick is one cycle of the control loop. If the recorder is too slow, ticks are dropped, which
+    means that they are not recorded. `dt` is the time since the previous tick, even if the previous
+    tick was dropped. If the time since the previous recorded tick is larger than `dt`, there is a
+    gap between these two recorded ticks.
+
+    If the loop itself is late, it can skip a period. This is not a gap, because there was no tick
+    in this period, and `dt` contains its duration.
 
     Parameters
     ----------
     t
         Time of each recorded tick [s], shape (n,).
     dt
-        Time since the previous tick [s], even if that tick is not recorded, shape (n,).
+        Time from the previous tick to each recorded tick [s], shape (n,).
     dropped
-        Number of ticks dropped from the start of the trial to each recorded tick, shape (n,).
+        Number of ticks that were dropped before each recorded tick, counted from the start of the
+        trial, shape (n,).
     total_dropped
-        Number of ticks dropped from the start to the end of the trial.
+        Number of ticks that were dropped in the whole trial; 0 if unknown. If it is 0, gaps before
+        the first and after the last recorded tick are not found.
     """
     finder = GapFinder()
     finder.add(t, dt, dropped)
@@ -61,7 +67,10 @@ def missing_ticks(
 
 
 class GapFinder:
-    """Finds the gaps in a recording that is read in blocks (see `missing_ticks`)."""
+    """Finds the gaps (parts with missing ticks) in a recording that is read in blocks of ticks.
+
+    Call `add` with each block, and then `gaps`. `missing_ticks` describes the method.
+    """
 
     def __init__(self) -> None:
         self._found: list[Gap] = []
@@ -69,7 +78,18 @@ class GapFinder:
         self._last = (0.0, 0.0)
 
     def add(self, t: Floats, dt: Floats, dropped: Floats) -> None:
-        """Process the next ticks. The arguments are the same as for `missing_ticks`."""
+        """Process the next n recorded ticks.
+
+        Parameters
+        ----------
+        t
+            Time of each recorded tick [s], shape (n,).
+        dt
+            Time since the previous tick, even if that tick was not recorded [s], shape (n,).
+        dropped
+            Number of ticks that were not recorded before each recorded tick, counted from the start
+            of the trial, shape (n,).
+        """
         if not len(t):
             return
         before, lost_before = self._last
@@ -84,7 +104,14 @@ class GapFinder:
         self._last = float(t[-1]), float(dropped[-1])
 
     def gaps(self, total_dropped: int = 0) -> tuple[Gap, ...]:
-        """Return the gaps found so far. `total_dropped` is the same as for `missing_ticks`."""
+        """Return the gaps in the ticks that were processed so far.
+
+        Parameters
+        ----------
+        total_dropped
+            Number of ticks that were not recorded in the whole trial; 0 if unknown. If it is 0,
+            gaps before the first and after the last recorded tick are not found.
+        """
         if self._first is None:
             return ()
         gaps = list(self._found)
@@ -96,7 +123,7 @@ class GapFinder:
 
 
 def missing_text(gaps: Sequence[Gap]) -> str:
-    """Return a message with the number and times of missing ticks; empty if there are no gaps."""
+    """Return a message with the number and the times of missing ticks; empty without gaps."""
     if not gaps:
         return ""
     places = ", ".join(gap.text for gap in gaps[:LISTED])
@@ -106,5 +133,5 @@ def missing_text(gaps: Sequence[Gap]) -> str:
 
 
 def gap_rows(gaps: Sequence[Gap]) -> list[dict[str, Any]]:
-    """Return the gaps as values for a JSON document, with times in s."""
+    """Return the gaps as dictionaries for a JSON document, with times in seconds."""
     return [{"from_s": gap.start, "to_s": gap.end, "ticks": gap.ticks} for gap in gaps]

@@ -1,4 +1,4 @@
-"""Check the content of a recording, whose file may be damaged."""
+"""Check the content of a recording (an MCAP file), which may be damaged."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from teleop.recording.cdr import CDR
 MOST_COLUMNS = 4096
 """Largest number of columns in a recording."""
 LONGEST_NAME = 63
-"""Largest number of characters in the name of a column, which is also the limit of MATLAB."""
+"""Largest number of characters in the name of a column. Variable names in MATLAB have the same
+limit."""
 LATEST = 1e7
 """Largest magnitude of the time of a tick or an event, from the beginning of the trial [s]."""
 COLUMN = re.compile(r"float64 ([A-Za-z]\w*)(?:\s*#[^\n]*)?", re.ASCII)
@@ -31,7 +32,7 @@ EVENT = {
     "limit": NUMBER,
     "since": NUMBER,
 }
-"""Type of each item of an event.
+"""Expected type of each item of an event, by the name of the item.
 
 If the item `fault` of an event is empty, the items `source`, `value`, `limit` and `since` may be
 missing.
@@ -39,7 +40,7 @@ missing.
 
 
 def message_size(definition: str) -> int:
-    """Return the size of the message of a tick [bytes], computed from the message definition.
+    """Return the size of the message of one tick [bytes], computed from the message definition.
 
     Parameters
     ----------
@@ -49,8 +50,8 @@ def message_size(definition: str) -> int:
     Raises
     ------
     ValueError
-        The definition does not describe a tick. All items must be doubles with distinct names, and
-        the first name must be `time`.
+        The definition is not that of a tick. All fields must be doubles with different names, and
+        the first name must be `time`. `MOST_COLUMNS` and `LONGEST_NAME` limit the names.
     """
     if "\0" in definition:
         raise ValueError("the definition of its ticks is not text")
@@ -79,8 +80,8 @@ def check_ticks(ticks: NDArray[np.uint8], sequence: NDArray[np.uint32]) -> None:
     Raises
     ------
     ValueError
-        A message is not in little-endian CDR or has no valid time, or the sequence numbers do not
-        increase by one.
+        A message is not in little-endian CDR (Common Data Representation), or its time is not a
+        number or exceeds `LATEST`. Or the sequence numbers do not increase by one.
     """
     if (np.diff(sequence.astype(np.int64)) != 1).any():
         raise ValueError("the numbers of its ticks do not increase by one")
@@ -92,13 +93,13 @@ def check_ticks(ticks: NDArray[np.uint8], sequence: NDArray[np.uint32]) -> None:
 
 
 def read_event(document: bytes) -> dict[str, Any]:
-    """Return the event that a JSON document contains.
+    """Return an event of a recording from its JSON document, as a dictionary.
 
     Raises
     ------
     ValueError
-        The document is not valid JSON, or an item of the event is missing, is too large, or does
-        not have its type in `EVENT`.
+        The document is not a JSON object. Or an item of the event is missing, is too large, or has
+        a wrong type. `EVENT` contains the expected types.
     """
     event = loads(document)
     time = event.get("time")
@@ -116,10 +117,10 @@ def read_event(document: bytes) -> dict[str, Any]:
 
 
 def is_valid_metadata(metadata: dict[str, str]) -> bool:
-    """Return whether a metadata record is valid.
+    """Return whether a metadata record of an MCAP file is valid.
 
-    No text may contain a zero byte. A text with the key `json` must be a JSON document. This key
-    may be missing.
+    A metadata record is a dictionary of texts. No key and no text may contain a zero byte. If there
+    is a key `json`, its text must be a JSON object.
     """
     try:
         loads(metadata.get("json", "{}"))

@@ -1,4 +1,4 @@
-"""Read the intact part of a recording, which is an MCAP file that `teleop run` has written."""
+"""Read the intact (undamaged) part of a recording, an MCAP file that `teleop run` has written."""
 
 from __future__ import annotations
 
@@ -29,42 +29,42 @@ from teleop.recording.mcap_writer import EVENT_SCHEMA, EVENTS, TICKS
 MAGIC = b"\x89MCAP"
 """First bytes of an MCAP file."""
 HEAD = struct.Struct("<BQHIQQ")
-"""Layout of the start of a message record: opcode, length, channel, sequence number, log time and
-publish time."""
+"""Layout of the start of a message record: opcode, length, number of the channel, sequence number,
+log time and publish time."""
 MOST_EVENTS = 100_000
 """Largest number of events that are read."""
 LATEST_START = 1 << 62
-"""Latest accepted wall-clock time of the beginning of a trial [ns], about the year 2116."""
+"""Latest accepted wall-clock time of the beginning of a trial, since 1970 [ns]."""
 CUT = "its end is missing"
-"""Description of the damage if the writer of a file was killed, or if the disk was full."""
+"""Damage of a file whose end is missing: its writer was killed, or the disk was full."""
 
 
 @dataclass
 class Source:
-    """A channel of the MCAP file, with the expected sequence number of the next message.
+    """A channel (numbered series of messages) of an MCAP file that is being read.
 
-    If the next message has another sequence number, a chunk of the file is missing.
+    If a message does not have the expected sequence number, a part of the file is missing.
     """
 
     topic: str
-    """Topic of the channel."""
+    """Topic (name) of the channel."""
     following: int | None = None
     """Expected sequence number of the next message; None before the first message."""
 
     def follow(self, sequence: int, count: int) -> None:
-        """Check that no message is missing before a block of messages.
+        """Check that the next messages directly follow the messages that were read before.
 
         Parameters
         ----------
         sequence
-            Sequence number of the first message in the block.
+            Sequence number of the first of the next messages.
         count
-            Number of messages in the block.
+            Number of the next messages. They have successive sequence numbers.
 
         Raises
         ------
         ValueError
-            Messages of this channel are missing.
+            Messages of this channel are missing in the file.
         """
         if self.following not in (None, sequence):
             raise ValueError(f"messages of {self.topic} are missing before number {sequence}")
@@ -73,12 +73,12 @@ class Source:
 
 @dataclass
 class Contents:
-    """Intact content of a recording."""
+    """Intact (undamaged) content of a recording: ticks, events and metadata."""
 
     definition: str = ""
-    """Definition of a tick's message in the message definition language of ROS 2."""
+    """Definition of the message of a tick, in the message definition language of ROS 2."""
     messages: bytearray = field(default_factory=bytearray)
-    """Messages of all ticks, one after another."""
+    """Messages of all ticks as bytes, one after another."""
     events: list[dict[str, Any]] = field(default_factory=list)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     start: int = 0
@@ -86,11 +86,11 @@ class Contents:
     damage: str = ""
     """Reason why the file is not complete; empty if the file is complete."""
     size: int = 0
-    """Size of a tick's message [bytes]."""
+    """Size of the message of one tick [bytes]."""
 
 
 def read_intact(path: Path) -> Contents:
-    """Read the intact part of a recording.
+    """Read the intact (undamaged) part of a recording into memory.
 
     Raises
     ------
@@ -106,23 +106,21 @@ def read_intact(path: Path) -> Contents:
 
 
 def read_ticks(path: Path, contents: Contents) -> Iterator[NDArray[np.uint8]]:
-    """Yield the messages of the ticks in the intact part of a recording.
-
-    The function also reads the other data of the recording, such as events and metadata, and
-    stores these data in `contents`.
+    """Yield the ticks in the intact (undamaged) part of a recording, and store its other data.
 
     Parameters
     ----------
     path
         The recording.
     contents
-        Object in which the other data are stored while the ticks are read. `contents.messages`
-        remains empty. When the first ticks are yielded, `contents` already contains the message
-        definition, and the metadata at the beginning of the file.
+        Object in which the events, the metadata and the message definition are stored while the
+        ticks are read. `contents.messages` remains empty. When the first ticks are yielded,
+        `contents` already contains the definition, and the metadata at the beginning of the file.
 
     Yields
     ------
-    Bytes of n successive messages, shape (n, bytes per message).
+    Messages of n successive ticks as bytes, shape (n, bytes per message). A message contains all
+    recorded values of one tick (period of the control loop).
 
     Raises
     ------
@@ -145,7 +143,7 @@ def read_ticks(path: Path, contents: Contents) -> Iterator[NDArray[np.uint8]]:
 
 
 class ReaderWithoutIndices(StreamReader):
-    """MCAP reader that skips message indices. Parsing these takes longer than parsing the ticks."""
+    """MCAP reader that skips message indices, because they take longer to parse than the ticks."""
 
     def _read_record(self, opcode: int, length: int) -> McapRecord | None:
         if opcode == Opcode.MESSAGE_INDEX:
@@ -155,7 +153,9 @@ class ReaderWithoutIndices(StreamReader):
 
 
 def read_records(file: BinaryIO, contents: Contents) -> Iterator[NDArray[np.uint8]]:
-    """Read the records up to the first damaged record, and yield the messages of ticks.
+    """Yield the messages of ticks, shape (n, bytes per message), up to the first damaged record.
+
+    The other data of the MCAP file, and a text about the damage, are stored in `contents`.
 
     Raises
     ------
@@ -197,7 +197,10 @@ def read_records(file: BinaryIO, contents: Contents) -> Iterator[NDArray[np.uint
 def read_chunk(
     chunk: Chunk, contents: Contents, channels: dict[int, Source]
 ) -> Iterator[NDArray[np.uint8]]:
-    """Yield the messages of the ticks in a chunk, and add the events of the chunk to `contents`.
+    """Yield the messages of ticks in one chunk (block of records) of an MCAP file.
+
+    The events of the chunk are added to `contents`. The MCAP channels that the chunk defines are
+    added to `channels`, where the key is the number of the channel in the file.
 
     Raises
     ------
@@ -225,7 +228,10 @@ def read_chunk(
 def records(
     data: bytes, contents: Contents, channels: dict[int, Source]
 ) -> Iterator[Schema | Channel | Message | NDArray[np.uint8]]:
-    """Yield the records of a chunk. Messages of successive ticks are yielded as one byte array.
+    """Yield the records of a decompressed chunk (block of records) of an MCAP file.
+
+    Messages of successive ticks are yielded as one array of bytes, shape (n, bytes per message).
+    `channels` contains the channels of the file, where the key is the number of the channel.
 
     Raises
     ------
@@ -266,10 +272,10 @@ def records(
 
 
 def consecutive_records(data: bytes, place: int, stride: int) -> NDArray[np.uint8]:
-    """Return the consecutive records of the same type and channel that start at byte `place`.
+    """Return the record at byte `place`, with all similar records that directly follow it.
 
-    `stride` is the size of a record [bytes]. The result contains the bytes of n records, shape
-    (n, stride).
+    Similar records have the same type, size and channel. `stride` is the size of one record
+    [bytes]. The result contains the bytes of n records, shape (n, stride).
     """
     count = (len(data) - place) // stride
     rows = np.frombuffer(data, np.uint8, count * stride, place).reshape(count, stride)
@@ -278,14 +284,10 @@ def consecutive_records(data: bytes, place: int, stride: int) -> NDArray[np.uint
 
 
 def start_time(logged: int, t: float) -> int:
-    """Compute the wall-clock time of the beginning of the trial [ns] from a message.
+    """Compute the wall-clock time of the beginning of the trial [ns] from one message.
 
-    Parameters
-    ----------
-    logged
-        Wall-clock time of a message [ns].
-    t
-        Time of the same message, from the beginning of the trial [s].
+    `logged` is the wall-clock time of the message [ns]. `t` is the time of the same message since
+    the beginning of the trial [s].
 
     Raises
     ------

@@ -21,7 +21,7 @@ from teleop.recording.cdr import MESSAGE_NAME
 from teleop.recording.sinks import BEGIN
 
 TICKS, EVENTS = "/tick", "/event"
-"""Topics of the MCAP file."""
+"""Topics (names) of the MCAP channels that contain the ticks and the events."""
 END = "end"
 """Name of the metadata record at the end of a trial, with the number of dropped ticks."""
 INFO, ERROR = 2, 4
@@ -45,9 +45,9 @@ EVENT_SCHEMA = {
 
 
 class Disk(io.RawIOBase):
-    """An open file that stores its first write error.
+    """A file that is open for writing. Its first write error is stored in `error`.
 
-    The error is stored here because the MCAP writer does not report write errors.
+    The error is stored here because the MCAP writer of foxglove does not report write errors.
 
     If the path is a symbolic link and `overwrite` is True, the target of the link is written. If
     the path is a symbolic link and `overwrite` is False, an error is raised.
@@ -74,9 +74,9 @@ class Disk(io.RawIOBase):
 
     @property
     def missing(self) -> str:
-        """Reason why the file is no longer at its path.
+        """Reason why the file is no longer at its path, for example because it was removed.
 
-        Empty if the file is at its path, or is closed.
+        The text is empty if the file is at its path, or if the file is closed.
         """
         if self._file.closed or not self._identifiable or self._is_at_path():
             return ""
@@ -91,7 +91,7 @@ class Disk(io.RawIOBase):
             return False
 
     def write(self, data: Any) -> int:
-        """Write all data.
+        """Write all bytes of `data`, and return their number.
 
         Raises
         ------
@@ -108,25 +108,29 @@ class Disk(io.RawIOBase):
         return len(data)
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Change the position in the file; return the new position."""
+        """Change the position in the file as `io.IOBase.seek` does; return the new position."""
         return self._file.seek(offset, whence)
 
     def close(self) -> None:
-        """Close the file. If a delayed write fails here, the error is stored in `error`."""
+        """Close the file.
+
+        If the system could not write earlier data, it may report this only now. This error is then
+        stored in `error`.
+        """
         try:
             self._file.close()
         except OSError as error:
             self.error = self.error or error
 
     def remove(self) -> None:
-        """Remove the file if it is a regular file."""
+        """Remove the file if it is a regular file. A device, such as `/dev/null`, is kept."""
         if self._regular:
             with contextlib.suppress(OSError):
                 self._path.unlink()
 
 
 class McapFile:
-    """Writes ticks and events to an MCAP file.
+    """Writes ticks (periods of the control loop) and events to an MCAP file.
 
     After each `flush`, all data that were written so far can be read from the file. The first
     write error is stored in `error`. After this error, all further data are discarded.
@@ -136,11 +140,11 @@ class McapFile:
     path
         The file.
     columns
-        Name, unit and meaning of each double (column) in the message of a tick.
+        Name, unit and meaning of each column. The message of a tick contains one double per column.
     definition
         Definition of the message of a tick in the message definition language of ROS 2.
     metadata
-        Named records of text about the session.
+        Metadata of the session: dictionaries of texts, by the name of the record.
     overwrite
         Whether to overwrite an existing file.
 
@@ -189,17 +193,20 @@ class McapFile:
 
     @property
     def failure(self) -> str:
-        """First write error as text; empty if there was no error."""
+        """Text that describes the first write error; empty if there was no error."""
         return reason(self.error) if self.error else ""
 
     @property
     def missing(self) -> str:
-        """Reason why the file is no longer at its path; empty if it is at its path or closed."""
+        """Reason why the file is no longer at its path, for example because it was removed.
+
+        The text is empty if the file is at its path, or if the file is closed.
+        """
         return self._disk.missing
 
     @contextlib.contextmanager
     def _suppressed_write_errors(self) -> Any:
-        """Suppress write errors within the block. The first write error is stored in `error`."""
+        """Suppress write errors within a `with` block. The first one is stored in `error`."""
         try:
             yield
         except (RuntimeError, OSError):
@@ -207,21 +214,22 @@ class McapFile:
                 raise
 
     def begin(self, start: int) -> None:
-        """Set the wall-clock time of the beginning of the trial [ns].
+        """Set the time of the beginning of the trial, and write the event that marks it.
 
-        This method is called before the first tick.
+        Call this method before the first tick. `start` is the wall-clock time of the beginning of
+        the trial, since 1970 [ns].
         """
         self._start = start
         self.event({"time": 0.0, "text": BEGIN, "mode": "disconnected", "fault": None})
         self.flush()
 
     def tick(self, message: bytes, t: float) -> None:
-        """Write the message of one tick; t is the time of the tick in the trial [s]."""
+        """Write the message of one tick. `t` is its time since the beginning of the trial [s]."""
         if self.error is None:
             self._ticks.log(message, log_time=self._start + round(t * 1e9))
 
     def event(self, event: Mapping[str, Any]) -> None:
-        """Write one event, see `teleop.recording.sinks.event_record`."""
+        """Write one event, a dictionary as `teleop.recording.sinks.event_record` returns it."""
         if self.error is None:
             when = self._start + round(event["time"] * 1e9)
             log = {
@@ -241,10 +249,10 @@ class McapFile:
                 self._writer.flush()
 
     def end(self, dropped: int) -> None:
-        """Write the total number of dropped ticks.
+        """Write the number of ticks that were dropped (not recorded) in the whole trial.
 
-        The value in the last recorded tick may be smaller, because later ticks may have been
-        dropped.
+        Each recorded tick contains only the number of ticks dropped before it. Ticks after the last
+        recorded tick may also have been dropped.
         """
         if self.error is None:
             with self._suppressed_write_errors():

@@ -1,7 +1,7 @@
-"""Pack the recorded quantities and estimates of a tick into a message of doubles.
+"""Pack all recorded values of one tick (period of the control loop) into a message of doubles.
 
 The message is a ROS 2 message in CDR encoding. PlotJuggler, Lichtblick and Foxglove show such
-messages without a plug-in, and numpy reads all ticks of a recording in one step.
+messages without a plug-in. numpy converts the messages of many ticks to an array in one step.
 """
 
 from __future__ import annotations
@@ -34,17 +34,18 @@ can be repeated exactly."""
 
 
 class Layout:
-    """Layout of the message of a tick: its columns, and how their values are packed into bytes.
+    """Columns of a recording, and how the values of one tick are packed into a message (bytes).
 
     Parameters
     ----------
     bank
         The estimators by name.
     link
-        Columns of channel and force feedback; empty if there is neither a channel nor force
-        feedback.
+        Additional columns of a trial with a communication channel or with force feedback; empty
+        for other trials.
     pointer
-        The simulated operator that follows the pointer of the live page; None for no pointer.
+        The simulated operator whose hand follows the mouse pointer of the live page; None if the
+        trial has no such operator.
 
     Attributes
     ----------
@@ -53,8 +54,8 @@ class Layout:
     columns
         Name, unit and meaning of each double in the message.
     first_of_estimates
-        Index of the first column of the estimators. The columns of the estimators are the
-        regressors other than v and x, the estimates, and the misfits, in this order.
+        Index of the first column after the columns that all recordings have. At this index, the
+        regressors other than v and x begin. The estimates and the misfits follow, in this order.
     size
         Size of the message [bytes].
     """
@@ -93,14 +94,14 @@ class Layout:
         return "\n".join(["# One tick of the control loop", *lines]) + "\n"
 
     def pack(self, record: Record, dropped: int = 0) -> bytes:
-        """Return the message of one tick, with the values in the order of `columns`.
+        """Return the message (bytes) of one tick, with the values in the order of `columns`.
 
         Parameters
         ----------
         record
             Recorded quantities and estimates of the tick.
         dropped
-            Number of ticks dropped so far, because the recorder was too slow.
+            Number of ticks that were not recorded so far, because the recorder was too slow.
         """
         further: tuple[float, ...] = ()
         if pointer := self._pointer:

@@ -1,4 +1,4 @@
-"""Create a new file for a recording, in a folder whose name is the date."""
+"""Create a new file for a recording, in a folder whose name is the present date."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Percentiles of values that arrive in blocks, with bounded memory."""
+"""Compute percentiles of values that arrive in blocks, with a limited amount of memory."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ from estimation.compiled import Floats
 MOST = 1 << 18
 """Largest number of different values that are stored exactly."""
 DIGITS = 12
-"""Number of binary digits to which the values are rounded if there are more than `MOST` different
-values. The relative rounding error is at most 2^-12, which is 0.024 %."""
+"""Number of significant binary digits to which the values are rounded if there are more than `MOST`
+different values. The relative rounding error is at most 2^-`DIGITS`."""
 MERGED = 1 << 16
-"""Number of new values after which equal values are counted together."""
+"""Number of new values after which equal values are merged into one value with its count."""
 
 
 class Percentiles:
-    """Percentiles of values that arrive in blocks.
+    """Computes percentiles of values that arrive in blocks.
 
-    The percentiles are those of `numpy.percentile`. If there are more than `MOST` different values,
-    the values are rounded to `DIGITS` binary digits.
+    The results are equal to those of `numpy.percentile` for all values together. If there are more
+    than `MOST` different values, the values are first rounded to `DIGITS` significant binary
+    digits, to save memory.
     """
 
     def __init__(self) -> None:
@@ -33,16 +34,17 @@ class Percentiles:
         self._rounded = False
 
     def add(self, values: Floats) -> None:
-        """Add values, shape (n,)."""
+        """Add a block of n values, shape (n,), from which the percentiles are computed."""
         self._new.append(values.copy())
         self._waiting += len(values)
         if self._waiting >= MERGED:
             self._merge()
 
     def value(self, percentage: float) -> float:
-        """Return a percentile of the values, for a percentage of 0 to 100.
+        """Return one percentile of all added values. A percentage of 50 gives the median.
 
-        The result is NaN if there are no values, or if one of them is NaN.
+        `percentage` is between 0 and 100. The result is NaN if there are no values, or if one of
+        the values is NaN.
         """
         self._merge()
         if not len(self._values) or math.isnan(self._values[-1]):
@@ -57,10 +59,10 @@ class Percentiles:
         return float(high - step * (1.0 - share) if share >= 0.5 else low + step * share)
 
     def _merge(self) -> None:
-        """Replace equal values by one value and its count.
+        """Merge equal values: store each different value once, with its number of occurrences.
 
-        If there are still too many different values, they are rounded, and equal values are counted
-        again.
+        If there are more than `MOST` different values, the values are rounded, and the values that
+        have become equal are merged.
         """
         if not self._waiting:
             return
@@ -81,6 +83,6 @@ class Percentiles:
 
 
 def rounded(values: Floats) -> Floats:
-    """Return values rounded to `DIGITS` binary digits."""
+    """Return the values, each rounded to `DIGITS` significant binary digits."""
     fraction, exponent = np.frexp(values)
     return np.asarray(np.ldexp(np.round(np.ldexp(fraction, DIGITS)), exponent - DIGITS))

@@ -2,11 +2,12 @@
 
     python -m teleop.recording.process
 
-Standard input is a pipe with the data that `teleop/recording/frames.py` describes. The recorder
-process writes a status to standard output when the file is open, and again at the end. It writes
-the progress line to standard error, if the session requests a progress line. The recorder process
-ends when the control process closes the pipe, exits, or is killed. In each of these cases, all
-ticks that were written to the pipe are recorded.
+Standard input is a pipe from the control process, which runs the control loop. The module
+`teleop.recording.frames` describes the format of the data on the pipe. The recorder process writes
+a status (one line of JSON) to standard output when the file is open, and again at the end. If the
+user wants a progress line, the recorder process writes this line to standard error. The recorder
+process ends when the control process closes the pipe, exits, or is killed. In each of these cases,
+all ticks that were written to the pipe are recorded.
 """
 
 from __future__ import annotations
@@ -39,20 +40,29 @@ process to the pipe would have to wake the recorder, which would delay the contr
 FLUSH = 0.25
 """Time between two flushes of the file [s].
 
-Each flush ends a chunk of the file. The index of the chunks, 200 bytes each, stays in memory until
-the end of the trial. A shorter time would let the memory grow without a use: if the recorder is
-killed, the recording is not complete in any case.
+Each flush ends a chunk (block of records) of the file. For each chunk, 200 bytes stay in memory
+until the end of the trial. A shorter time would need more memory and would have no advantage: if
+the recorder is killed, the recording is not complete in any case.
 """
 BULK = 1 << 16
 """Largest number of bytes that are read from the pipe at a time."""
 DOUBLE = struct.Struct("<d")
-"""Layout of one column in the message of a tick."""
+"""Binary layout of the value of one column in the message of a tick."""
 PAIR = struct.Struct("<2d")
-"""Layout of damping b and stiffness k of an estimator in the message of a tick."""
+"""Binary layout of damping b and stiffness k of one estimator in the message of a tick."""
 
 
 def send(**status: Any) -> None:
-    """Send a status as one line of JSON to the control process, if that process still runs."""
+    """Send the status of the recording to the control process, as one line of JSON.
+
+    If the control process has ended, nothing is sent.
+
+    Parameters
+    ----------
+    **status
+        `problem`: text that describes a problem; empty if there is no problem. At the end of the
+        recording also `at_path`: whether the file is still at its path.
+    """
     try:
         print(json.dumps(status), flush=True)
     except BrokenPipeError:
@@ -60,7 +70,10 @@ def send(**status: Any) -> None:
 
 
 def read_session() -> dict[str, Any]:
-    """Return the description of the session, which is the first part of the data on the pipe.
+    """Read and return the description of the session, which is the first document on the pipe.
+
+    It contains the path of the file, the columns, the metadata, and the texts of the progress line.
+    The pipe is the standard input.
 
     Raises
     ------
@@ -83,12 +96,15 @@ def read_session() -> dict[str, Any]:
 
 
 class FrameReader:
-    """Divides the data of the pipe into frames, which it passes to the file and the progress line.
+    """Divides the data of the pipe into frames, and writes their content to the recording file.
+
+    A frame contains a tick, an event, the beginning of the trial, or the end of the trial
+    (`teleop.recording.frames`). The latest tick is also shown on the progress line.
 
     Parameters
     ----------
     session
-        Description of the session, see `read_session`.
+        Description of the session, as returned by `read_session`.
     file
         MCAP file of the recording; None if only the progress line is shown.
     progress
@@ -107,7 +123,10 @@ class FrameReader:
         self._estimates: list[tuple[str, float, float, float]] = []
 
     def process(self, data: bytes) -> None:
-        """Process the next data from the pipe, which may end within a frame."""
+        """Process the next bytes from the pipe.
+
+        If they end with an incomplete frame, this frame is processed at the next call.
+        """
         data = self._rest + data
         place, end = 0, len(data)
         while end - place >= FRAME.size:
@@ -153,7 +172,7 @@ class FrameReader:
 
 
 def main() -> None:
-    """Run the recorder process: record until the pipe is closed."""
+    """Run the recorder process: record until the control process closes the pipe."""
     try:
         session = read_session()
     except EOFError:
@@ -206,14 +225,16 @@ def main() -> None:
 class FileMonitor:
     """Flushes the file at regular times, and reports the first problem of the recording.
 
+    A problem is a write error, or a file that is no longer at its path.
+
     Parameters
     ----------
     path
-        Path of the file, for the text of the report.
+        Path of the file, which is part of the report.
     file
         MCAP file of the recording.
     progress
-        The progress line, which prints the report.
+        The progress line, which also prints the report.
     """
 
     def __init__(self, path: str, file: McapFile, progress: Progress) -> None:
@@ -224,7 +245,11 @@ class FileMonitor:
         self._reported = False
 
     def update(self) -> None:
-        """Flush the file every `FLUSH` s, and check that it still exists every `CHECK` s."""
+        """Flush and check the file if it is time to do so. Call this method often.
+
+        The time between two flushes is `FLUSH`. The time between two checks is `CHECK`. Each check
+        tests whether the file is still at its path.
+        """
         now, file = time.monotonic(), self._file
         if now - self._flushed >= FLUSH:
             self._flushed = now
@@ -239,9 +264,9 @@ class FileMonitor:
 
 
 def finish(file: McapFile, ticks: int) -> dict[str, Any]:
-    """Complete the file, and return the status that is sent at the end.
+    """Close the file, and return the final status for the control process (see `send`).
 
-    A file without ticks is removed.
+    If the file contains no tick, it is removed.
 
     Parameters
     ----------

@@ -34,11 +34,11 @@ With three estimators, this is enough for a pause of the recorder of nine second
 CATCH_UP = 4
 """Largest number of waiting messages that are sent at one tick, so that the tick remains short."""
 TIMEOUT = 20.0
-"""Longest wait for the recorder to start, and to end [s]."""
+"""Longest time for which the control process waits for the recorder to start, or to end [s]."""
 
 
 class RecorderProcess(Sink):
-    """Sends ticks and events to a recorder in another process.
+    """Starts the recorder process, and sends the ticks and events of a trial to it.
 
     Parameters
     ----------
@@ -47,24 +47,25 @@ class RecorderProcess(Sink):
     layout
         Layout of the message of a tick.
     metadata
-        Named records of text about the session.
+        Metadata of the session: dictionaries of texts, by the name of the record.
     duration
         Duration of the trial [s], for the progress line.
     show
         Whether to show the progress line.
     wait
-        Whether the loop waits while the pipe is full. It is True for trials in virtual time. If it
-        is False, ticks are kept in memory while the pipe is full. If too many ticks are kept, new
-        ticks are dropped.
+        Whether the loop waits while the pipe to the recorder is full. Use True only for a
+        simulation in virtual time. If False, ticks are kept in memory while the pipe is full, and
+        new ticks are dropped (not recorded) if too many ticks are kept.
     overwrite
         Whether to overwrite an existing file.
     hint
-        Keys that stop the trial; the progress line shows them.
+        Text on the progress line that names the keys that stop the trial.
     instructions
-        Text that explains how to stop the trial; written once at the start.
+        Text that explains how to stop the trial. It is shown once, at the start.
     cue
-        Depth [m] and count-in time [s] of the target that the operator follows; None for no
-        target.
+        Two numbers for the display of the target that the operator follows: largest displacement
+        of the target [m], and time before the target starts to move (count-in) [s]. None if there
+        is no target.
 
     Raises
     ------
@@ -126,12 +127,12 @@ class RecorderProcess(Sink):
             self._failure = "the recorder did not start"
 
     def begin(self, start: int) -> None:
-        """Wait until the recorder has opened the file. Call `push` only after this method.
+        """Wait until the recorder has opened the file. Call this method before the first `push`.
 
         Parameters
         ----------
         start
-            Wall-clock time of the beginning of the trial [ns].
+            Wall-clock time of the beginning of the trial, since 1970 [ns].
 
         Raises
         ------
@@ -156,8 +157,9 @@ class RecorderProcess(Sink):
     def push(self, message: bytes) -> None:
         """Send the message of one tick to the recorder.
 
-        While the pipe is full, messages wait in the memory. If the waiting messages have reached
-        the size `BACKLOG`, the tick is dropped.
+        If the parameter `wait` of the class is False, messages are kept in memory while the pipe is
+        full. If the kept messages have reached the size `BACKLOG`, the tick is dropped (not
+        recorded).
         """
         if self._failure:
             return
@@ -179,18 +181,17 @@ class RecorderProcess(Sink):
             self._failure = "the recorder was killed"
 
     def event(self, event: Event) -> None:
-        """Store an event in the queue of waiting messages.
+        """Store an event. The next call of `push` or `close` sends the event to the recorder.
 
-        At the next tick, the event is sent before the message of this tick. If the pipe is full,
-        both wait in the queue.
+        `push` sends the event before the message of its tick.
         """
         data = json.dumps(event_record(event)).encode()
         self._waiting.append(FRAME.pack(EVENT, len(data)) + data)
 
     def close(self) -> Outcome:
-        """Wait until the recorder has completed the file, and return the state of the recording.
+        """Wait until the recorder has completed the file, and return the result of the recording.
 
-        If an exception interrupts this wait, the recorder is killed.
+        If an exception, such as KeyboardInterrupt, interrupts the wait, the recorder is killed.
         """
         assert self.process.stdin
         if self.process.stdin.closed:
@@ -231,9 +232,10 @@ class RecorderProcess(Sink):
         self.process.wait()
 
     def _status(self) -> dict[str, Any] | None:
-        """Return the next status from the recorder; None if the recorder has ended or was killed.
+        """Wait for the next status of the recorder, and return it (see `process.send`).
 
-        A recorder that sends no status within `TIMEOUT` is killed.
+        The result is None if the recorder has ended or was killed. A recorder that sends no status
+        within `TIMEOUT` is killed.
         """
         assert self.process.stdout
         with self._timeout():
@@ -243,10 +245,7 @@ class RecorderProcess(Sink):
 
     @contextlib.contextmanager
     def _timeout(self) -> Iterator[None]:
-        """Return a context manager that kills the recorder if its block lasts too long.
-
-        The limit is `TIMEOUT`.
-        """
+        """Kill the recorder if the `with` block takes longer than `TIMEOUT`."""
         watchdog = threading.Timer(TIMEOUT, self.process.kill)
         watchdog.start()
         try:

@@ -33,7 +33,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Recording:
-    """Ticks, events and settings of a trial.
+    """Ticks, events and settings of a recorded trial, in memory.
+
+    A tick is one period of the control loop. The recorded values form columns, with one value per
+    tick.
 
     Examples
     --------
@@ -42,7 +45,7 @@ class Recording:
     """
 
     columns: dict[str, Floats]
-    """Columns by name, each an array of shape (ticks,) in SI units."""
+    """Columns by name. Each column is an array of shape (ticks,), in SI units."""
     units: dict[str, str]
     """Unit of each column, by its name; `-` for a column without a unit."""
     events: list[dict[str, Any]] = field(default_factory=list)
@@ -60,7 +63,7 @@ class Recording:
         Raises
         ------
         MissingColumn
-            There is no column with this name. The message lists the columns.
+            There is no column with this name. The error message lists all columns.
         """
         if name not in self.columns:
             raise missing_column(name, self.columns)
@@ -75,30 +78,43 @@ class Recording:
 
     @property
     def estimators(self) -> list[str]:
-        """Names of the estimators."""
+        """Names of the estimators whose estimates were recorded."""
         return estimators_in(self.columns)
 
     @property
     def fault(self) -> dict[str, Any] | None:
-        """Event of the first fault; None if there was no fault."""
+        """Event of the first fault that was recorded; None if there was no fault.
+
+        A fault is a problem for which the safety supervisor stops the drives.
+        """
         return next((event for event in self.events if event["fault"]), None)
 
     @property
     def estimated_channels(self) -> list[str]:
-        """Names of the channels that were estimated by an observer instead of measured."""
+        """Names of the channels that have no sensor, for example `contact_force`.
+
+        An observer estimated the values of these channels.
+        """
         names = self.session.get("estimated_channels", "none")
         return [] if names == "none" else names.split(", ")
 
     def blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[Recording]:
-        """Yield this whole recording as one block, because all its columns are in memory."""
+        """Yield this whole recording once. The argument is not used.
+
+        `RecordingFile`, which reads ticks from a file, has the same method and yields many blocks.
+        """
         yield self
 
     def evenly_spaced(self) -> Recording:
-        """Return this recording with all ticks, because they are already in memory."""
+        """Return this whole recording, without a selection of ticks.
+
+        `RecordingFile`, which reads ticks from a file, has the same method. To save memory, it
+        returns only a selection of evenly spaced ticks.
+        """
         return self
 
     def load(self) -> Recording:
-        """Return this recording itself, because it is already in memory."""
+        """Return this recording. `RecordingFile`, which must read a file, has the same method."""
         return self
 
     def estimated(self) -> Recording:
@@ -106,18 +122,18 @@ class Recording:
         return self.where(np.isfinite(self["x"]))
 
     def where(self, part: NDArray[np.bool_]) -> Recording:
-        """Return a recording that contains only the ticks where `part`, shape (ticks,), is True."""
+        """Return a recording of the ticks for which `part`, Boolean of shape (ticks,), is True."""
         columns = self.columns
         if not part.all():
             columns = {name: column[part] for name, column in columns.items()}
         return replace(self, columns=columns)
 
     def estimates(self) -> dict[str, Estimates]:
-        """Return the recorded estimates of each estimator, by its name."""
+        """Return the recorded estimates of all estimators, by the name of the estimator."""
         return {name: estimates_in(self.columns, name) for name in self.estimators}
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Return the columns as a table with one row per tick. The index is the time [s].
+        """Return the columns as a pandas table with one row per tick. The index is the time [s].
 
         Raises
         ------
@@ -130,19 +146,22 @@ class Recording:
         return pandas.DataFrame(columns, index=pandas.Index(self["time"], name="time"))
 
     def __repr__(self) -> str:
-        """Return one line with number of ticks, estimators, rig and date."""
+        """Return one line with the number of ticks, the estimators, the rig and the date."""
         about = [f"{len(self)} ticks", f"estimators {', '.join(self.estimators) or 'none'}"]
         about += [self.session[name] for name in ("rig", "created") if name in self.session]
         return f"Recording({'; '.join(about)})"
 
     def misfit(self, estimator: str) -> Floats:
-        """Return the misfit of an estimator, shape (ticks,); NaN if it was not recorded."""
+        """Return the misfit of an estimator, shape (ticks,); NaN if it was not recorded.
+
+        The misfit is the systematic part of the force error, divided by the force.
+        """
         return misfit_in(self.columns, estimator)
 
     def regression(self) -> Regression:
-        """Return the samples that the estimators received.
+        """Return the samples of displacement, velocity and force that the estimators received.
 
-        These are displacement, velocity, force, and further regressors of the model.
+        If the model of the specimen has more regressors, the samples of these are also returned.
         """
         further = [column for name, column in self.columns.items() if name.startswith(REGRESSOR)]
         x, v, f, dt = (self[name] for name in ("x", "v", "f", "paired_dt"))
@@ -150,7 +169,7 @@ class Recording:
 
 
 def missing_column(name: str, columns: Iterable[str]) -> MissingColumn:
-    """Return an error which states that a recording with these `columns` has no column `name`."""
+    """Return an error for a recording without a column `name`. Its message lists `columns`."""
     return MissingColumn(
         f"the recording has no column {name!r}: expected one of {', '.join(columns)}"
     )
@@ -167,13 +186,13 @@ def from_messages(
     Parameters
     ----------
     definition
-        Definition of the message in the message definition language of ROS 2.
+        Definition of the message of a tick, in the message definition language of ROS 2.
     messages
-        Messages of all ticks, one after another.
+        Messages of all ticks as bytes, one after another.
     events
-        Events of the trial.
+        Events of the trial: faults, and changes of the mode of the safety supervisor.
     metadata
-        Named records of text about the session.
+        Metadata of the session: dictionaries of texts, by the name of the record.
     """
     fields = FIELD.findall(definition)
     rows = np.frombuffer(messages, dtype=np.uint8).reshape(-1, len(CDR) + 8 * len(fields))
@@ -195,9 +214,10 @@ def gaps_of(columns: dict[str, Floats], total_dropped: int = 0) -> tuple[Gap, ..
     Parameters
     ----------
     columns
-        Columns of the recording, each of shape (ticks,).
+        Columns of the recording, each of shape (ticks,). If a column of `OF_GAPS` is missing, the
+        result is empty.
     total_dropped
-        Total number of dropped ticks.
+        Number of ticks that were dropped (not recorded) in the whole trial.
     """
     if not columns.keys() >= set(OF_GAPS):
         return ()
@@ -228,7 +248,7 @@ def load(path: Path | str, is_wanted: Callable[[str], bool] = bool) -> Recording
 
 
 def load_intact(path: Path) -> Recording:
-    """Read the intact part of a recording from an MCAP file.
+    """Read the intact (undamaged) part of a recording from an MCAP file into memory.
 
     Raises
     ------
@@ -241,7 +261,14 @@ def load_intact(path: Path) -> Recording:
 
 
 def stored(stream: RecordingStream, blocks: Iterable[dict[str, Floats]]) -> Recording:
-    """Read all blocks of a stream, and return them as a recording.
+    """Read a recording block by block, and return it as one recording in memory.
+
+    Parameters
+    ----------
+    stream
+        The recording, of which no block has been read.
+    blocks
+        Blocks of successive ticks of `stream`. Each block contains the columns by name.
 
     Raises
     ------

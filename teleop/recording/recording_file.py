@@ -1,4 +1,4 @@
-"""A recording that is not in memory: its ticks are read from the file in blocks."""
+"""A recording whose ticks are not kept in memory, but are read from the file in blocks."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ IN_MEMORY = 1 << 22
 
 
 class RecordingFile:
-    """The intact part of a recording. At each use, its ticks are read from the file.
+    """The intact (undamaged) part of a recording whose ticks are not kept in memory.
+
+    Each method that returns ticks reads them from the file again.
 
     Parameters
     ----------
@@ -46,21 +48,31 @@ class RecordingFile:
         )
 
     def __len__(self) -> int:
-        """Return the number of ticks."""
+        """Return the number of intact ticks in the file."""
         return self._ticks
 
     @property
     def fault(self) -> dict[str, Any] | None:
-        """Event of the first fault; None if there was no fault."""
+        """Event of the first fault that was recorded; None if there was no fault.
+
+        A fault is a problem for which the safety supervisor stops the drives.
+        """
         return self._empty.fault
 
     def blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[Recording]:
-        """Yield recordings of successive ticks, with the columns that `is_wanted` accepts."""
+        """Read the file in blocks, and yield each block of successive ticks as a recording.
+
+        Parameters
+        ----------
+        is_wanted
+            Function that takes the name of a column and returns whether to read this column. By
+            default, all columns are read.
+        """
         for columns in RecordingStream(self.path).intact_blocks(is_wanted):
             yield replace(self._empty, columns=columns)
 
     def load(self) -> Recording:
-        """Return all ticks.
+        """Read all intact ticks into memory, and return them as a recording.
 
         Raises
         ------
@@ -70,10 +82,9 @@ class RecordingFile:
         return load_intact(self.path)
 
     def evenly_spaced(self) -> Recording:
-        """Return some of the ticks at which the estimators were updated.
+        """Return every n-th of the ticks at which the estimators were updated, and the last one.
 
-        These ticks are evenly spaced. The last tick with an update is always included. The result
-        has at most about `IN_MEMORY` values (ticks times columns).
+        n is chosen such that the result has at most about `IN_MEMORY` values (ticks times columns).
         """
         every = max(1, math.ceil(self._ticks * len(self.units) / IN_MEMORY))
         parts: list[Recording] = []
@@ -96,9 +107,10 @@ class RecordingFile:
 
 
 def recorded_ticks(path: Path) -> Recording | RecordingFile | None:
-    """Return the intact ticks of a recording; None if no part of the file can be read.
+    """Return the intact (undamaged) ticks of a recording; None if the file cannot be read.
 
-    The ticks are in memory if the file is not larger than `IN_MEMORY` values of 8 bytes.
+    If the file is larger than `IN_MEMORY` values of 8 bytes, the result reads the ticks from the
+    file at each use. Otherwise, the result contains the ticks in memory.
     """
     try:
         if path.stat().st_size > 8 * IN_MEMORY:

@@ -1,4 +1,4 @@
-"""Write the intact part of an incomplete recording to a new, complete recording."""
+"""Write the intact (undamaged) part of an incomplete recording to a new, complete recording."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CHUNK = 1000
 
 @dataclass(frozen=True)
 class Recovery:
-    """Result of the recovery of a recording."""
+    """Result of the recovery of a recording whose file may be damaged."""
 
     ticks: int
     """Number of intact ticks."""
@@ -33,14 +33,16 @@ class Recovery:
 
     @property
     def loss(self) -> str:
-        """Text that states why the rest of the recording is missing."""
+        """Text that states why a part of the damaged recording cannot be recovered."""
         if self.damage == CUT:
             return f"the rest was cut off ({self.damage})"
         return f"the rest could not be read ({self.damage})"
 
 
 def recover_recording(file: Path, out: Path) -> Recovery:
-    """Write the intact part of a recording to a new file; do nothing if the recording is complete.
+    """Write the intact (undamaged) part of an incomplete recording to a new file.
+
+    If the recording is complete, no file is written.
 
     Parameters
     ----------
@@ -80,9 +82,10 @@ def write_contents(out: Path, contents: Contents, ticks: Iterable[bytes]) -> Non
     out
         The new file.
     contents
-        Intact content of the incomplete recording.
+        Events, metadata and message definition of the incomplete recording.
     ticks
-        Message of each tick. Each one is written before the next one is requested.
+        Messages of the ticks, one by one. Each message is written before the next message is
+        requested, so that the messages need not be in memory together.
 
     Raises
     ------

@@ -17,7 +17,7 @@ BEGIN = "recording"
 
 
 class Outcome(NamedTuple):
-    """State of a recording after its end."""
+    """Result of a recording: its file, the numbers of ticks, and a problem, if any."""
 
     path: Path | None
     """The file of the recording; None if the ticks are not written to a file."""
@@ -34,8 +34,8 @@ class Outcome(NamedTuple):
 class Sink(ABC):
     """Base class of objects that receive the ticks and events of the control loop.
 
-    The methods `push` and `event` do not write to a disk. The control loop therefore never waits
-    for a disk.
+    A sink stores the data in memory, or sends them to another process. The methods `push` and
+    `event` do not write to a disk, so that a slow disk does not delay a loop in real time.
     """
 
     dropped = 0
@@ -43,15 +43,21 @@ class Sink(ABC):
 
     @abstractmethod
     def push(self, message: bytes) -> None:
-        """Receive the message of one tick."""
+        """Receive the data of one tick (period of the control loop).
+
+        Parameters
+        ----------
+        message
+            All recorded values of the tick as bytes (see `teleop.recording.message`).
+        """
 
     @abstractmethod
     def event(self, event: Event) -> None:
-        """Receive an event."""
+        """Receive an event: a fault, or a change of the mode of the safety supervisor."""
 
     @abstractmethod
     def close(self) -> Outcome:
-        """Complete the recording, and return its state."""
+        """End the recording. Return the numbers of ticks and a problem, if there is one."""
 
 
 class Memory(Sink):
@@ -60,7 +66,7 @@ class Memory(Sink):
     Attributes
     ----------
     messages
-        Messages of all ticks, one after another.
+        Messages of all ticks as bytes, one after another.
     events
         All events, each as a dictionary of JSON values, see `event_record`.
     """
@@ -71,21 +77,21 @@ class Memory(Sink):
         self._pushed = 0
 
     def push(self, message: bytes) -> None:
-        """Store the message of one tick."""
+        """Append the message of one tick (bytes with all its values) to `messages`."""
         self.messages += message
         self._pushed += 1
 
     def event(self, event: Event) -> None:
-        """Store an event."""
+        """Append an event to `events`."""
         self.events.append(event_record(event))
 
     def close(self) -> Outcome:
-        """Return the number of stored ticks. There is nothing to close, because no file is open."""
+        """Return a result with the number of stored ticks. There is no file to close."""
         return Outcome(None, self._pushed, 0, "")
 
 
 def event_record(event: Event) -> dict[str, Any]:
-    """Return an event as a dictionary of JSON values. Long texts are shortened."""
+    """Return an event as a dictionary of values that JSON allows. Long texts are shortened."""
     record: dict[str, Any] = finite(event._asdict())
     return record | {
         "mode": event.mode.name.lower(),

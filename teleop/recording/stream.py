@@ -22,19 +22,19 @@ from teleop.recording.mcap_writer import END
 BLOCK = 1 << 14
 """Smallest number of ticks in a block; the last block may be smaller."""
 FIELD = re.compile(r"float64 (\w+)(?:\s*#\s*\[([^]]*)\]\s*(.*))?")
-"""Pattern of a line in the definition of a tick's message, with a column's name, unit and
-meaning."""
+"""Pattern of a line in the definition of the message of a tick. The line contains the name, the
+unit and the meaning of one column."""
 OF_GAPS = ("time", "dt", "dropped")
 """Columns that are needed to find missing ticks."""
 
 
 def tick_values(rows: NDArray[np.uint8], columns: Sequence[int] | slice = slice(None)) -> Floats:
-    """Return the values that the messages of ticks contain, shape (columns, ticks).
+    """Convert the messages of ticks to numbers, and return these, shape (columns, ticks).
 
     Parameters
     ----------
     rows
-        Bytes of the messages, shape (ticks, bytes per message).
+        Messages as bytes, shape (ticks, bytes per message).
     columns
         Indices of the columns; by default, all columns.
     """
@@ -42,10 +42,10 @@ def tick_values(rows: NDArray[np.uint8], columns: Sequence[int] | slice = slice(
 
 
 class RecordingStream:
-    """A recording that is read once, in blocks of ticks.
+    """A recording that can be read only once, in blocks of successive ticks.
 
-    Columns, units, session and settings are known from the beginning. `events`, `gaps` and `ticks`
-    are complete after the last block.
+    The attributes `units`, `session` and `settings` are known before the first block is read. The
+    attributes `events`, `gaps` and `ticks` are complete after the last block has been read.
 
     Parameters
     ----------
@@ -74,12 +74,12 @@ class RecordingStream:
 
     @property
     def session(self) -> dict[str, str]:
-        """Texts about the session by name."""
+        """Texts about the session by name, for example software, machine and date."""
         return self.contents.metadata.get("session", {})
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Settings of the trial."""
+        """Settings of the trial, for example its condition and duration."""
         settings: dict[str, Any] = json.loads(
             self.contents.metadata.get("settings", {}).get("json", "{}")
         )
@@ -87,16 +87,18 @@ class RecordingStream:
 
     @property
     def events(self) -> list[dict[str, Any]]:
-        """Events in the part of the recording that has been read."""
+        """Faults and mode changes in the part of the recording that has been read so far."""
         return self.contents.events
 
     @property
     def gaps(self) -> tuple[Gap, ...]:
-        """Gaps (missing ticks) in the part of the recording that has been read."""
+        """Gaps (missing ticks) in the part of the recording that has been read so far."""
         return self._gaps.gaps(dropped_in_all(self.contents.metadata))
 
     def blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[dict[str, Floats]]:
-        """Yield blocks of n successive ticks: the columns by name, each of shape (n,).
+        """Read the recording in blocks, and yield each block as a dictionary of columns.
+
+        The keys are the names of the columns. For a block of n ticks, each column has shape (n,).
 
         Parameters
         ----------
@@ -119,7 +121,11 @@ class RecordingStream:
             )
 
     def intact_blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[dict[str, Floats]]:
-        """Yield the columns as `blocks` does, but raise no error if the recording is incomplete."""
+        """Yield the blocks up to the end of the intact (undamaged) part of the recording.
+
+        The blocks and the argument are the same as for the method `blocks`. Unlike that method,
+        this method raises no error if the recording is not complete.
+        """
         names = list(self.units)
         wanted = [name for name in names if is_wanted(name)]
         needed = [name for i, name in enumerate(names) if i == 0 or name in (*OF_GAPS, *wanted)]
@@ -133,14 +139,18 @@ class RecordingStream:
             yield {name: columns[name] for name in wanted}
 
     def read_through(self) -> None:
-        """Read all intact ticks without their values, to complete `events`, `gaps` and `ticks`."""
+        """Read the recording to its end, and discard the values of the ticks.
+
+        After this call, the attributes `events`, `gaps` and `ticks` are complete.
+        """
         for _ in self.intact_blocks(lambda name: False):
             pass
 
     def _joined(self, columns: Sequence[int]) -> Iterator[Floats]:
-        """Yield the columns of successive ticks in blocks of at least `BLOCK` ticks.
+        """Yield the values of successive ticks in blocks of shape (columns, ticks).
 
-        The last block may be smaller.
+        A block has at least `BLOCK` ticks; only the last block may be smaller. `columns` contains
+        the indices of the columns.
         """
         values: list[Floats] = []
         count = 0
@@ -157,6 +167,9 @@ class RecordingStream:
 
 
 def dropped_in_all(metadata: dict[str, dict[str, str]]) -> int:
-    """Return the total number of dropped ticks in the metadata; 0 if missing or not valid."""
+    """Return how many ticks of the trial were dropped (not recorded), as the metadata state.
+
+    If the metadata contain no valid number, the result is 0.
+    """
     text = metadata.get(END, {}).get("dropped", "")
     return int(text) if re.fullmatch(r"[0-9]{1,15}", text) else 0

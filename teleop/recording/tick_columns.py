@@ -74,7 +74,7 @@ COLUMNS = tuple(
 
 
 def values_of(record: Record) -> tuple[float, ...]:
-    """Return the values of `COLUMNS` from the record of a tick."""
+    """Return the values of one tick in the order of `COLUMNS`."""
     (
         t,
         dt,
@@ -137,5 +137,5 @@ FEEDBACK_COLUMNS = tuple(
 )
 """Additional columns of a trial with force feedback or a communication channel.
 
-They have the order of the fields of `teleop.control.bilateral.LinkValues`.
+The columns have the order of the fields of `teleop.control.bilateral.LinkValues`.
 """

@@ -15,13 +15,14 @@ PERCENTILES = {"p50": 50.0, "p99": 99.0, "p99_9": 99.9, "max": 100.0}
 HISTOGRAM = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0, 10000.0)
 """Upper bounds of the bins of the histogram of lateness [us]; the last bin has no upper bound."""
 PARTS = ("read_time", "compute_time", "write_time", "busy_time")
-"""Columns with the durations of the parts of a tick, and of the whole tick."""
+"""Columns with the durations of the parts of a tick, and of the whole previous tick."""
 
 
 class RunningTiming:
-    """Statistics of the timing of the loop, computed from ticks that are added in blocks.
+    """Statistics of the timing of the control loop, computed from ticks that are added in blocks.
 
-    These are statistics of the rate, the lateness, the overruns, and the durations of the ticks.
+    A tick is one period of the loop. The statistics are: mean rate, lateness (delay of the start of
+    a tick), number of overruns (ticks that took too long), and durations of the ticks.
     """
 
     def __init__(self) -> None:
@@ -31,9 +32,10 @@ class RunningTiming:
         self._histogram = np.zeros(len(HISTOGRAM) + 1, np.int64)
 
     def add(self, ticks: Recording) -> None:
-        """Include further ticks in the statistics.
+        """Add a block of successive ticks to the statistics.
 
-        The time step of the first tick of a trial is not used, because no tick precedes it.
+        The time step of the very first tick is not used, because the tick before it is not part of
+        the statistics.
         """
         periods = ticks["dt"] if self._ticks else ticks["dt"][1:]
         self._ticks += len(ticks)
@@ -47,10 +49,16 @@ class RunningTiming:
         self._histogram += np.histogram(ticks["lateness"] * 1e6, bounds)[0]
 
     def summary(self, rate: float) -> dict[str, Any]:
-        """Return the statistics for a nominal rate of the loop [Hz].
+        """Return the statistics of all added ticks, as a dictionary.
 
         Lateness is the time from the deadline of a tick to its start. An overrun is a tick that had
-        not ended at the next deadline. `HISTOGRAM` gives the bounds of the bins of the histogram.
+        not ended at the next deadline. The histogram states how many ticks have a lateness in each
+        of the intervals that `HISTOGRAM` defines.
+
+        Parameters
+        ----------
+        rate
+            Nominal rate of the loop [Hz], which is copied into the result.
         """
         periods = self._ticks - 1
         return {

@@ -1,1 +1,1 @@
-"""Check, tare and emulate a rig before a trial, and measure the lag of its force channel."""
+"""Check or tare (zero) a rig, emulate its devices, and measure the lag of its force sensor."""

@@ -1,4 +1,4 @@
-"""Check the channels of a rig at rest, and measure the round-trip times to the devices."""
+"""Check the sensor channels of a rig at rest, and measure the round-trip times to the devices."""
 
 from __future__ import annotations
 
@@ -30,7 +30,10 @@ TIMEOUT = 0.5
 
 
 class ChannelReport(NamedTuple):
-    """Statistics of the samples of a channel, in the channel's SI unit."""
+    """Statistics of the samples of one sensor channel, for example of the contact force.
+
+    `mean` and `noise` are in the SI unit of the measured quantity.
+    """
 
     name: str
     """Name of the channel."""
@@ -63,7 +66,7 @@ def list_problems(channels: Sequence[ChannelReport], drives: Sequence[DriveRepor
 def listen(
     rig: WiredRig, clock: Clock, seconds: float, show: Callable[[list[ChannelReport]], None]
 ) -> list[ChannelReport]:
-    """Read an open rig for `seconds`, and return the statistics of every channel.
+    """Read an open rig for some time, and return statistics of the samples of each sensor channel.
 
     Parameters
     ----------
@@ -74,7 +77,7 @@ def listen(
     seconds
         Duration of the measurement [s].
     show
-        Function that is called four times per second with the present statistics.
+        Function that shows the statistics so far. It is called repeatedly while the rig is read.
     """
     limits = rig_limits(rig.file.sections).channels
     logs = {name: ChannelLog() for name, _ in rig.file.sections.channels.items()}
@@ -94,7 +97,7 @@ def listen(
 
 
 class ChannelLog:
-    """Stores the samples of one channel, and computes their statistics."""
+    """Stores the samples of one sensor channel, and computes their statistics."""
 
     def __init__(self) -> None:
         self._values: list[float] = []
@@ -102,16 +105,18 @@ class ChannelLog:
         self._ages: list[float] = []
 
     def add(self, now: float, value: float, age: float) -> None:
-        """Add the sample of a tick. If the sample is not new, add only its age.
+        """Store the latest sample of the sensor at one tick (period of the control loop).
+
+        If this sample was already stored at an earlier tick, only its age is stored.
 
         Parameters
         ----------
         now
             Time of the tick [s].
         value
-            The sample, in the channel's SI unit.
+            Value of the sample, in SI units.
         age
-            Age of the sample [s].
+            Time from the measurement of the sample to `now` [s].
         """
         self._ages.append(age)
         if not self._times or now - age - self._times[-1] > 1e-6:
@@ -119,16 +124,16 @@ class ChannelLog:
             self._values.append(value)
 
     def report(self, name: str, rig: RigFile, limits: ChannelLimits) -> ChannelReport:
-        """Return the statistics of the samples.
+        """Return the statistics of the samples that have been stored so far.
 
         Parameters
         ----------
         name
             Name of the channel.
         rig
-            Rig file that describes the channel.
+            Content of the rig file, which states the device and the signal of the channel.
         limits
-            Limits of the channel.
+            Limits of the samples, for example the range of the sensor.
         """
         values, intervals = np.array(self._values), np.diff(self._times)
         channel = dict(rig.sections.channels.items())[name]
@@ -154,20 +159,20 @@ def channel_problem(
     saturated: float,
     limits: ChannelLimits,
 ) -> str:
-    """Return a text that describes the problem of a channel; empty if there is no problem.
+    """Return a text that describes the problem of a sensor channel; empty if there is no problem.
 
     The rig must be at rest while the samples are taken.
 
     Parameters
     ----------
     values
-        Samples, shape (n,), in the channel's SI unit.
+        Samples in SI units, shape (n,).
     oldest
-        Largest age of a sample at a tick [s].
+        Maximum over all ticks of the age of the latest sample [s].
     saturated
         Fraction of the samples that are near or beyond the ends of the sensor's range.
     limits
-        Limits of the channel.
+        Limits of the samples, for example the largest allowed age.
     """
     if oldest > limits.max_age:
         return f"{oldest * 1e3:.1f} ms old, limit {limits.max_age * 1e3:g} ms"
@@ -179,9 +184,10 @@ def channel_problem(
 
 
 def round_trips(rig: WiredRig, clock: Clock) -> Iterator[tuple[str, float]]:
-    """Yield name and median round-trip time [s] of each device that supports a ping.
+    """Yield the name and the median round-trip time [s] of each device that supports a ping.
 
-    If an answer takes longer than `TIMEOUT`, the round-trip time is set to about `TIMEOUT`.
+    A ping is a request that a device answers at once. The wait for an answer ends after `TIMEOUT`.
+    If there is no answer by then, this wait counts as the round-trip time.
     """
     for name, device in rig.devices.items():
         times = []

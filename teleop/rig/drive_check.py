@@ -1,6 +1,7 @@
-"""Check the drives of a rig by small strokes, and then test their watchdogs.
+"""Check the drives of a rig by small test motions (strokes), and test their watchdogs.
 
-The check is a trial with the safety supervisor and with limits tighter than those of the rig.
+A watchdog stops a drive that receives no commands. During the check, the safety supervisor is
+active, with limits tighter than those of the rig.
 """
 
 from __future__ import annotations
@@ -39,20 +40,21 @@ The first stroke is slow. If a drive moves 20 times too fast, even a force senso
 per second then measures the contact force early enough to stop the drive.
 """
 ENOUGH = 0.9
-"""Smallest fraction of a stroke's length that the limits must permit."""
+"""Smallest allowed length of a stroke that the limits have shortened, as a fraction of its planned
+length."""
 WARM, SETTLING = 0.2, 0.2
 """Duration of the standstill before the first stroke, and after each motion [s]."""
 SILENCE = 2.0
-"""Longest time without commands in which a watchdog must stop the drive [s]."""
+"""Time without commands within which a watchdog must stop the drive [s]."""
 LONGEST = 60.0
 """Longest duration of the whole check [s]."""
 QUICK = AdmittanceParameters(mass=0.015, damping=15.0)
-"""Admittance with a time constant of 1 ms, so that the velocity of the drives quickly reaches the
-wanted velocity."""
+"""Parameters of an admittance with a small time constant (mass / damping), so that the velocity of
+the drives quickly reaches the wanted velocity."""
 
 
 class DrivesReport(NamedTuple):
-    """Result of the check of all drives."""
+    """Result of the check of all drives of a rig."""
 
     drives: list[DriveReport]
     """Result of each drive."""
@@ -63,21 +65,23 @@ class DrivesReport(NamedTuple):
 
 
 class DriveCheck(Condition):
-    """Control condition for the check of the drives.
+    """Moves the drives of a rig to check them. It has the interface of a control condition.
 
-    The drives move in strokes of increasing length. Then no commands are sent until the watchdogs
-    have stopped the drives.
+    The drives move in strokes of increasing length. A stroke is a motion in one direction and back.
+    Then no commands are sent until the watchdogs have stopped the drives.
 
     Parameters
     ----------
     rig
-        The rig.
+        The rig. The sending of commands to it can be paused.
     drives
         Objects that measure the travel of the drives, by the name of the drive.
     damping
-        Damping of the admittance: ratio of force to steady velocity [N s/m].
+        Damping of the admittance, which converts a force to the velocity of the drives [N s/m]. A
+        constant force F leads to the velocity F / damping.
     direction
-        Direction of the first half of each stroke, 1 or -1; 0 for no motion.
+        Direction of the first half of each stroke: 1 towards the specimen, -1 away from it. If 0,
+        the drives do not move, and only the watchdogs are tested.
     """
 
     def __init__(
@@ -88,7 +92,7 @@ class DriveCheck(Condition):
         self.watchdogs: dict[str, float] = {}
         """Time from the last command until the watchdog stopped each drive [s]."""
         self.strokes: dict[str, list[Stroke]] = {name: [] for name in drives}
-        """Travel of each drive in each stroke."""
+        """Travel of each drive in the first half of each stroke, by the name of the drive."""
         self._rig = rig
         self._drives = drives
         self._damping = damping
@@ -97,7 +101,10 @@ class DriveCheck(Condition):
         self._steps = self._plan()
 
     def drive_force(self, t: float, measurement: Measurement) -> float:
-        """Update the travel of the drives, and return the force on the admittance [N].
+        """Return the force that moves the drives at the wanted velocity [N].
+
+        The force acts on the virtual mass of the admittance. The method also updates the measured
+        travel of the drives.
 
         Parameters
         ----------
@@ -114,7 +121,11 @@ class DriveCheck(Condition):
         return 0.0 if self.finished or velocity is None else self._damping * velocity
 
     def _plan(self) -> Iterator[float]:
-        """Yield the wanted velocity at each tick [m/s], and check the drives at these ticks."""
+        """Yield the wanted velocity of the drives [m/s] for each tick of the whole check.
+
+        The generator also evaluates the check at each tick, and stores the results in `strokes`,
+        `watchdogs` and `problems`.
+        """
         yield from self._stand(WARM)
         if self._direction:
             for length, seconds in zip(STROKES, STROKE_TIMES, strict=True):
@@ -138,10 +149,11 @@ class DriveCheck(Condition):
             yield 0.0
 
     def _stroke(self, direction: int, length: float, seconds: float) -> Iterator[float]:
-        """Yield the velocities [m/s] of a motion in one direction and of the standstill after it.
+        """Yield the wanted velocity [m/s] for each tick of one motion and a standstill after it.
 
-        The motion has the length `length` [m] and takes `seconds` [s]. It is shorter if the limits
-        do not permit this length. The travel of the drives is checked at every tick.
+        The motion has the length `length` [m] and takes `seconds` [s]. If the limits reduce the
+        velocity, the motion takes up to twice this time, and can be shorter than `length`. The
+        travel of the drives is checked at every tick.
         """
         for drive in self._drives.values():
             drive.begin()
@@ -170,10 +182,11 @@ class DriveCheck(Condition):
             )
 
     def _check_length(self, length: float) -> None:
-        """Check that the limits did not shorten the latest stroke too much.
+        """Check that each drive moved far enough in the latest stroke, in spite of the limits.
 
-        If the stroke was too short, this method stores a problem of the drive. A problem ends the
-        check of all drives.
+        `length` is the planned length of the stroke [m]. If the commanded travel of a drive is less
+        than the fraction `ENOUGH` of it, this is stored as a problem of the drive. A problem ends
+        the check of all drives.
         """
         for name, strokes in self.strokes.items():
             if strokes[-1].commanded < ENOUGH * length:
@@ -186,7 +199,11 @@ class DriveCheck(Condition):
 
 
 def arming_text(rig: RigFile) -> str:
-    """Return a text that describes the motion, for the person who arms the drives."""
+    """Return a text that describes how the drives will move during their check.
+
+    A person reads the text before arming (enabling) the drives. `rig` is the content of the rig
+    file.
+    """
     soft_force, hard_force = narrow_forces(rig_limits(rig.sections))
     return motion_text(
         rig.sections.name,
@@ -198,9 +215,9 @@ def arming_text(rig: RigFile) -> str:
 def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
     """Check the watchdogs of the drives. If `move` is True, also check sign and scale of motion.
 
-    The drives are enabled at standstill, and are disabled at the end. To check sign and scale, the
-    drives make small strokes. To test the watchdogs, no commands are then sent until the watchdogs
-    have stopped the drives.
+    A watchdog stops a drive that receives no commands. The drives are enabled at standstill, and
+    are disabled at the end. To check sign and scale, the drives make small motions back and forth.
+    To test the watchdogs, no commands are then sent until the watchdogs have stopped the drives.
 
     Parameters
     ----------
@@ -214,9 +231,13 @@ def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
     Raises
     ------
     InputError
-        The rig is not at rest, or the slave is beyond a hard position limit.
+        The rig is not at rest, a force sensor is loaded, or the slave is beyond a hard position
+        limit.
+    RigError
+        The drives were not ready within `LONGEST`.
     Exception
-        An exception, other than RigError, that occurred in a tick.
+        Any exception that occurred in a tick of the control loop, except RigError. A RigError in a
+        tick stops the drives, and is reported in `fault` of the result.
     """
     sections = rig.file.sections
     limits, zero = rig_limits(sections), force_zero(rig, clock)

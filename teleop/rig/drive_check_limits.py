@@ -11,11 +11,12 @@ from teleop.safety import Limits
 REACH = 1e-3
 """Largest distance of the slave from its position at the start of the check [m]."""
 SOFT_FORCE, HARD_FORCE = 0.025, 0.05
-"""Soft and hard limit of the change of the contact force, as fractions of the rig's hard limit."""
+"""Soft and hard limit of the change of the contact force since the start of the check, as fractions
+of the hard force limit of the rig."""
 
 
 def narrow_limits(limits: Limits, zero: ForceZero) -> Limits:
-    """Return limits for the check of the drives. They permit only a small motion of the slave.
+    """Return narrow limits for the check of the drives, which permit only a small motion.
 
     The position limits are relative to the present position of the slave.
 
@@ -50,5 +51,8 @@ def narrow_limits(limits: Limits, zero: ForceZero) -> Limits:
 
 
 def narrow_forces(limits: Limits) -> tuple[float, float]:
-    """Return the soft and the hard limit of the contact force in the check [N]."""
+    """Return the soft and the hard limit of the contact force for the check of the drives [N].
+
+    The contact force is zero at the start of the check. `limits` are the limits of the rig.
+    """
     return min(SOFT_FORCE * limits.hard_force, limits.soft_force), HARD_FORCE * limits.hard_force

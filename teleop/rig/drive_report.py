@@ -17,7 +17,7 @@ fraction.
 
 
 class Stroke(NamedTuple):
-    """Travel of a drive in one stroke."""
+    """Travel of a drive in the first half of a stroke (test motion in one direction and back)."""
 
     commanded: float
     """Commanded travel [m], > 0."""
@@ -30,12 +30,12 @@ class Stroke(NamedTuple):
 
     @property
     def lost(self) -> float:
-        """Commanded minus measured travel [m]."""
+        """Commanded minus measured travel [m]; NaN if the drive has no encoder."""
         return self.commanded - self.moved
 
 
 class DriveReport(NamedTuple):
-    """Result of the check of one drive."""
+    """Result of the check of one drive: watchdog time, travel, and a problem, if any."""
 
     name: str
     """Name of the drive, `master` or `slave`."""
@@ -67,13 +67,14 @@ def drive_report(
     Parameters
     ----------
     name
-        Name of the drive.
+        Name of the drive, `master` or `slave`.
     watchdog
-        Time until the watchdog stopped the drive [s]; NaN if it did not stop the drive.
+        Time from the last command until the watchdog stopped the drive [s]; NaN if the watchdog did
+        not stop the drive.
     strokes
-        Measured test motions (strokes) of the drive, from the shortest to the longest.
+        Travel of the drive in each test motion (stroke), from the shortest to the longest stroke.
     problem
-        Problem of the drive; empty for none.
+        Text that describes the problem of the drive; empty if there is no problem.
     """
     longest = strokes[-1] if strokes else Stroke(math.nan, math.nan, math.nan)
     return DriveReport(
@@ -88,18 +89,19 @@ def drive_report(
 
 
 def remark(name: str, strokes: Sequence[Stroke]) -> str:
-    """Return a remark if the measured travel differs too much from the commanded travel.
+    """Return a text if the measured travel differs too much from the commanded travel.
 
-    The remark is empty if the difference is small. Otherwise, the losses of travel in the two
-    longest strokes are compared. If the two losses are equal, lost motion or friction is the likely
-    cause. If the loss increases with the length of the stroke, a wrong scale is the likely cause.
+    The text is empty if the difference is small. Otherwise, the text states a likely cause. To find
+    it, the loss (commanded minus measured travel) is compared for the two longest strokes. If the
+    loss is almost equal in both, the likely cause is lost motion or friction. In all other cases,
+    for example if the loss increases with the length of the stroke, it is a wrong scale.
 
     Parameters
     ----------
     name
-        Name of the drive.
+        Name of the drive, `master` or `slave`.
     strokes
-        Measured test motions (strokes) of the drive, from the shortest to the longest.
+        Travel of the drive in each test motion (stroke), from the shortest to the longest stroke.
     """
     if not strokes or not abs(strokes[-1].lost) > (
         LARGEST_DEVIATION * strokes[-1].commanded + strokes[-1].explained

@@ -1,4 +1,4 @@
-"""Compare the commanded travel of a drive with the measured travel."""
+"""Compare the commanded travel (distance moved) of a drive with the measured travel."""
 
 from __future__ import annotations
 
@@ -15,16 +15,19 @@ SLACK = 50e-6
 
 
 class DriveTravel:
-    """Commanded and measured travel of a drive since the beginning of a stroke.
+    """Commanded and measured travel (distance moved) of a drive during a stroke.
+
+    A stroke is a small motion in one direction. It is a part of the check of the drives.
 
     Parameters
     ----------
     name
         Name of the drive, `master` or `slave`.
     channels
-        Section of the rig file that describes the channels.
+        Section of the rig file that contains the resolution of the encoders.
     compliance
-        Compliance of the slave's drive under the contact force [m/N].
+        Displacement of the slave's drive per newton of contact force [m/N]. It is not used for the
+        master.
     """
 
     def __init__(self, name: str, channels: ChannelsSettings, compliance: float) -> None:
@@ -38,17 +41,17 @@ class DriveTravel:
         self._integral = 0.0
 
     def begin(self) -> None:
-        """Begin a stroke: set the commanded and the measured travel to zero."""
+        """Begin a stroke (a motion in one direction): set commanded and measured travel to zero."""
         self.commanded = self._integral = 0.0
         self._start, self._start_force = self._position, self._force
 
     def advance(self, velocity: float, measurement: Measurement, dt: float) -> None:
-        """Update the travel with one tick.
+        """Update the commanded and the measured travel with the data of one tick.
 
         Parameters
         ----------
         velocity
-            Commanded velocity since the previous tick [m/s].
+            Velocity that was commanded to the drive since the previous tick [m/s].
         measurement
             Measurement of this tick.
         dt
@@ -62,26 +65,33 @@ class DriveTravel:
 
     @property
     def moved(self) -> float:
-        """Travel that the encoder measured since the beginning of the stroke [m].
+        """Travel since the beginning of the stroke, measured by the encoder [m].
 
-        NaN if the drive has no encoder.
+        A stroke is a motion in one direction. The value is NaN if the drive has no encoder.
         """
         return self._position - self._start
 
     @property
     def explained(self) -> float:
-        """Largest travel error that encoder resolution and drive compliance can cause [m]."""
+        """Difference of commanded and measured travel that two known effects can cause [m].
+
+        The effects are the resolution of the encoder, and the displacement of the drive by a change
+        of the contact force (compliance times change of force).
+        """
         return self._resolution + self._compliance * abs(self._force - self._start_force)
 
     def problem(self, settled: bool) -> str:
-        """Return a text that describes the problem of the measured travel; empty for no problem.
+        """Return a text that describes an error of the measured travel; empty if there is no error.
+
+        The measured travel is compared with the commanded travel. A travel that is too large or in
+        the opposite direction is always an error.
 
         Parameters
         ----------
         settled
-            Whether the drive had enough time to complete the commanded travel. If not, a measured
-            travel that is too small is not a problem. A travel that is too large or in the
-            opposite direction is always a problem.
+            Whether the drive has had enough time to complete the commanded travel. If True, a
+            travel that is too small is also an error. The integral of the measured velocity is
+            then compared in the same way.
         """
         slack = SLACK + self.explained
         band = BAND * abs(self.commanded) + slack

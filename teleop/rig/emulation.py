@@ -1,4 +1,4 @@
-"""Emulate the devices of a rig, and connect them to a simulated telemanipulator."""
+"""Emulate the devices of a rig in software, and connect them to a simulated telemanipulator."""
 
 from __future__ import annotations
 
@@ -33,21 +33,22 @@ DEPTH = re.compile(r"(\d+\.?\d*|\.\d+)mm")
 
 
 def read_fault(text: str, rig: RigFile) -> PlannedFault:
-    """Return the planned fault that a text describes, for example `corrupt:force@3`.
+    """Return the fault that the emulator must cause, from a text such as `corrupt:force@3`.
 
     Parameters
     ----------
     text
-        Text of the form KIND:NAME@SECONDS: kind of fault, name of a bus or device, and time after
-        the drives are enabled [s].
+        Text of the form KIND:NAME@SECONDS. KIND is the kind of fault, and NAME is the name of the
+        bus or device with the fault. SECONDS is the time of the fault [s], counted from the time
+        at which a drive is first enabled.
     rig
         Rig file whose devices are emulated.
 
     Raises
     ------
     InputError
-        The kind is unknown, or is not possible on the bus. The bus or device does not exist. The
-        time is not a number, is negative, or is not less than 1e6 s.
+        The kind of fault is unknown, or cannot occur on the bus. The bus or device does not exist.
+        The time is not a number, is negative, or is too large.
     """
     kind, _, rest = text.partition(":")
     where, _, at = rest.partition("@")
@@ -74,8 +75,8 @@ def read_fault(text: str, rig: RigFile) -> PlannedFault:
 def is_possible(kind: str, bus: SerialSettings | CanSettings) -> bool:
     """Return whether a kind of fault can occur on a bus.
 
-    Some kinds of fault occur only on serial lines, other kinds only on CAN buses. A CAN bus with an
-    slcan adapter also has a serial line.
+    Some kinds of fault occur only on serial lines, other kinds only on CAN buses. All kinds can
+    occur on a CAN bus with an slcan adapter, because this adapter is on a serial line.
     """
     if kind in ON_CAN:
         return isinstance(bus, CanSettings)
@@ -96,20 +97,21 @@ def make_emulator(
     Parameters
     ----------
     rig
-        Rig file whose devices are emulated.
+        Rig file (description of a telemanipulator) whose devices are emulated.
     settings
-        Settings of the simulated telemanipulator.
+        Settings of the trial that is simulated.
     folder
-        Folder for the links to the pseudo-terminals of the serial lines.
+        Folder for the links to the pseudo-terminals, which replace the serial ports.
     faults
-        Faults of buses and devices that the emulator causes.
+        Faults that the emulator causes on buses and devices, at planned times.
     mimic
-        Class of the simulated operator if the condition in the settings is `mimic`.
+        Class of the simulated operator. It is used only if the control condition is `mimic` (the
+        operator follows a moving target).
 
     Raises
     ------
     InputError
-        A device cannot be emulated.
+        The rig file contains a device that cannot be emulated.
     """
     try:
         return Emulator(rig, Palpation(settings, mimic).rig, folder, faults)
@@ -119,43 +121,50 @@ def make_emulator(
 
 @dataclass(frozen=True)
 class Palpation:
-    """A simulated palpation, to which the emulated devices are connected."""
+    """A simulated palpation: trial settings, and the class of the simulated operator.
+
+    The emulated devices measure and move the simulated telemanipulator of this palpation.
+    """
 
     settings: TrialSettings
-    """Settings of the simulated telemanipulator."""
+    """Settings of the trial that is simulated."""
     mimic: type[MimickedSine] = MimickedSine
-    """Class of the simulated operator if the condition in the settings is `mimic`."""
+    """Class of the simulated operator. It is used only if the control condition is `mimic`."""
 
     @property
     def text(self) -> str:
-        """Condition, palpated body and depth as text, such as `mimic, soft cube, depth 10.9 mm`."""
+        """Condition, palpated body and depth as text, such as `mimic, soft cube, depth 10.9 mm`.
+
+        The condition is given as `any` if the simulated operator does not know the condition.
+        """
         is_any, settings = self.mimic is AttentiveOperator, self.settings
         depth = f"depth {settings.setup.depth * 1e3:g} mm"
         return f"{ANY if is_any else settings.condition}, {settings.palpated}, {depth}"
 
     def rig(self, now: Callable[[], float], enabled: int) -> SimulatedRig:
-        """Return a new simulated telemanipulator, with a seed of its own for each trial.
+        """Return a new simulated telemanipulator. Its random seed is different in each trial.
 
         Parameters
         ----------
         now
-            Function that returns the time [s].
+            Function that returns the time of the clock [s].
         enabled
-            Number of times that the drives were enabled before. The first trial has the seed of the
-            settings.
+            Number of times that the drives were enabled before, which is the number of previous
+            trials. The seed is the seed in the settings plus `SEEDS_APART` times this number.
         """
         seed = self.settings.seed + SEEDS_APART * enabled
         return make_simulated_rig(replace(self.settings, seed=seed), now, NEVER, self.mimic)
 
     def changed(self, line: str) -> Palpation:
-        """Return a copy of the palpation with the values that a line contains.
+        """Return a copy of the palpation, changed by the line that a person typed.
 
         Parameters
         ----------
         line
-            One or more words, for example `mimic medium 5mm`. A word is the name of a condition,
-            the name of a cube, a depth, or `any`. With the word `any`, the operator
-            (`AttentiveOperator`) does not know the condition.
+            One or more new values, for example `mimic medium 5mm`. A value is the name of a control
+            condition, the name of a cube, or a depth. The word `any` replaces the name of a
+            condition. It selects a simulated operator (`AttentiveOperator`) who palpates in each
+            condition, without knowing which condition is used.
 
         Raises
         ------

@@ -1,15 +1,16 @@
 """Measure the lag of a force channel and the lost motion of a rig with a reference spring.
 
-If a spring of stiffness k without damping is displaced by x, the measured force is
+Lost motion is the distance delta by which the tip is behind the encoder in each direction. If a
+spring of stiffness k without damping is displaced by x, the measured force is
 
     f = L(k play(x)) + c
 
 L is a first-order lag with time constant tau, play is the play operator (backlash) of half width
-delta, and c is an offset. Both L and play delay the force. Let x be a sine of amplitude A and
-angular frequency omega, with omega tau << 1 and delta << A. Then the lag changes the apparent
-damping by -k tau. The lost motion changes the apparent damping by about -4 k delta / (pi omega A).
-The change by the lost motion depends on the speed omega A, and the change by the lag does not. Lag
-and lost motion can therefore be separated only if the speed varies during the recording.
+delta, and c is an offset. Both L and play delay the force. The damping that is estimated from x and
+f is therefore not zero. Let x be a sine of amplitude A and angular frequency omega, with
+omega tau << 1 and delta << A. The lag then changes the estimated damping by -k tau. The lost motion
+changes the estimated damping by about -4 k delta / (pi omega A). Only this second change depends on
+the speed omega A. Lag and lost motion can therefore be separated only if the speed varies.
 
 References
 ----------
@@ -36,8 +37,8 @@ MOST_SAMPLES = 1_000_000
 """Largest number of samples of a file that is measured. All samples are in memory, and the fit
 processes all of them many times."""
 SPEEDS = 1.3
-"""Smallest ratio of the 90 % to the 10 % quantile of the stroke speeds. With a smaller ratio, lag
-and lost motion cannot be separated."""
+"""Smallest ratio of the 90 % to the 10 % quantile of the stroke speeds. A stroke is the motion from
+one turning point to the next. Below this ratio, lag and lost motion cannot be separated."""
 STROKE = 0.02
 """Half width of the play operator that removes small motions before strokes are detected, as a
 fraction of the range of x."""
@@ -48,7 +49,7 @@ STEP = 0.02
 
 
 class ForceLag(NamedTuple):
-    """Lag of a force channel and lost motion of a rig, measured with a reference spring."""
+    """Measured lag (time constant) of a force channel, and lost motion (backlash) of a rig."""
 
     lag: Interval
     """Time constant of the first-order lag, with its 95 % confidence interval [s]."""
@@ -65,7 +66,7 @@ class ForceLag(NamedTuple):
     causes the measured delay."""
 
     def summary(self) -> dict[str, Any]:
-        """Return the result with the keys of `teleop lag --json`, in SI units."""
+        """Return the results in SI units, with the keys of the JSON output of `teleop lag`."""
         return {
             "lag_s": self.lag.value,
             "lag_low_s": self.lag.low,
@@ -80,7 +81,7 @@ class ForceLag(NamedTuple):
 
 
 class SpringFit(NamedTuple):
-    """Result of a least-squares fit of stiffness and offset, for given lag and lost motion."""
+    """Fit of spring stiffness and force offset, with given lag and lost motion (backlash)."""
 
     k: float
     """Stiffness of the spring [N/m]."""
@@ -89,19 +90,19 @@ class SpringFit(NamedTuple):
 
     @property
     def squared(self) -> float:
-        """Mean square of the residual [N^2]."""
+        """Mean square of the residual of the force [N^2]."""
         return float(np.mean(self.residual**2))
 
     @property
     def independent(self) -> float:
-        """Effective number of independent residuals, computed from their autocorrelation."""
+        """Effective sample size: number of residuals, reduced because of their autocorrelation."""
         r = self.residual
         correlation = max(0.0, float(r[1:] @ r[:-1]) / max(float(r @ r), 1e-300))
         return len(r) * (1.0 - correlation) / (1.0 + correlation)
 
 
 class SpringRecord:
-    """Recorded position and force of a spring. `fit` estimates the stiffness of the spring.
+    """Position and force that were recorded with a reference spring, to fit its stiffness.
 
     Parameters
     ----------
@@ -115,16 +116,15 @@ class SpringRecord:
         self.force = force[self.settled]
 
     def fit(self, lag: float, lost_motion: float) -> SpringFit:
-        """Fit stiffness and offset by least squares, for given lag and lost motion.
+        """Fit spring stiffness and force offset by least squares, for given lag and lost motion.
 
         Parameters
         ----------
         lag
             Time constant of the first-order lag of the force channel [s].
         lost_motion
-            Lost motion [m]. If it is negative, the computed position of the tip is ahead of the
-            encoder position. Negative values are permitted so that a numerical search can pass
-            through zero.
+            Distance by which the tip is behind the encoder position in each direction [m].
+            Negative values are not physical, but are permitted during a numerical search.
         """
         tip = play(self.position, abs(lost_motion))
         if lost_motion < 0.0:
@@ -136,11 +136,11 @@ class SpringRecord:
         return SpringFit(k, f - k * about)
 
     def slope(self, lag: float, lost_motion: float, lag_step: float, lost_step: float) -> Floats:
-        """Return the derivative of the residual with respect to lag [N/s] or lost motion [N/m].
+        """Return the derivative of `SpringFit.residual`, as a finite difference at each sample.
 
-        The derivative is a finite difference. One of `lag_step` and `lost_step` must be 0. The
-        other one is the step of the finite difference. The derivative has the same shape (m,) as
-        `SpringFit.residual`.
+        To differentiate with respect to the lag [N/s], give the step `lag_step` [s], and set
+        `lost_step` to 0. To differentiate with respect to the lost motion [N/m], give the step
+        `lost_step` [m], and set `lag_step` to 0.
         """
         ahead = self.fit(lag + lag_step, lost_motion + lost_step).residual
         return (ahead - self.fit(lag, lost_motion).residual) / (lag_step + lost_step)
@@ -149,7 +149,8 @@ class SpringRecord:
 def play(x: Floats, half_width: float) -> Floats:
     """Return the output of the play operator (backlash) for the input x, shape (n,).
 
-    The first output is `x[0]`. Input and output differ by at most `half_width`.
+    The first output is `x[0]`. The output is constant while it differs from the input by at most
+    `half_width`. Otherwise it follows the input at the distance `half_width`.
     """
     if half_width == 0.0:
         return x
@@ -165,10 +166,10 @@ def play(x: Floats, half_width: float) -> Floats:
 
 
 def stroke_speeds(position: Floats, dt: Floats) -> Floats:
-    """Return the mean speed [m/s] of each stroke, shape (m,).
+    """Return the mean speed [m/s] of each complete stroke, in a vector.
 
-    A stroke is the motion from one turning point to the next. The incomplete strokes at the start
-    and at the end are omitted.
+    A stroke is the motion from one turning point to the next. `position` [m] and `dt` (time since
+    the previous sample [s]) have the shape (n,).
     """
     smooth = play(position, STROKE * float(np.ptp(position)))
     step = np.diff(smooth)
@@ -179,7 +180,7 @@ def stroke_speeds(position: Floats, dt: Floats) -> Floats:
 
 
 def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
-    """Estimate lag and lost motion from the position and force of a spring without damping.
+    """Estimate lag and lost motion (backlash) from the position and force of a reference spring.
 
     The damping of the reference spring must be negligible, as for a steel spring.
 
@@ -193,8 +194,8 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
     Raises
     ------
     InputError
-        All positions or all forces are zero. The estimated stiffness is not positive. The lag that
-        is estimated for zero lost motion is close to zero or to `LONGEST`.
+        All positions or all forces are zero. The estimated stiffness is not positive. The estimated
+        lag, if the lost motion is assumed to be zero, is close to zero or to `LONGEST`.
     """
     from scipy.optimize import least_squares, minimize_scalar
 
@@ -252,20 +253,20 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
 
 
 def not_separated(record: SpringRecord, alone: float, equal: float) -> ForceLag:
-    """Return the result for a record in which lag and lost motion cannot be separated.
+    """Return the result for a recording from which lag and lost motion cannot be separated.
 
-    The upper bound of the lag is computed for zero lost motion. The upper bound of the lost motion
-    is computed for zero lag.
+    Lag and lost motion (backlash) both delay the force. The upper bound of the lag is computed with
+    zero lost motion, and that of the lost motion with zero lag. The lower bounds are zero.
 
     Parameters
     ----------
     record
-        The record of the spring.
+        Position and force that were recorded with the reference spring.
     alone
         Lag that is estimated if the lost motion is assumed to be zero [s].
     equal
-        Lost motion that causes about the same delay as the lag `alone` [m]; 0 if the record has no
-        complete stroke.
+        Lost motion that delays the force about as much as the lag `alone` [m]. It is 0 if the
+        recording has no complete stroke (motion from one turning point to the next).
     """
     from scipy.optimize import minimize_scalar
 
@@ -289,9 +290,9 @@ def half_widths(fit: SpringFit, slopes: list[Floats]) -> list[float]:
     Parameters
     ----------
     fit
-        Fit with the estimated parameters.
+        Fit with the estimated values of the parameters.
     slopes
-        Derivative of the residual with respect to each parameter, each of shape (m,).
+        For each parameter, the derivative of `fit.residual` with respect to it.
     """
     jacobian = np.stack(slopes, axis=1)
     variance = fit.squared * len(fit.residual) / max(fit.independent, 1.0)

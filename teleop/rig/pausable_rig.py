@@ -1,4 +1,7 @@
-"""A rig to which the sending of commands can be paused, to test the watchdogs of the drives."""
+"""A rig that can stop sending commands to its drives, to test the watchdogs of the drives.
+
+A watchdog is a timer in a drive. It stops the drive if no commands arrive.
+"""
 
 from __future__ import annotations
 
@@ -9,18 +12,21 @@ from drivers.wired_rig import WiredRig
 
 
 class PausableRig(Rig):
-    """An open rig. While `paused` is True, no command is sent, and the watchdogs stop the drives.
+    """A rig that can stop sending commands to its drives, to test the watchdogs of the drives.
+
+    A watchdog is a timer in a drive. It stops the drive if no commands arrive. While the attribute
+    `paused` is True, no commands are sent.
 
     Parameters
     ----------
     rig
-        The rig, which has been opened.
+        The rig, which must be open already.
     """
 
     def __init__(self, rig: WiredRig) -> None:
         self.paused = False
-        """Whether the commands are paused. If True, no commands are sent, and the measurement does
-        not contain the errors of the drives."""
+        """Whether no commands are sent to the drives. If True, the measurement also does not
+        contain the errors of the drives."""
         self.applied = STANDSTILL
         """Latest command that the drives have applied."""
         drives = dict(rig.file.sections.drives.items())
@@ -38,7 +44,8 @@ class PausableRig(Rig):
     def read(self) -> Measurement:
         """Return the measurement of the rig.
 
-        While the commands are paused, errors of the drives are removed from the measurement.
+        While no commands are sent, the watchdogs stop the drives, and the drives report errors.
+        These errors are expected, and are removed from the measurement.
         """
         measurement = self._rig.read()
         if not self.paused:
@@ -47,21 +54,21 @@ class PausableRig(Rig):
         return measurement._replace(drive_error=next(errors, ""))
 
     def stopped(self) -> Iterator[str]:
-        """Yield the name of each drive whose device reports an error."""
+        """Yield the names of the drives that report an error, for example after a watchdog stop."""
         return (name for name, device in self._drives.items() if device.error)
 
     def enable(self) -> bool:
-        """Enable the drives; return whether all drives are in operation."""
+        """Request that all drives go into operation; return whether all are in operation."""
         return self._rig.enable()
 
     def rearm(self) -> None:
-        """Clear the errors of the drives."""
+        """Clear the latched errors of all devices (errors that are reported until cleared)."""
         self._rig.rearm()
 
     def write(self, command: Command) -> Command:
         """Send a command to the drives, and return the command that the drives apply.
 
-        While the commands are paused, nothing is sent, and the result is zero velocity.
+        While the attribute `paused` is True, nothing is sent, and zero velocities are returned.
         """
         self.applied = STANDSTILL if self.paused else self._rig.write(command)
         return self.applied

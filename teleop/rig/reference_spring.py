@@ -1,4 +1,8 @@
-"""Measure lag and lost motion of the simulated rig with a simulated reference spring."""
+"""Measure lag and lost motion of the simulated rig with a simulated reference spring.
+
+The lag is the time constant of the contact force channel. Lost motion is the distance by which the
+tip of the slave is behind its encoder position in each direction of motion.
+"""
 
 from __future__ import annotations
 
@@ -18,15 +22,23 @@ SPRING_DEPTH = 5e-3
 
 
 def measure_simulated_lag(cube: CubeName, seed: int = 0) -> tuple[ForceLag, Setup]:
-    """Return the measured lag and lost motion of the simulated rig, and the simulated set-up.
+    """Measure lag and lost motion of the simulated rig with a simulated reference spring.
 
     Parameters
     ----------
     cube
-        Name of the cube with which the rig is used. In the measurement, the spring replaces the
-        cube.
+        Name of the cube (simulated specimen) that the spring replaces in the measurement.
+        All cubes give the same result.
     seed
         Seed of the simulated sensor noise.
+
+    Returns
+    -------
+    measured
+        Measured lag of the contact force channel, and measured lost motion (distance by which the
+        tip is behind the encoder position).
+    setup
+        Properties of the simulated rig. They include the true lag and the true lost motion.
     """
     setup = replace(
         paper_setup("autonomous", cube), cube=Cube(SPRING, 0.0, 1e-9), depth=SPRING_DEPTH

@@ -1,4 +1,7 @@
-"""Measure the contact datum in a trial in which the slave moves forward until contact."""
+"""Measure the contact datum, which is the slave position at which contact with the body begins.
+
+In a short trial, the slave moves forward slowly until contact (the approach), and then backward.
+"""
 
 from __future__ import annotations
 
@@ -29,11 +32,11 @@ from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 SPEED = 1e-3
-"""Speed of the approach [m/s]."""
+"""Speed of the slave in the approach (the motion until contact) [m/s]."""
 REACH = 4e-3
-"""Largest travel of the approach [m]."""
+"""Largest travel of the slave in the approach [m]."""
 SOFT_FORCE = 5.0
-"""Largest soft limit of the contact force during the approach [N]."""
+"""Soft limit of the contact force during the approach [N]; smaller if the rig has a smaller one."""
 AWAY = 2e-3
 """Distance between the simulated slave and the cube at the start [m]."""
 TOUCH = 0.5
@@ -50,9 +53,10 @@ class Touch(Condition):
     Parameters
     ----------
     force
-        Force on the admittance that causes the wanted speed [N].
+        Force that moves the slave at the wanted speed [N]. It acts on the virtual mass of the
+        master (the handle), whose motion the slave follows.
     threshold
-        Contact force above which the slave is treated as in contact [N].
+        Smallest contact force at which the slave is treated as in contact with the body [N].
     retreat
         Distance by which the slave moves backward after contact [m].
     """
@@ -62,7 +66,18 @@ class Touch(Condition):
         self._touched = math.nan
 
     def drive_force(self, t: float, measurement: Measurement) -> float:
-        """Return the force on the admittance [N]: forward until contact, then backward."""
+        """Return the force that moves the slave forward until contact, and then backward [N].
+
+        The force acts on the virtual mass of the master (the handle), whose motion the slave
+        follows. The force is zero after the backward motion.
+
+        Parameters
+        ----------
+        t
+            Time since the drives were armed [s]; not used.
+        measurement
+            Measurement of this tick.
+        """
         if math.isnan(self._touched):
             if measurement.contact_force < self._threshold:
                 return self._force
@@ -79,31 +94,31 @@ def touch(
     seed: int,
     record: Path | None = None,
 ) -> float:
-    """Move the slave until contact, and return the encoder reading at which contact begins [m].
+    """Move the slave forward until contact; return the encoder reading at which contact begins [m].
 
     Parameters
     ----------
     zero
-        Readings of the sensors without load.
+        Readings of the sensors at rest and without load.
     rig
-        Rig file of the rig. None for the simulated rig, whose slave starts away from the cube.
+        Rig file of a hardware rig; None for the simulated rig.
     cube
-        Name of the cube on the simulated rig.
+        Name of the cube (specimen) on the simulated rig.
     sensors
-        Imperfections of the simulated sensors.
+        Imperfections of the sensors of the simulated rig.
     seed
-        Seed of the simulated noise.
+        Seed of the sensor noise of the simulated rig.
     record
-        MCAP file for the recording of the trial; None for no file.
+        MCAP file to which the motion is recorded; None for no recording.
 
     Raises
     ------
     InputError
-        There was no contact within `REACH`.
+        The slave moved forward by `REACH`, the largest permitted distance, without contact.
     SafetyStop
-        The safety supervisor stopped the trial.
+        The safety supervisor stopped the motion because of a fault.
     KeyboardInterrupt
-        A person stopped the trial.
+        A person stopped the motion.
     """
     settings = TrialSettings(
         condition="autonomous",
@@ -135,7 +150,7 @@ def touch(
 
 
 def arming_text(rig: RigFile) -> str:
-    """Return a text that describes the approach, for the person who arms the drives."""
+    """Return a text for the person who arms the drives: how the slave will move until contact."""
     limits = touch_limits(rig_limits(rig.sections))
     return motion_text(
         rig.sections.name,
@@ -146,10 +161,17 @@ def arming_text(rig: RigFile) -> str:
 
 
 def touch_limits(limits: Limits) -> Limits:
-    """Return the limits for the approach. The force limits are at most those of the rig.
+    """Return the safety limits for the motion in which the slave moves forward until contact.
 
-    The position limits replace those of the rig. They are relative to the start position, because
-    the datum is not yet known.
+    The soft force limit is `SOFT_FORCE`, and the hard force limit is twice as large. If a force
+    limit of the rig is smaller, the limit of the rig is used. The position limits of the rig are
+    not used, because they are relative to the contact datum (slave position at which contact
+    begins), which is not yet known. The new position limits are relative to the start position.
+
+    Parameters
+    ----------
+    limits
+        Limits of the rig.
     """
     return replace(
         limits,
@@ -163,21 +185,34 @@ def touch_limits(limits: Limits) -> Limits:
 def rig_away_from_cube(
     cube: CubeName, now: Callable[[], float], sensors: Sensors, seed: int
 ) -> SimulatedRig:
-    """Return the simulated rig with a free handle and the slave away from the cube."""
+    """Return a simulated rig without operator, whose slave does not touch the cube at the start.
+
+    Parameters
+    ----------
+    cube
+        Name of the cube (specimen).
+    now
+        Function that returns the time of the clock [s].
+    sensors
+        Imperfections of the sensors.
+    seed
+        Seed of the sensor noise.
+    """
     body = replace(CUBES[cube], glued=False)
     return SimulatedRig(body, now, sensors=sensors, seed=seed, start=-AWAY)
 
 
 def contact_position(recording: Recording) -> float:
-    """Return the position at which contact begins in the recording of an approach [m].
+    """Return the slave position [m] at which contact begins in a recording.
 
-    The position is estimated by a least-squares fit. The fitted force is zero before contact, and
-    proportional to the displacement after the beginning of contact.
+    In the recording, the slave moves forward until contact. The position is estimated by a
+    least-squares fit. The fitted force is zero before contact. After the beginning of contact, it
+    is proportional to the displacement.
 
     Raises
     ------
     InputError
-        There was no contact during the approach.
+        The recording is empty, or the contact force is too small for a contact.
     """
     deepest = int(np.argmax(recording["slave_position"])) if len(recording) else -1
     x, f = (recording[name][: deepest + 1] for name in ("slave_position", "contact_force"))
@@ -190,9 +225,9 @@ def contact_position(recording: Recording) -> float:
 
 
 def squared_residuals(x: Floats, f: Floats, start: float) -> float:
-    """Fit the stiffness of a spring that begins at `start`.
+    """Return the sum of the squared residuals of the force, if contact begins at `start` [N^2].
 
-    The function returns the sum of the squared residuals of the force [N^2].
+    The model of the force is k max(x - start, 0). The stiffness k is fitted by least squares.
 
     Parameters
     ----------
@@ -208,14 +243,14 @@ def squared_residuals(x: Floats, f: Floats, start: float) -> float:
 
 
 def dated_tare(zero: ForceZero, position: float, rig: str) -> Tare:
-    """Return the tare of a rig, with the present date and time.
+    """Return the tare (zero offsets of the sensors) of a rig, with the present date and time.
 
     Parameters
     ----------
     zero
         Readings of the force sensors without load.
     position
-        Contact datum, a reading of the slave's encoder [m].
+        Reading of the slave's encoder at which contact begins [m].
     rig
         Name of the rig.
     """

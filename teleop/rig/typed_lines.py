@@ -10,9 +10,10 @@ LARGEST = 4096
 
 
 class TypedLines:
-    """Reads the complete lines that a person types.
+    """Reader of the lines that a person types, which never waits for input.
 
-    While the process is in the background, no lines are read.
+    A line is read when it is complete. While the process runs in the background of its terminal, no
+    lines are read.
 
     Parameters
     ----------
@@ -26,7 +27,10 @@ class TypedLines:
         self._rest = b""
 
     def read(self) -> list[str]:
-        """Return the lines that were typed since the last call; empty after the end of input."""
+        """Return the complete lines that were typed since the last call.
+
+        The list is empty if there is no new line, also after the end of the input.
+        """
         if self._ended:
             return []
         try:
@@ -40,7 +44,10 @@ class TypedLines:
         return [line.decode(errors="replace") for line in lines]
 
     def _in_background(self) -> bool:
-        """Return whether the input is the terminal that controls this process in the background."""
+        """Return whether the input is a terminal in which this process runs in the background.
+
+        The operating system suspends a process in the background that reads from its terminal.
+        """
         try:
             return os.tcgetpgrp(self._descriptor) != os.getpgrp()
         except OSError:  # not a terminal, or a terminal that does not control this process

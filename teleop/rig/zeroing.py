@@ -17,25 +17,31 @@ LISTENING = 1.0
 PATIENCE = 5.0
 """Time in which the rig must come to rest [s]."""
 REST = 5e-5
-"""Largest variation of the measured position during `LISTENING` for a slave at rest [m]."""
+"""Largest range of the measured position during `LISTENING` for a slave at rest [m]."""
 MAX_NOISE = 0.5
 """Largest standard deviation of the noise of a force sensor without load [N]."""
 NEGLIGIBLE_CHANGE = 0.01
-"""Largest change of a force during `LISTENING` that is accepted for any noise [N]."""
-BLOCKS = 20
-"""Number of blocks in which the force is averaged, to detect a change. The noise of different
-blocks must be independent."""
-LARGEST_RATIO = 5.5
-"""Largest ratio of range to moving range of the means of the blocks for a constant force.
+"""Change of a force during `LISTENING` that is accepted for any noise, even without noise [N].
 
-For independent Gaussian noise, the probability of a larger ratio is 0.4 %. If the force only
-increases or only decreases, the ratio is `BLOCKS` - 1.
+The change is the range of the means of the blocks (largest minus smallest mean).
+"""
+BLOCKS = 20
+"""Number of blocks into which the samples of a force are divided, to detect a slow change.
+
+The noise of different blocks must be independent.
+"""
+LARGEST_RATIO = 5.5
+"""Largest ratio of the range of the block means to their moving range, for a constant force.
+
+The range is the largest minus the smallest mean. The moving range is the mean absolute difference
+between the means of successive blocks. For independent Gaussian noise, the probability of a larger
+ratio is 0.4 %. If the force only increases or only decreases, the ratio is `BLOCKS` - 1.
 """
 
 
 @dataclass(frozen=True)
 class ForceZero:
-    """Readings of the sensors of a rig at rest and without load."""
+    """Readings of the sensors of a rig at rest and without load: mean values and noise."""
 
     master: float
     """Mean of the measured master force [N]."""
@@ -50,23 +56,25 @@ class ForceZero:
 
 
 def force_zero(rig: Rig, clock: Clock) -> ForceZero:
-    """Measure the zero offsets of the force sensors, as soon as the rig is at rest.
+    """Wait until the rig is at rest, and measure the zero offsets of the force sensors.
 
-    The offsets are means over `LISTENING`. If the slave moves or a force changes during this time,
-    for example because a hand lets go of the handle, the measurement is repeated.
+    A zero offset is the mean reading without load over the time `LISTENING`. If the slave moves or
+    a force changes during this time, for example because a hand releases the handle, the
+    measurement is repeated.
 
     Parameters
     ----------
     rig
-        The rig, which has been opened. The drives are disabled.
+        The rig, which must be open already, with disabled drives.
     clock
-        Clock of the loop; the rig is read once per tick.
+        Clock of the control loop. The rig is read once per period of the clock.
 
     Raises
     ------
     InputError
-        Within `PATIENCE`, the slave did not come to rest, a force did not become constant, or the
-        mean or the variation of a force was too large for a sensor without load.
+        All measurements within the time `PATIENCE` failed. In the last measurement, the slave
+        moved, a force changed, or the mean or the standard deviation of a force was too large for
+        a sensor without load.
     """
     ticks = round(LISTENING * clock.rate)
     for _ in range(round(PATIENCE / LISTENING)):
@@ -96,7 +104,7 @@ def force_zero(rig: Rig, clock: Clock) -> ForceZero:
 def motion_problem(position: Floats) -> str:
     """Return a text that describes the motion of the slave; empty if the slave is at rest.
 
-    `position` [m] has the shape (n,).
+    `position` is the measured position of the slave [m], shape (n,).
     """
     if np.ptp(position) <= REST:
         return ""
@@ -109,17 +117,19 @@ def motion_problem(position: Floats) -> str:
 def load_problem(name: str, force: Floats) -> str:
     """Return a text that describes the load on a force sensor; empty if no load is detected.
 
-    A small constant load cannot be distinguished from a zero offset. A large mean force
-    or a large standard deviation is treated as a load. To detect a load that changes slowly, the
-    function divides the samples into blocks and computes the mean of each block. It compares the
-    range of these means with their moving range. The moving range is the mean absolute difference
-    between the means of successive blocks. The moving range depends on the noise. It depends only
-    little on a slow change or on a single step.
+    A large mean force or a large standard deviation is treated as a load. A load that changes
+    slowly is detected as follows. The samples are divided into `BLOCKS` blocks, and the mean force
+    of each block is computed. The range of these means is the largest minus the smallest mean.
+    Their moving range is the mean absolute difference between the means of successive blocks. Noise
+    increases the range and the moving range. A slow change or a single step increases mainly the
+    range. A load is therefore detected if the range is much larger than the moving range.
+
+    A small constant load cannot be distinguished from a zero offset, and is not detected.
 
     Parameters
     ----------
     name
-        Name of the sensor.
+        Name of the sensor, `master` or `contact`.
     force
         Measured force [N], shape (n,).
     """

@@ -1,4 +1,4 @@
-"""Safety supervisor, which checks the measurements and limits the desired command."""
+"""Safety supervisor, which checks the measurements and limits the commands to the drives."""
 
 from teleop.safety.channels import ChannelState, check_channels
 from teleop.safety.events import Event, Fault, Mode, describe, stops_immediately

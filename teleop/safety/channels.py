@@ -1,4 +1,7 @@
-"""Check range, age and rate of change of the measured channels, and detect frozen values."""
+"""Check the samples of each channel (measured quantity): range, age, and rate of change.
+
+A value that remains exactly the same for too long is also detected (a frozen value).
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ A sample that is read twice is not a sign of a frozen sensor.
 
 
 class ChannelState(NamedTuple):
-    """State of the check of one channel. The check at the next tick uses this state."""
+    """Data of one channel (measured quantity) that its check needs at the next tick."""
 
     value: float = math.nan
     """Latest value, in the channel's SI unit; NaN before the first sample."""
@@ -57,7 +60,7 @@ def check_channels(
     travels: Sequence[float],
     limits: Mapping[str, ChannelLimits],
 ) -> tuple[tuple[ChannelState, ...], list[DetectedFault]]:
-    """Check the samples of all channels against the limits of each channel.
+    """Check the sample of each channel (measured quantity) against the limits of the channel.
 
     Parameters
     ----------
@@ -66,15 +69,17 @@ def check_channels(
     measurement
         Measurement of this tick.
     travels
-        For each channel, the change of its value that the commands since the previous tick should
-        cause. It is an absolute value in the channel's SI unit. It is zero for forces.
+        For each channel, the magnitude of the change that the commands since the previous tick
+        should cause, in the channel's SI unit; 0 for a force. A value is frozen (a fault) if it
+        remains the same although the sum of these changes is large.
     limits
         Limits of each channel, by its name.
 
     Returns
     -------
     states
-        States after this tick. The state of a channel with a fault does not change.
+        State of the check of each channel after this tick. If a channel has a fault, its state
+        does not change.
     faults
         The faults that were detected.
     """
@@ -114,10 +119,10 @@ def check_channels(
 def invalid_sample(
     name: str, last: float, value: float, age: float, now: float, limits: ChannelLimits
 ) -> DetectedFault | None:
-    """Return the fault of a sample that is out of range or too old.
+    """Return the fault of a sample that is out of range, infinite, NaN or too old.
 
-    A value of NaN is not a fault if the channel is not required and has never had a valid value.
-    The result is then None.
+    The result is None if the value is NaN, the channel is not required, and the channel has never
+    had a valid value. A rig without the sensor of this channel gives only such samples.
 
     Parameters
     ----------
@@ -128,9 +133,9 @@ def invalid_sample(
     value, age
         The sample, in the channel's SI unit, and its age [s].
     now
-        Time of the tick [s].
+        Time of this tick [s].
     limits
-        Limits of the channel.
+        Limits of the samples of the channel.
     """
     if limits.low <= value <= limits.high:
         return DetectedFault(Fault.STALE, name, age, limits.max_age, now - age)

@@ -14,7 +14,10 @@ CONTACT_FORCE = CHANNELS.index("contact_force")
 GAIN_ERROR = 0.05
 """Allowed gain error of a drive, as a fraction of the commanded travel."""
 AVERAGING_TIME = 1.0
-"""Averaging time for the fraction of skipped periods and for the drift of the rig's clock [s]."""
+"""Averaging time for the fraction of skipped periods and for the drift of the rig's clock [s].
+
+The rig's clock is the time of the measurements.
+"""
 
 
 def check_motion(
@@ -25,9 +28,10 @@ def check_motion(
     drift: float,
     limits: Limits,
 ) -> list[DetectedFault]:
-    """Return faults: errors of the rig, wrong timing of the loop, and exceeded hard limits.
+    """Check errors of the rig, the timing of the loop, and the hard limits; return the faults.
 
-    Each of these faults stops the drives without a ramp, even if the slave moves.
+    The faults that this function can return stop the drives immediately. The velocity is not first
+    reduced on a ramp, even if the slave moves fast.
 
     Parameters
     ----------
@@ -36,11 +40,13 @@ def check_motion(
     dt
         Time since the previous tick [s].
     following_error
-        Following error of the slave: commanded minus measured travel [m].
+        Following error of the slave (commanded minus measured travel) [m]; see
+        `update_following_error`.
     skipped_fraction
-        Fraction of periods that the loop has skipped, averaged over about `AVERAGING_TIME`.
+        Fraction of its periods that the loop skipped, averaged over about `AVERAGING_TIME`.
     drift
-        Time by which the rig's clock is behind the clock of the loop [s].
+        Time by which the rig's clock (time of the measurements) is behind the clock of the loop
+        [s].
     limits
         Limits of rig and channels.
     """
@@ -51,7 +57,7 @@ def check_motion(
 
 
 def check_rig(measurement: Measurement) -> list[DetectedFault]:
-    """Return the faults that the rig reports: an emergency stop and an error of a drive."""
+    """Return the faults that the rig reports: an emergency stop, and an error of a device."""
     faults, now = [], measurement.time
     if measurement.emergency_stop:
         faults.append(DetectedFault(Fault.EMERGENCY_STOP, "input", math.nan, math.nan, now))
@@ -65,7 +71,7 @@ def check_rig(measurement: Measurement) -> list[DetectedFault]:
 def check_loop(
     now: float, dt: float, skipped_fraction: float, drift: float, limits: Limits
 ) -> list[DetectedFault]:
-    """Return the faults in the timing of the control loop and of the measurements.
+    """Return faults of timing: overruns of the control loop, and a wrong clock of the rig.
 
     Parameters
     ----------
@@ -74,9 +80,10 @@ def check_loop(
     dt
         Time since the previous measurement [s].
     skipped_fraction
-        Fraction of periods that the loop has skipped, averaged over about `AVERAGING_TIME`.
+        Fraction of its periods that the loop skipped, averaged over about `AVERAGING_TIME`.
     drift
-        Time by which the rig's clock is behind the clock of the loop [s].
+        Time by which the rig's clock (time of the measurements) is behind the clock of the loop
+        [s].
     limits
         Limits of rig and channels.
     """
@@ -116,7 +123,8 @@ def check_limits(
     measurement
         Measurement of this tick.
     following_error
-        Following error of the slave: commanded minus measured travel [m].
+        Following error of the slave (commanded minus measured travel) [m]; see
+        `update_following_error`.
     limits
         Limits of rig and channels.
     """
@@ -140,7 +148,10 @@ def check_limits(
 
 
 def check_command(desired: Command, now: float) -> list[DetectedFault]:
-    """Return a fault if a velocity of the desired command is infinite or NaN."""
+    """Return a fault if a velocity of the desired command is infinite or NaN.
+
+    `now` is the time of this tick [s]. The returned list is empty if there is no fault.
+    """
     if math.isfinite(desired[0]) and math.isfinite(desired[1]):
         return []
     source = f"the desired velocities are {desired[0]} and {desired[1]} m/s"
@@ -167,10 +178,13 @@ def update_following_error(
 ) -> float:
     """Return the following error of the slave after this tick [m].
 
-    The following error is the commanded travel minus the measured travel. From this difference,
-    the function subtracts the part that the compliance of the drive and an allowed gain error
-    (`GAIN_ERROR`) can cause. If `dt` is negative or larger than `max_gap`, it is not known how far
-    the slave was commanded to move. The following error then keeps its value of the previous tick.
+    The following error is the commanded travel minus the measured travel, summed over the ticks.
+    At each tick, two parts of the difference are subtracted, because they are not errors. One part
+    is the displacement of the drive by the contact force (compliance times change of force). The
+    other part is an allowed gain error of at most `GAIN_ERROR` times the commanded travel.
+
+    If `dt` is negative or larger than `Limits.max_gap`, the commanded travel is not known. The
+    following error of the previous tick is then returned.
 
     Parameters
     ----------
@@ -198,18 +212,42 @@ def update_following_error(
 
 
 def update_skipped_fraction(state: Supervision, request: Request, dt: float) -> float:
-    """Return the fraction of periods that the loop skips, averaged over `AVERAGING_TIME`."""
+    """Return the fraction of its periods that the loop skipped, averaged over `AVERAGING_TIME`.
+
+    The loop skips whole periods if it is late by a period or more.
+
+    Parameters
+    ----------
+    state
+        State of the supervisor after the previous tick.
+    request
+        Input of the supervisor at this tick. It contains the number of skipped periods.
+    dt
+        Time since the previous tick [s].
+    """
     fraction = request.skipped / (request.skipped + 1.0)
     weight = min(max(dt, 0.0) / AVERAGING_TIME, 1.0)
     return state.skipped_fraction + (fraction - state.skipped_fraction) * weight
 
 
 def update_clock_drift(state: Supervision, request: Request, dt: float, limits: Limits) -> float:
-    """Return the time [s] by which the rig's clock fell behind the loop's clock.
+    """Return the time [s] by which the rig's clock recently fell behind the loop's clock.
 
-    The result depends only on about the last `AVERAGING_TIME` seconds. If the rig's clock jumps
-    forward, the result is negative, but not smaller than -`max_gap`. Because of this bound,
-    `check_loop` also detects a clock that stops after a forward jump.
+    The rig's clock is the time of the measurements. The result depends only on about the last
+    `AVERAGING_TIME` seconds. If the rig's clock jumps forward, the result is negative, but never
+    smaller than -`Limits.max_gap`. Without this bound, a large forward jump would hide that the
+    rig's clock stops afterwards.
+
+    Parameters
+    ----------
+    state
+        State of the supervisor after the previous tick.
+    request
+        Input of the supervisor at this tick. It contains the elapsed time on the loop's clock.
+    dt
+        Time since the previous tick on the rig's clock [s].
+    limits
+        Limits of rig and channels.
     """
     if state.mode is DISCONNECTED:
         return 0.0

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class Mode(IntEnum):
-    """Mode of the safety supervisor."""
+    """Mode of the safety supervisor, which decides whether the drives may move."""
 
     DISCONNECTED = 0
     """No measurement has been read yet."""
@@ -33,8 +33,9 @@ In Python 3.11, access to `Mode.IDLE` takes 90 ns. Access to `IDLE` takes 7 ns.
 class Fault(StrEnum):
     """Kinds of fault, in the order of severity, with the most severe kind first.
 
-    Faults that are detected at the same tick are reported in this order. NOT_A_NUMBER is before
-    CONTROL_FAILURE, because a measured NaN can cause a control failure.
+    Faults that are detected at the same tick are reported in this order. For example, a measured
+    NaN can cause an error in the controller. NOT_A_NUMBER is therefore before CONTROL_FAILURE, so
+    that the cause is reported first.
     """
 
     EMERGENCY_STOP = "emergency stop"
@@ -63,20 +64,20 @@ class Fault(StrEnum):
 SEVERITY = {fault: rank for rank, fault in enumerate(Fault)}
 """Rank of each fault; 0 is the most severe."""
 LAST_IMMEDIATE = SEVERITY[Fault.NOT_AT_REST]
-"""Rank of the least severe fault that stops the drives without a ramp."""
+"""Rank of the least severe fault that stops the drives immediately, without a ramp to zero."""
 
 
 def stops_immediately(fault: Fault) -> bool:
-    """Return whether a kind of fault stops the drives without a ramp (stop category 0).
+    """Return whether a kind of fault stops the drives immediately (stop category 0).
 
-    After a fault of another kind, the command first decreases to zero on a ramp (stop category 1),
-    because the drives can still be commanded. IEC 60204-1 defines the stop categories.
+    The other kinds of fault are less severe, and the drives can still be commanded. The command
+    then first decreases to zero on a ramp (stop category 1). IEC 60204-1 defines the categories.
     """
     return SEVERITY[fault] <= LAST_IMMEDIATE
 
 
 class Event(NamedTuple):
-    """A change of the supervisor's mode, or a fault, at one tick."""
+    """Event in a trial: a fault, or a change of the mode of the safety supervisor."""
 
     time: float
     """Time of the event in the trial [s]."""
@@ -97,9 +98,9 @@ class Event(NamedTuple):
 
 
 def time_text(time: float) -> str:
-    """Return the time of a fault as a part of a sentence.
+    """Return the time of a fault as a part of a sentence, such as `at 1.250 s`.
 
-    `time` is the time in the trial [s]. It is negative before the drives were armed.
+    `time` is the time in the trial [s]. A negative time is before the drives were armed.
     """
     return f"at {time:.3f} s" if time >= 0.0 else "before the drives were armed"
 
@@ -109,7 +110,10 @@ UNITS = {"force": "N", "position": "m", "velocity": "m/s", "": ""}
 
 
 def unit_of(source: str) -> str:
-    """Return the SI unit of the source of a fault; empty if the source is not a channel."""
+    """Return the SI unit of a channel (measured quantity); empty if `source` is not a channel.
+
+    `source` is the source of a fault: the name of a channel, or another text.
+    """
     return UNITS.get(source.rpartition("_")[2], "")
 
 
@@ -121,9 +125,9 @@ def describe(fault: Fault, source: str, value: float, limit: float) -> str:
     fault
         Kind of fault.
     source
-        Name of the channel with the fault, or a text that describes the source of the fault.
+        Name of the channel (measured quantity) with the fault, or a text that describes the fault.
     value, limit
-        Measured value and the limit that it exceeds, in SI units.
+        Measured value and the limit that it exceeds, in SI units; NaN if the fault has none.
     """
     name, unit = source.replace("_", " "), unit_of(source)
     if fault is Fault.NOT_A_NUMBER or fault is Fault.INFINITE:

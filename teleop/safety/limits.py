@@ -11,7 +11,7 @@ from drivers import CHANNELS
 
 @dataclass(frozen=True)
 class ChannelLimits:
-    """Limits of the samples of a channel, in the channel's SI unit.
+    """Limits of the samples of a channel (measured quantity), in the channel's SI unit.
 
     A sample that exceeds a limit is a fault.
 
@@ -46,6 +46,8 @@ class ChannelLimits:
     def shifted(self, zero: float) -> ChannelLimits:
         """Return the limits for samples from which a zero offset is subtracted.
 
+        The range is shifted by the zero offset. The other limits do not change.
+
         Parameters
         ----------
         zero
@@ -65,7 +67,10 @@ class ChannelLimits:
 
 
 def default_channel_limits() -> dict[str, ChannelLimits]:
-    """Return the limits of each channel of a rig with a linear actuator and a 1 kN force sensor."""
+    """Return the default limits of each channel (measured quantity), by the name of the channel.
+
+    They are suitable for a rig with a linear actuator and a force sensor for large forces.
+    """
     return {
         "master_force": ChannelLimits(-200.0, 200.0, max_rate=2e4, frozen_time=0.05),
         "master_position": ChannelLimits(
@@ -81,10 +86,10 @@ def default_channel_limits() -> dict[str, ChannelLimits]:
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of the telemanipulator.
+    """Limits of motion and force of the telemanipulator, and of its channels (measured quantities).
 
-    Soft limits reduce the command, but permit motion away from the limit. If a hard limit is
-    exceeded, the safety supervisor enters the mode fault and stops the drives.
+    If a soft limit is reached, the supervisor reduces the command, but permits motion away from the
+    limit. If a hard limit is exceeded, the supervisor stops the drives because of a fault.
 
     Raises
     ------
@@ -130,7 +135,7 @@ class Limits:
     max_gap: float = 0.08
     """Longest time between two ticks [s]; shorter than the watchdog times of the drives."""
     max_skipped_fraction: float = 0.25
-    """Largest fraction of periods that the loop may skip, averaged over about one second."""
+    """Largest fraction of its periods that the loop may skip, averaged over `AVERAGING_TIME`."""
     channels: dict[str, ChannelLimits] = field(default_factory=default_channel_limits)
     """Limits of each channel, by the name of the channel."""
 
@@ -160,9 +165,9 @@ class Limits:
     def shifted(self, zeros: Mapping[str, float]) -> Limits:
         """Return the limits for measurements from which zero offsets are subtracted.
 
-        The range of each channel is shifted by its zero offset, so that the raw sample is still
-        compared with the range of the sensor. The other limits do not change, because they are
-        limits of the values after subtraction.
+        The range of each channel is shifted by its zero offset. The sample without subtraction is
+        thus still compared with the range of the sensor. The other limits do not change, because
+        they are limits of the values after subtraction.
 
         Parameters
         ----------

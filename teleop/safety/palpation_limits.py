@@ -1,4 +1,7 @@
-"""Compute the limits for a palpation on the simulated rig from the palpation depth and the body."""
+"""Compute the safety limits for a palpation on the simulated rig.
+
+The limits are computed from the palpation depth and from the properties of the palpated body.
+"""
 
 from __future__ import annotations
 
@@ -39,23 +42,25 @@ def palpation_limits(
     compliance: float,
     transmission: Transmission = RIGID,
 ) -> Limits:
-    """Return the limits for a palpation on the simulated rig.
+    """Return the safety limits for a palpation on the simulated rig.
 
     Parameters
     ----------
     law
-        Law of the contact force of the palpated body. The force limits are computed from it.
+        Contact force of the palpated body as a function of displacement and velocity. The force
+        limits are the forces at the upper position limits.
     depth
         Intended depth of the palpation [m].
     scale
-        Ratio of the motion of the slave to the motion of the master.
+        Ratio of the motion of the slave to the motion of the master (the handle).
     fastest
-        Highest frequency of the excitation [Hz].
+        Highest frequency of the intended motion [Hz].
     compliance
-        Compliance of the slave's drive [m/N].
+        Displacement of the slave's drive per newton of contact force [m/N].
     transmission
-        Transmission between the drive and the body, with compliance and friction. The contact force
-        does not include the friction of the transmission.
+        Compliance and dry friction between the drive and the tip, which touches the body. The
+        compliance reduces the force limits. The friction increases the limit of the following
+        error (commanded minus measured travel).
     """
     velocity = max(SPEED, 5.0 * fastest) * depth
     acceleration = max(velocity / STOPPING, ACCELERATION * fastest**2 * depth)

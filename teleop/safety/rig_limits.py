@@ -1,4 +1,4 @@
-"""Convert the limits in a rig file to SI units."""
+"""Convert the limits in a rig file (TOML description of a telemanipulator) to SI units."""
 
 from __future__ import annotations
 
@@ -45,12 +45,15 @@ def rig_limits(rig: RigSections) -> Limits:
 
 
 def optional_limits(limits: ChannelLimits) -> ChannelLimits:
-    """Return limits for a channel that the rig does not have, so that its value may be NaN."""
+    """Return limits for a channel (measured quantity) that the rig does not measure.
+
+    The value of this channel may be NaN. Only the range of the given limits is kept.
+    """
     return ChannelLimits(limits.low, limits.high, required=False)
 
 
 def channel_limits(channel: ForceSettings | PositionSettings | VelocitySettings) -> ChannelLimits:
-    """Convert the limits of one channel of a rig file to SI units.
+    """Convert the limits of one channel (measured quantity) of a rig file to SI units.
 
     Raises
     ------
@@ -75,7 +78,7 @@ def channel_limits(channel: ForceSettings | PositionSettings | VelocitySettings)
 
 
 def optional_to_metres(value: float | None) -> float | None:
-    """Convert a value from mm to m; return None for None."""
+    """Convert a value from mm to m; return None if the value is None (not given)."""
     return None if value is None else value * 1e-3
 
 

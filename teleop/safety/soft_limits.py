@@ -9,19 +9,19 @@ from teleop.safety.limits import Limits
 from teleop.safety.state import Supervision
 
 VELOCITY, ACCELERATION, POSITION, FORCE = 1, 2, 4, 8
-"""Flag of each soft limit. The sum of the flags shows which limits reduced a command."""
+"""Flag of each soft limit. The sum of the flags shows which limits changed a command."""
 
 APPROACH_TIME = 0.05
-"""Shortest time in which the expected contact force may reach the soft limit [s].
+"""Shortest time in which the expected contact force may reach the soft force limit [s].
 
-This time is used only if the limits act on master and slave separately.
+This time is used only by `limit_separately`.
 """
 CONTACT = 0.1
 """Contact force below which the direction of the force is treated as unknown [N]."""
 
 
 def ramp_down(command: Command, dt: float, limits: Limits) -> Command:
-    """Return the next command of a ramp that decreases both velocities to zero.
+    """Return the next command of a ramp that brings the velocities of both drives to zero.
 
     Parameters
     ----------
@@ -36,14 +36,15 @@ def ramp_down(command: Command, dt: float, limits: Limits) -> Command:
 
 
 def limit_acceleration(wanted: Command, last: Command, dt: float, limits: Limits) -> Command:
-    """Return the permitted command that is nearest to the wanted command.
+    """Limit the change of the velocities of master and slave since the previous tick.
 
-    A command is permitted if the accelerations of master and slave do not exceed their limits.
+    The result is the command nearest to the wanted command whose accelerations do not exceed the
+    limits of master and slave.
 
     Parameters
     ----------
     wanted
-        Wanted command.
+        Command before this limitation.
     last
         Command of the previous tick.
     dt
@@ -70,16 +71,17 @@ def limit_command(
     limits: Limits,
     stiffness: float | None = None,
 ) -> tuple[Command, int]:
-    """Apply the soft limits to the desired command.
+    """Apply the soft limits of velocity, position, force and acceleration to the desired command.
 
     If `stiffness` is None, the velocities of master and slave are reduced by the same factor. The
-    operator then feels the limits of the slave. If `stiffness` is given, see `limit_separately`.
-    After that, the accelerations of master and slave are limited independently of each other.
+    operator then feels the limits of the slave. If `stiffness` is given, the velocities are limited
+    separately, see `limit_separately`. In both cases, the accelerations of master and slave are
+    limited afterwards, separately.
 
-    When the slave moves towards a soft position limit, its speed is at most sqrt(a d). d is the
-    distance to the limit, and a is the largest acceleration. A deceleration of a / 2 can then stop
-    the slave at the limit. If the contact force exceeds the soft force limit, the slave does not
-    press further.
+    When the slave moves toward a soft position limit, its speed is at most v = sqrt(a d). d is the
+    distance to the limit, and a is the largest permitted acceleration. The slave can then stop at
+    the limit with the deceleration v^2 / (2 d) = a / 2, which is half of the permitted value. If
+    the contact force exceeds the soft force limit, the slave does not press further.
 
     Parameters
     ----------
@@ -88,7 +90,8 @@ def limit_command(
     measurement
         Measurement of this tick.
     active
-        Time since the drives were armed [s].
+        Time since the drives were armed [s]. The velocity limits increase from zero to their
+        values in the first `Limits.start_ramp` seconds.
     dt
         Time since the previous tick [s].
     state
@@ -96,15 +99,16 @@ def limit_command(
     limits
         Limits of rig and channels.
     stiffness
-        Expected slope of the contact force against the position of the slave [N/m]. If it is None,
-        all soft limits except the acceleration limits act on master and slave together.
+        Expected stiffness of the palpated body [N/m]: increase of the contact force per increase
+        of the slave's position. None if the velocities are reduced together.
 
     Returns
     -------
     command
         Command that the soft limits allow.
     flags
-        Sum of the flags of the soft limits that reduced the command.
+        Sum of the flags of the soft limits that changed the command. The flags are the constants
+        `VELOCITY`, `ACCELERATION`, `POSITION` and `FORCE`.
     """
     ramp = min(active / limits.start_ramp, 1.0)
     if stiffness is None:
@@ -120,7 +124,28 @@ def limit_command(
 def limit_together(
     desired: Command, measurement: Measurement, ramp: float, limits: Limits
 ) -> tuple[Command, int]:
-    """Reduce the velocities of master and slave by the same factor; see `limit_command`."""
+    """Reduce the velocities of master and slave by the same factor, to comply with soft limits.
+
+    These are the soft limits of velocity, position and contact force, but not of acceleration.
+
+    Parameters
+    ----------
+    desired
+        Command of the control condition.
+    measurement
+        Measurement of this tick.
+    ramp
+        Factor of the velocity limits, from 0 to 1.
+    limits
+        Limits of rig and channels.
+
+    Returns
+    -------
+    command
+        Command with reduced velocities.
+    flags
+        Sum of the flags of the soft limits that reduced the velocities.
+    """
     master, slave = desired
     factor, flags, speed = 1.0, 0, abs(slave)
     fastest, fastest_master = limits.max_velocity * ramp, limits.max_master_velocity * ramp
@@ -142,15 +167,35 @@ def limit_together(
 def limit_separately(
     desired: Command, measurement: Measurement, ramp: float, stiffness: float, limits: Limits
 ) -> tuple[Command, int]:
-    """Limit the velocities of master and slave independently of each other.
+    """Limit the velocities of master and slave separately, to comply with the soft limits.
 
-    The velocity limit of the master applies only to the master. All other limits apply only to the
-    slave. The hand feels the limits of the slave only through the communication channel, with its
-    delay.
+    The velocity limit of the master applies only to the master. The limits of velocity, position
+    and force of the slave apply only to the slave. If they reduce the velocity of the slave, the
+    hand feels this only through the communication channel between master and slave.
 
-    When the slave moves into the contact, its speed is at most
-    (soft_force - |f|) / (stiffness times `APPROACH_TIME`), where f is the contact force. The
-    expected force then does not exceed the soft limit within `APPROACH_TIME`.
+    When the slave presses further into the palpated body, its speed is at most
+    (soft_force - |f|) / (stiffness T), with the contact force f and the time T = `APPROACH_TIME`.
+    The expected force then does not exceed the soft limit within the time T.
+
+    Parameters
+    ----------
+    desired
+        Command of the control condition.
+    measurement
+        Measurement of this tick.
+    ramp
+        Factor of the velocity limits, from 0 to 1.
+    stiffness
+        Expected stiffness of the palpated body [N/m].
+    limits
+        Limits of rig and channels.
+
+    Returns
+    -------
+    command
+        Command with limited velocities.
+    flags
+        Sum of the flags of the soft limits that reduced a velocity.
     """
     master, slave = desired
     flags, speed = 0, abs(slave)
@@ -178,7 +223,20 @@ def limit_separately(
 
 
 def braking_speed(slave: float, measurement: Measurement, limits: Limits) -> float:
-    """Return the largest speed [m/s] at which the slave can stop before its position limit."""
+    """Return the largest permitted speed of the slave toward its soft position limit [m/s].
+
+    At this speed, the slave can stop at the limit with half of the largest acceleration. The speed
+    is 0 if the slave is beyond the limit.
+
+    Parameters
+    ----------
+    slave
+        Velocity of the slave [m/s]. Its sign selects the upper or the lower position limit.
+    measurement
+        Measurement of this tick.
+    limits
+        Limits of rig and channels.
+    """
     low, high = limits.soft_position
     x = measurement.slave_position
     distance = high - x if slave > 0.0 else x - low

@@ -1,4 +1,4 @@
-"""Define input, output and state of the safety supervisor at a tick."""
+"""Define input, output and state of the safety supervisor at a tick of the control loop."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ class Request(NamedTuple):
     elapsed: float = 0.0
     """Time since the previous tick on the clock of the loop [s]."""
     stiffness: float | None = None
-    """Expected slope of the contact force against the position of the slave [N/m].
+    """Expected stiffness of the palpated body at the position of the slave [N/m].
 
-    If a slope is given, the soft limits act on master and slave separately. If the value is None,
-    the soft limits act on master and slave together.
+    If a stiffness is given, the soft limits reduce the velocities of master and slave separately.
+    If the value is None, they reduce both velocities by the same factor.
     """
 
 
@@ -45,7 +45,8 @@ class Supervision(NamedTuple):
     since: float = math.nan
     """Time at which the present mode was entered [s].
 
-    Before arming, it is set to the time of each tick at which the rig is not at rest.
+    While the drives are not armed, each tick at which the rig is not at rest sets this value to the
+    time of the tick. The mode can become ready only if the rig is at rest long enough.
     """
     time: float = math.nan
     """Time of the tick [s]."""
@@ -58,13 +59,14 @@ class Supervision(NamedTuple):
     following_error: float = 0.0
     """Following error: commanded travel minus measured travel of the slave [m].
 
-    The difference that the compliance and an allowed gain error of the drive can cause is
-    subtracted.
+    It does not include the difference that the compliance of the drive and an allowed gain error
+    can cause; see `update_following_error`.
     """
     skipped_fraction: float = 0.0
-    """Fraction of periods that the loop has skipped, averaged over about one second."""
+    """Fraction of its periods that the loop skipped; see `update_skipped_fraction`."""
     drift: float = 0.0
-    """Time by which the rig's clock fell behind the loop's clock within about one second [s]."""
+    """Time by which the clock of the rig fell behind the clock of the loop [s]; see
+    `update_clock_drift`."""
     channel_states: tuple[ChannelState, ...] = (ChannelState(),) * len(CHANNELS)
     """State of the check of each channel, in the order of `CHANNELS`."""
     causes: tuple[DetectedFault, ...] = ()
@@ -72,12 +74,15 @@ class Supervision(NamedTuple):
 
     @property
     def immediate(self) -> bool:
-        """Whether one of the faults in `causes` stops the drives without a ramp."""
+        """Whether a fault in the attribute `causes` requires that the drives stop immediately.
+
+        If not, the velocity first decreases to zero on a ramp.
+        """
         return any(stops_immediately(cause.fault) for cause in self.causes)
 
 
 class Verdict(NamedTuple):
-    """Output of the safety supervisor at a tick."""
+    """Output of the safety supervisor at a tick: its new state, the command, and the events."""
 
     state: Supervision
     """State of the supervisor after this tick."""
@@ -92,6 +97,10 @@ class Verdict(NamedTuple):
 
     @property
     def enabled(self) -> bool:
-        """Whether the drives must be enabled."""
+        """Whether the drives must remain enabled. If False, the controller disables them.
+
+        The drives remain enabled in the modes active and stopping, and while the command is not
+        zero.
+        """
         mode = self.state.mode
         return mode is ACTIVE or mode is STOPPING or self.command != STANDSTILL

@@ -4,7 +4,7 @@
 
 The function opens no file, reads no clock and stores no data. The returned state contains all data
 that are needed at the next tick, including faults. The loop passes this state to the function at
-the next tick. Every behaviour in docs/safety.md can therefore be tested without a rig.
+the next tick. The behaviour in docs/safety.md can therefore be tested without a rig.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def supervise(
     request: Request,
     limits: Limits,
 ) -> Verdict:
-    """Check the data of a tick, and return the command for the drives, the mode and the events.
+    """Check the measurement of a tick, and compute the command that is sent to the drives.
 
     Parameters
     ----------
@@ -56,11 +56,16 @@ def supervise(
     measurement
         Measurement of the rig.
     desired
-        Desired command; used only in the mode active.
+        Desired velocities of master and slave; used only in the mode active.
     request
         Requests of a person, and data from the loop.
     limits
         Limits of rig and channels.
+
+    Returns
+    -------
+    verdict
+        New state of the supervisor (with its mode), command for the drives, and events.
     """
     now = measurement.time
     dt = now - state.time if state.time == state.time else 0.0 * now
@@ -155,14 +160,15 @@ def supervise(
 
 
 def activate(verdict: Verdict) -> Verdict:
-    """Return the output of the supervisor for this tick, with the mode changed to active.
+    """Return a copy of the supervisor's output in which the mode is changed from ready to active.
 
-    Call this function when all drives are in operation.
+    Call this function at the tick at which all drives have gone into operation. The command of
+    this tick is zero velocity.
 
     Parameters
     ----------
     verdict
-        Output of the supervisor at this tick, with `arm` True.
+        Output of `supervise` at this tick. Its attribute `arm` is True.
     """
     now = verdict.state.time
     state = verdict.state._replace(mode=ACTIVE, since=now, following_error=0.0)
@@ -172,11 +178,12 @@ def activate(verdict: Verdict) -> Verdict:
 def stop_for_faults(
     state: Supervision, faults: Iterable[DetectedFault], dt: float, halt: bool, limits: Limits
 ) -> Verdict:
-    """Return the output of the supervisor in mode fault.
+    """Return the output of the supervisor at a tick in the mode fault.
 
-    The command decreases to zero on a ramp. If a fault or `halt` requires an immediate stop, the
-    command is zero immediately. Each kind of fault is stored and reported once. Faults that are
-    detected at the same tick are ordered by severity, the most severe first.
+    The command decreases to zero on a ramp. It is zero immediately if `halt` is True, if a fault
+    requires an immediate stop, or if `dt` is negative. Each kind of fault is stored and reported
+    only once. Faults that are detected at the same tick are ordered by severity, the most severe
+    first.
 
     Parameters
     ----------
@@ -205,9 +212,15 @@ def stop_for_faults(
 
 
 def rearm(state: Supervision) -> Supervision:
-    """Return the initial state of the supervisor, after a person has re-armed the rig.
+    """Return the initial state of the supervisor, so that it leaves the mode fault.
 
-    All checks before arming are then made again.
+    Call this function only if a person wants to arm the drives again after a fault. The supervisor
+    then repeats all checks that it makes before arming.
+
+    Parameters
+    ----------
+    state
+        State of the supervisor, in the mode fault.
 
     Raises
     ------

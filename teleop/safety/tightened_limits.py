@@ -1,4 +1,4 @@
-"""Limits of a trial that are tighter than the limits of the rig."""
+"""Safety limits of a single trial, which are tighter than the safety limits of the rig."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from teleop.safety.limits import Limits
 class TightenedLimits:
     """Limits of a trial that replace limits of the rig. None means that the rig's limit remains.
 
-    Each limit must be at least as tight as the limit of the rig. A limit is included only if a
-    smaller value is always safer. The largest acceleration, for example, is not included, because a
-    smaller acceleration makes every stop longer.
+    Each limit must be at least as tight as the same limit of the rig. This class contains only the
+    limits for which a tighter value is always safer. It does not contain the largest acceleration,
+    for example, because a smaller acceleration makes every stop longer.
     """
 
     max_velocity: float | None = None
@@ -37,19 +37,24 @@ class TightenedLimits:
 
     @property
     def stated(self) -> dict[str, Any]:
-        """The limits that are not None, by the name of the limit."""
+        """The limits that replace limits of the rig, by the name of the limit."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in values.items() if value is not None}
 
     def applied(self, limits: Limits) -> Limits:
-        """Return the limits for the trial.
+        """Return the limits that are valid in the trial.
 
         A limit of this object that is not None replaces the same limit of the rig.
+
+        Parameters
+        ----------
+        limits
+            All limits of the rig.
 
         Raises
         ------
         ValueError
-            The resulting limits are not consistent, see `Limits`.
+            The returned limits would not be consistent, see `Limits`.
         """
         return replace(limits, **self.stated)
 
@@ -58,6 +63,11 @@ class TightenedLimits:
 
         Each item consists of the name of the limit, its value in this object, and its value for the
         rig.
+
+        Parameters
+        ----------
+        limits
+            All limits of the rig.
         """
         for name, value in self.stated.items():
             present = getattr(limits, name)

@@ -1,1 +1,1 @@
-"""Run studies, which consist of many trials: the trials of the paper, series and sweeps."""
+"""Run studies of many trials: trials of the paper, planned series, and sweeps of settings."""

@@ -1,10 +1,13 @@
 """Compute the analysis of variance of repeated trials, with statsmodels.
 
-All estimators process the data of the same trials. There are two designs. Without subjects, the
-design is a split plot. Factors that vary between trials are tested against the variance between
-trials with the same levels. The factor `estimator` and its interactions are tested against the
-interaction of estimator and trial. With subjects, each subject does all trials. The subject is then
-a random factor, and each effect is tested against the interaction of the effect and the subject.
+All estimators process the data of the same trials. The factor `estimator` therefore varies within a
+trial. All other factors vary between trials. There are two designs.
+
+- Split plot, without subjects. Factors that vary between trials are tested against the variance
+  between trials with the same levels of these factors. The factor `estimator` and its interactions
+  are tested against the interaction of estimator and trial.
+- Repeated measures, with subjects. Each subject does all trials. The subject is a random factor,
+  and each effect is tested against the interaction of the effect and the subject.
 
 References
 ----------
@@ -41,7 +44,7 @@ class Effect(NamedTuple):
     p: float
     """p value of the F test."""
     partial_eta_squared: float
-    """Sum of squares of the effect, divided by the sum of squares of effect and error term."""
+    """Sum of squares of the effect, divided by the sum of squares of effect plus error term."""
     eta_squared: float
     """Sum of squares of the effect, divided by the total sum of squares."""
 
@@ -135,10 +138,10 @@ def design_text(
     Parameters
     ----------
     effects
-        Effects of the factors.
+        Effects of the factors, from `analysis_of_variance`.
     pooled
-        Names of factors that are not part of the analysis, such as repetition. The text names them
-        as the differences between trials that have the same levels of all other factors.
+        Names of factors that the analysis ignores although their levels differ between the trials,
+        for example repetition. The text names these factors.
     subject
         Name of the random factor; None for a design without subjects.
     """
@@ -163,6 +166,10 @@ def design_text(
 
 def check_design(frame: Any, factors: Sequence[str], response: str, subject: str | None) -> None:
     """Check that the design is balanced and has enough trials.
+
+    In a balanced design, each combination of the levels of the factors has the same number of
+    trials. The data frame has one row for each trial and estimator, and the response (dependent
+    variable) in the column `VALUE`. `response` is the name of the response in error messages.
 
     Raises
     ------
@@ -194,9 +201,10 @@ def check_design(frame: Any, factors: Sequence[str], response: str, subject: str
 
 
 def sums_of_squares(frame: Any, factors: Sequence[str]) -> dict[tuple[str, ...], tuple[float, int]]:
-    """Return the sum of squares and the degrees of freedom of each effect.
+    """Return the sum of squares and the degrees of freedom of each effect and of the residual.
 
     The key of an effect is the tuple of its factors. The key of the residual is the empty tuple.
+    The data frame has a column for each factor, and the response in the column `VALUE`.
     """
     from statsmodels.formula.api import ols
     from statsmodels.stats.anova import anova_lm
@@ -214,7 +222,8 @@ def sums_of_squares(frame: Any, factors: Sequence[str]) -> dict[tuple[str, ...],
 
 
 Tests = dict[tuple[str, ...], tuple[int, int, float, float]]
-"""F tests, by effect: degrees of freedom of effect and of error term, F, and p."""
+"""F test of each effect: degrees of freedom of the effect and of the error term, F, and p. The key
+of an effect is the tuple of its factors."""
 
 
 def split_plot(
@@ -225,7 +234,17 @@ def split_plot(
 ) -> Tests:
     """Return the F tests of a split-plot design.
 
-    The factor `within` varies within each trial. All other factors vary only between trials.
+    Parameters
+    ----------
+    frame
+        Data frame with one row for each trial and estimator. The column `VALUE` is the response.
+    factors
+        Names of the columns of the factors.
+    squares
+        Sum of squares and degrees of freedom of each effect, from `sums_of_squares`.
+    within
+        Name of the only factor that varies within a trial (the estimator). All other factors vary
+        only between trials.
     """
     from scipy.special import fdtrc
 
@@ -253,7 +272,17 @@ def split_plot(
 
 
 def repeated_measures(frame: Any, factors: Sequence[str]) -> Tests:
-    """Return the F tests of a design in which each subject does all trials."""
+    """Return the F tests of a design in which each subject does all trials.
+
+    The trials of a subject that have the same levels of all factors are averaged.
+
+    Parameters
+    ----------
+    frame
+        Data frame with the subject in the column `subject`, and the response in the column `VALUE`.
+    factors
+        Names of the columns of the factors.
+    """
     from statsmodels.stats.anova import AnovaRM
 
     model = AnovaRM(frame, VALUE, "subject", within=list(factors), aggregate_func="mean")

@@ -1,4 +1,8 @@
-"""Find the factors of a study that influence the depth of the palpation."""
+"""Find the factors of a study that have levels with different depths of the palpation.
+
+A factor is a property in which the trials of a study differ, such as the control condition. A level
+is a value of a factor, such as `free`.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +12,17 @@ from statistics import median
 from teleop.evaluation.comparison import Compared
 
 LARGE = 1.1
-"""Ratio of two depths above which the depths differ. Repeated trials differ by a few percent."""
+"""Ratio of the larger to the smaller depth above which a warning is given. The depths of repeated
+trials differ by a few percent."""
 
 
 def depth_note(rows: Sequence[Compared], factors: Sequence[str]) -> str:
-    """Return a warning if the depth differs between the levels of a factor; otherwise "".
+    """Return a warning if the depth of the palpation differs between the levels of a factor.
 
-    The stiffness of many specimens increases with the depth. If two levels of a factor have
-    different depths, the stiffness can therefore also differ between these levels. The analysis of
-    variance then counts this difference as an effect of the factor.
+    If no two depths have a ratio larger than `LARGE`, the result is empty. The stiffness of many
+    specimens increases with the depth. If two levels of a factor have different depths, the
+    stiffness can therefore also differ between these levels. The analysis of variance then counts
+    this difference as an effect of the factor.
 
     Parameters
     ----------
@@ -39,8 +45,18 @@ def depth_note(rows: Sequence[Compared], factors: Sequence[str]) -> str:
 def depth_ratio(rows: Sequence[Compared], factor: str, factors: Sequence[str]) -> float:
     """Return the largest ratio of the depths of the palpation at two levels of a factor.
 
-    The depth at a level is the median of the depths of its recordings. Only recordings with the
-    same levels of all other factors are compared.
+    Only recordings with the same levels of all other factors are compared. The depth at a level is
+    the median of the depths of the recordings with this level. The result is 1 if there are no
+    depths to compare.
+
+    Parameters
+    ----------
+    rows
+        The evaluated recordings. Recordings without a depth are not used.
+    factor
+        Name of the factor.
+    factors
+        Names of all factors.
     """
     others = [name for name in factors if name != factor]
     depths: dict[tuple[str, ...], dict[str, list[float]]] = {}

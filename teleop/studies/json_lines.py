@@ -18,7 +18,7 @@ from teleop.files import unwritable
 from teleop.json_documents import dumps, loads
 
 LOCK = ".lock"
-"""Name of a file in a folder. The file is locked while a program works in the folder."""
+"""Name of the lock file of a folder. This file is locked while a program works in the folder."""
 
 
 class JsonLines:
@@ -38,7 +38,7 @@ class JsonLines:
 
         Returns
         -------
-        Position of each document in the file [bytes], for `documents_at`.
+        Position in the file at which each document starts [bytes], for `documents_at`.
 
         Raises
         ------
@@ -59,7 +59,10 @@ class JsonLines:
         return positions
 
     def read(self) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Yield the position [bytes] and the document of each complete line.
+        """Yield each document, with the position in the file at which its line starts [bytes].
+
+        Each item is (position, document). A last line that does not end with a newline is
+        incomplete, and is not read. If the file does not exist, nothing is yielded.
 
         Raises
         ------
@@ -82,7 +85,13 @@ class JsonLines:
                 position += len(line)
 
     def documents_at(self, positions: Iterable[int]) -> Iterator[dict[str, Any]]:
-        """Yield the documents at positions [bytes], which `append` or `read` returned."""
+        """Yield the documents that start at given positions in the file.
+
+        Parameters
+        ----------
+        positions
+            Positions at which the documents start [bytes], as returned by `append` or `read`.
+        """
         with self.path.open("rb") as file:
             for position in positions:
                 file.seek(position)
@@ -90,7 +99,9 @@ class JsonLines:
 
 
 def remove_incomplete_line(file: BinaryIO) -> None:
-    """Remove the last line of a file if it does not end with a newline, and seek to the end.
+    """Remove the last line of a file if it does not end with a newline.
+
+    After the call, the position in the file is the end of the file.
 
     Parameters
     ----------
@@ -109,6 +120,8 @@ def remove_incomplete_line(file: BinaryIO) -> None:
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
     """Context manager that locks a folder, so that no other series or sweep can run in it.
+
+    A series is run by `teleop series`, and a sweep by `teleop sweep`.
 
     The folder is not locked on a system without the module `fcntl`, such as Windows.
 

@@ -1,4 +1,10 @@
-"""Find the recordings that are compared, and the level of each factor for each of them."""
+"""Find the recordings that are to be compared, and the levels of the factors of each recording.
+
+A factor is a property in which recordings differ, for example `condition`. A level of a factor is
+its value for a recording, for example `mimic`. A series is a set of trials that are run according
+to a plan. The folder of a series contains the journal (a file with a line for each event), the
+table of the results (a CSV file), and the folder of the recordings.
+"""
 
 from __future__ import annotations
 
@@ -22,17 +28,20 @@ from teleop.studies.series.trials import cells
 
 @dataclass(frozen=True)
 class Source:
-    """A file that is compared, with the level of each factor."""
+    """A file that is to be compared with other files, and the levels of its factors.
+
+    A factor is a property in which files differ, for example `condition` with the level `mimic`.
+    """
 
     path: Path
     """The file."""
     levels: dict[str, str] = field(default_factory=dict)
-    """Level of each factor of the series to which the file belongs; empty if it belongs to no
-    series."""
+    """Level of each factor of the series to which the file belongs, by the name of the factor. If
+    the file belongs to no series, the dictionary is empty."""
 
 
 def sources(paths: Iterable[Path]) -> list[Source]:
-    """Return the files that are compared.
+    """Return the files that are to be compared.
 
     Parameters
     ----------
@@ -57,9 +66,14 @@ def sources(paths: Iterable[Path]) -> list[Source]:
 
 
 def of_folder(folder: Path) -> list[Source]:
-    """Return the recordings in a folder.
+    """Return the recordings in a folder, with the levels of their factors.
 
     In the folder of a series, only the recordings of trials that are done are returned.
+
+    Raises
+    ------
+    InputError
+        The folder contains no recordings, or cannot be read.
     """
     series = trials(folder)
     if series:
@@ -82,7 +96,11 @@ def of_folder(folder: Path) -> list[Source]:
 
 
 def of_file(path: Path) -> Source:
-    """Return a file with the levels of its factors; no levels if it is not part of a series."""
+    """Return a file, with the levels of its factors if it is a recording of a series.
+
+    A factor is a property in which recordings differ, for example `condition` with the level
+    `mimic`. A file that is not part of a series is returned without levels.
+    """
     folder = path.absolute().parent
     if folder.name != RECORDINGS:
         return Source(path)
@@ -90,10 +108,15 @@ def of_file(path: Path) -> Source:
 
 
 def trials(folder: Path) -> dict[str, dict[str, str]]:
-    """Return the levels of the factors for each recording of a series, by its file name.
+    """Return the levels of the factors of each recording in the folder of a series.
 
     The levels are read from the journal of the series. If there is no journal, they are read from
-    the table of the series. The result is empty if the folder contains neither of these files.
+    the table of the results (CSV). If the folder contains neither of these files, the result is
+    empty.
+
+    Returns
+    -------
+    The level of each factor, by the file name of the recording and by the name of the factor.
 
     Raises
     ------
@@ -111,7 +134,11 @@ def trials(folder: Path) -> dict[str, dict[str, str]]:
 
 
 def journal_trials(path: Path) -> dict[str, dict[str, str]]:
-    """Return the levels of the factors for each recording in the journal of a series."""
+    """Read the levels of the factors of each recording from the journal of a series.
+
+    `path` is the path of the journal, a file with a line for each event of the series. The levels
+    are returned by the file name of the recording, for trials that are done.
+    """
     try:
         journal = Journal(path.parent)
         order = cells(Plan.model_validate(journal.entries[0]["plan"]))
@@ -125,7 +152,11 @@ def journal_trials(path: Path) -> dict[str, dict[str, str]]:
 
 
 def table_trials(path: Path) -> dict[str, dict[str, str]]:
-    """Return the levels of the factors for each recording in the table of a series."""
+    """Read the levels of the factors of each recording from the table of the results (CSV).
+
+    `path` is the path of the table of a series. The levels are returned by the file name of the
+    recording.
+    """
     try:
         with path.open(newline="", encoding="utf-8") as file:
             return {row["file"]: dict(factors_of(row)) for row in csv.DictReader(file)}
@@ -134,13 +165,15 @@ def table_trials(path: Path) -> dict[str, dict[str, str]]:
 
 
 def planned_levels(found: Iterable[Source]) -> dict[str, list[str]]:
-    """Return the levels of the factors in the order of the plans of the series.
+    """Return the levels of each factor, in the order in which the plans of the series list them.
+
+    The plan of a series is read from the journal in the folder of the series.
 
     Parameters
     ----------
     found
-        Files. The plan of a series is read from the journal in its folder. A file that belongs to
-        no series, and a series without a journal, have no plan.
+        The files that are compared. Files that belong to no series are ignored, and so are files of
+        a series without a journal.
 
     Raises
     ------
@@ -157,7 +190,16 @@ def planned_levels(found: Iterable[Source]) -> dict[str, list[str]]:
 
 
 def plan_factors(journal: Path) -> dict[str, list[str]]:
-    """Return the factors of the plan in the first line of a journal, with the levels of each."""
+    """Return the levels of each factor of a series, by the name of the factor.
+
+    The levels are read from the plan of the series, which is in the first line of the journal. If
+    the journal does not exist, the result is empty.
+
+    Parameters
+    ----------
+    journal
+        Path of the journal.
+    """
     try:
         with journal.open("rb") as file:
             factors = loads(file.readline())["plan"]["factors"]
@@ -171,7 +213,7 @@ def plan_factors(journal: Path) -> dict[str, list[str]]:
 
 
 def factors_of(row: dict[str, str]) -> Iterator[tuple[str, str]]:
-    """Yield each factor and its level, from a row of the table of a series.
+    """Yield each factor and its level, from a row of the table of the results of a series (CSV).
 
     The first columns of the table contain the factors, up to and including the column `repetition`.
     The column `trial` is not a factor.
@@ -185,15 +227,15 @@ def factors_of(row: dict[str, str]) -> Iterator[tuple[str, str]]:
 def known_factors(source: Source, settings: Mapping[str, Any]) -> dict[str, str]:
     """Return all factors by which a file can be grouped, with the level of each factor.
 
-    The factors are the name and the folder of the file, the settings of the recorded trial that are
-    a text or a number, and the factors of the series.
+    The factors are the name of the file, the name of its folder, all settings of the trial whose
+    value is a text or a number, and the factors of the series to which the file belongs.
 
     Parameters
     ----------
     source
         The file.
     settings
-        Settings of the recorded trial by name; empty for a file of another program.
+        Settings of the recorded trial by name; empty if another program wrote the file.
     """
     found = {"file": source.path.name, "folder": source.path.absolute().parent.name}
     for name, value in settings.items():
@@ -205,9 +247,10 @@ def known_factors(source: Source, settings: Mapping[str, Any]) -> dict[str, str]
 
 
 def usual_factors(found: Iterable[Source]) -> list[str]:
-    """Return the factors of a series that have two or more levels in the given files.
+    """Return the factors by which the files are grouped if the user does not choose factors.
 
-    The factors subject and repetition are omitted.
+    These are the factors of a series that have two or more levels in the given files. The factors
+    `subject` and `repetition` are omitted.
     """
     levels: dict[str, set[str]] = {}
     for source in found:

@@ -19,8 +19,8 @@ def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
     """Context manager that provides a pool of worker processes.
 
     If the block of the `with` statement raises an exception, including KeyboardInterrupt, the
-    worker processes are killed before their tasks are finished. If the process that created the
-    pool is killed, the worker processes end by themselves.
+    worker processes are killed, even if their tasks are not finished. If the process that created
+    the pool is killed, the worker processes end by themselves.
 
     Parameters
     ----------
@@ -54,11 +54,12 @@ def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
 
 
 def end_with_parent() -> None:
-    """Prepare a worker process to ignore signals except SIGTERM, and to end with its parent.
+    """Prepare a worker process to end with its parent process, and to ignore Ctrl-C.
 
     This function is called at the start of each worker process. A terminal sends a signal such as
-    Ctrl-C to the parent process and to the worker processes. Only the parent process reacts to it,
-    and then ends the worker processes.
+    Ctrl-C to the parent process and to the worker processes. Only the parent process reacts to the
+    signal, and then ends the worker processes. Of the signals in `SIGNALS`, a worker process
+    ignores all except SIGTERM.
     """
     for name in SIGNALS:
         if number := getattr(signal, name, None):

@@ -1,4 +1,4 @@
-"""Arm the drives: check the required settings, and ask a person before devices move."""
+"""Check the required settings, and ask a person before the drives are armed (enabled)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,10 @@ def check_stated(settings: TrialSettings) -> None:
 
 
 def discard_typed_ahead() -> None:
-    """Discard keys that were typed before a prompt. They are not an answer to the prompt."""
+    """Discard all keys that a person typed before a prompt is shown.
+
+    These keys are not an answer to the prompt.
+    """
     try:
         import termios
     except ImportError:  # a system without these terminals
@@ -41,21 +44,24 @@ def discard_typed_ahead() -> None:
 
 
 def is_armed(rig: RigFile, text: str, yes: bool = False) -> bool:
-    """Ask the person at the terminal to arm the drives, and return whether the answer was Enter.
+    """Ask the person at the terminal whether to arm (enable) the drives, and return the answer.
+
+    The result is True if the person presses only Enter. This function does not arm the drives.
 
     Parameters
     ----------
     rig
-        The rig.
+        Content of the rig file. An error message contains the name of the rig.
     text
-        Description of the motion, see `motion_text`.
+        Text that is shown to the person: how the rig will move, and how to stop it, see
+        `motion_text`.
     yes
-        Whether to arm the drives without asking.
+        Whether to return True without asking.
 
     Raises
     ------
     InputError
-        Standard input is not a terminal of this process.
+        `yes` is False, and standard input is not a terminal from which this process may read.
     """
     if yes:
         return True
@@ -74,7 +80,7 @@ def is_armed(rig: RigFile, text: str, yes: bool = False) -> bool:
 
 
 def arming_text(settings: TrialSettings) -> str:
-    """Return a text that describes a trial, for the person who arms the drives."""
+    """Return a text for the person who arms the drives: what the trial is, and how to stop it."""
     limits = settings.limits
     depth = "not stated" if settings.depth is None else f"{settings.depth * 1e3:g} mm"
     motion = (
@@ -88,6 +94,13 @@ def motion_text(rig: str, motion: str) -> str:
     """Return a text for the person who arms the drives: how the rig will move, and how to stop it.
 
     The lines of the text are not wider than the terminal.
+
+    Parameters
+    ----------
+    rig
+        Name of the rig.
+    motion
+        Description of the motion, such as the control condition, the depth and the force limit.
     """
     text = f"{rig}: {motion}.\nWhile it runs: {StopSwitch(key=True).instructions}."
     return wrapped(text, terminal_width())

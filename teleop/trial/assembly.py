@@ -30,16 +30,16 @@ from teleop.trial.feedback_checks import expected_stiffness
 from teleop.trial.settings import TrialSettings
 
 LINK_GAIN = 20.0
-"""Position gain of the coupling with a channel or force feedback [1/s].
+"""Gain from the position error of the slave to the velocity of the slave [1/s].
 
-It is used if the settings have no position gain.
+It is used with a communication channel or force feedback if this gain is 0 in the settings.
 """
 RigMaker = Callable[[Callable[[], float]], Rig]
 """Function that creates a rig. Its argument is a function that returns the time [s]."""
 
 
 def make_clock(settings: TrialSettings) -> Clock:
-    """Return a new clock in real or virtual time, as the settings state."""
+    """Return a new clock of the control loop, in real or virtual time as the settings state."""
     return RealClock(settings.rate) if settings.clock == "real" else VirtualClock(settings.rate)
 
 
@@ -55,7 +55,9 @@ def make_rig(
     now
         Function that returns the time of the clock [s].
     pointer
-        Operator of the simulated rig; None for the operator that belongs to the condition.
+        Simulated operator whose hand follows the mouse pointer of the live page (the web page that
+        shows the trial). None for the simulated operator of the control condition. Not used on a
+        hardware rig.
     """
     if settings.rig is None:
         return make_simulated_rig(settings, now, pointer=pointer)
@@ -71,7 +73,7 @@ def make_simulated_rig(
     mimic: type[MimickedSine] = MimickedSine,
     pointer: PointerOperator | None = None,
 ) -> SimulatedRig:
-    """Return a new simulated rig, with a simulated operator if the condition needs one.
+    """Return a new simulated rig, with a simulated operator if the control condition needs one.
 
     Parameters
     ----------
@@ -80,11 +82,12 @@ def make_simulated_rig(
     now
         Function that returns the time of the clock [s].
     watchdog
-        Timeout of the drives' watchdogs [s].
+        Time without a command after which the drives are disabled [s].
     mimic
-        Class of the simulated operator in the condition `mimic`.
+        Class of the simulated operator that is created in the control condition `mimic`.
     pointer
-        Operator that replaces the simulated operator; None for the simulated operator.
+        Simulated operator whose hand follows the mouse pointer of the live page (the web page that
+        shows the trial). None for the simulated operator of the control condition.
     """
     return SimulatedRig(
         settings.setup.cube,
@@ -101,14 +104,14 @@ def make_simulated_rig(
 def make_operator(
     settings: TrialSettings, mimic: type[MimickedSine] = MimickedSine
 ) -> Operator | None:
-    """Return the simulated operator of the condition; None if the condition has no operator.
+    """Return a new simulated operator for the control condition; None for `autonomous`.
 
     Parameters
     ----------
     settings
         Settings of the trial.
     mimic
-        Class of the simulated operator in the condition `mimic`.
+        Class of the simulated operator that is created in the control condition `mimic`.
     """
     depth = settings.setup.depth / settings.coupling.scale
     seed, model = settings.seed, settings.operator_model
@@ -123,7 +126,11 @@ def make_operator(
 
 
 def make_condition(settings: TrialSettings) -> Condition:
-    """Return a new control condition, with its target or its PE injector."""
+    """Return a new object for the control condition that the settings state.
+
+    In `mimic`, the object contains the target that the operator follows. In `autonomous`, it
+    contains the PE (persistent excitation) injector, which moves the slave along a given signal.
+    """
     if settings.condition == "free":
         return Teleoperation()
     if settings.condition == "mimic":
@@ -140,10 +147,11 @@ def make_condition(settings: TrialSettings) -> Condition:
 
 
 def make_link(settings: TrialSettings) -> Link:
-    """Return a new link between master and slave.
+    """Return a new link, which computes the desired velocities of master and slave.
 
-    With a channel or force feedback, the slave follows both the velocity and the position of the
-    master. If it followed only the velocity, a lost packet would leave a permanent position offset.
+    With a communication channel or force feedback, the slave follows both the velocity and the
+    position of the master. If the slave followed only the velocity, a lost packet of the channel
+    would cause a permanent position error of the slave.
     """
     admittance, coupling = Admittance(settings.admittance), settings.coupling
     if not settings.has_link:
@@ -165,7 +173,20 @@ def make_layout(
     bank: Mapping[str, Estimator],
     pointer: PointerOperator | None = None,
 ) -> Layout:
-    """Return the layout of the message that contains the data of a tick."""
+    """Return the layout of a message: which values it contains, and in which order.
+
+    A message contains the recorded values of one tick (period of the control loop).
+
+    Parameters
+    ----------
+    settings
+        Settings of the trial.
+    bank
+        The estimators by name.
+    pointer
+        Simulated operator whose hand follows the mouse pointer of the live page. The message then
+        also contains the state of the pointer. None if there is no such operator.
+    """
     return Layout(bank, FEEDBACK_COLUMNS if settings.has_link else (), pointer)
 
 
@@ -177,7 +198,7 @@ def make_controller(
     condition: Condition | None = None,
     estimation: Estimation | None = None,
 ) -> Controller:
-    """Return a new controller, with tare and limits as stated in the settings of the trial.
+    """Return a new controller, with the zero offsets and the safety limits of the settings.
 
     Parameters
     ----------
@@ -186,13 +207,14 @@ def make_controller(
     rig
         The rig that the controller reads and commands.
     bank
-        The estimators.
+        The estimators. Not used if `estimation` is given.
     clock
-        The clock of the loop.
+        Clock with which the controller measures how long its computations take.
     condition
-        Control condition; None for the condition of the settings.
+        Object for the control condition; None to create it from the settings.
     estimation
-        Computes the estimates; None to compute them within each tick.
+        Object that updates the estimators, such as `LaterEstimates`; None to update them within
+        each tick (period of the control loop).
     """
     return Controller(
         rig,

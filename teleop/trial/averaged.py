@@ -1,7 +1,8 @@
-"""The part of a trial over which the estimates are averaged.
+"""Determine the part of a trial over which the estimates are averaged.
 
-The count-in of `mimic` and the ramp at the end of `autonomous` do not belong to this part. In the
-count-in, the target does not move. In the ramp, the excitation decreases to zero.
+In the condition `mimic`, the count-in is left out: the time at the start in which the target does
+not move yet. In the condition `autonomous`, the ramp at the end is left out: the time in which the
+excitation decreases to zero.
 """
 
 from __future__ import annotations
@@ -16,7 +17,15 @@ from teleop.trial.settings_json import from_document
 
 
 def averaged_part(recording: Recording | RecordingFile, settings: TrialSettings) -> AveragedPart:
-    """Return the part of a recorded trial over which the estimates are averaged."""
+    """Return the part of a recorded trial over which the estimates are averaged.
+
+    Parameters
+    ----------
+    recording
+        The recording. Start and end of the returned part are times of this recording.
+    settings
+        Settings of the trial. They state the count-in and the duration.
+    """
     part, count_in = WHOLE, settings.target.count_in
     if settings.condition == "mimic" and count_in and "target" in recording.units:
         part = AveragedPart(start=count_in, left_out=f"the count-in of {count_in:g} s")
@@ -29,7 +38,11 @@ def averaged_part(recording: Recording | RecordingFile, settings: TrialSettings)
 
 
 def recorded_part(recording: Recording) -> AveragedPart:
-    """Return `averaged_part` with the recorded settings; the whole trial if they are not valid."""
+    """Return the part of a trial over which the estimates are averaged, from its recording only.
+
+    The settings of the trial are read from the recording. If they are not valid, the result is the
+    whole trial.
+    """
     try:
         return averaged_part(recording, from_document(recording.settings))
     except InputError:

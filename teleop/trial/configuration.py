@@ -1,6 +1,6 @@
 """Read and write configuration files, which contain the settings of a trial in TOML.
 
-A configuration file has the same keys as the JSON document of the settings (`settings_json`).
+The keys are the same as in the JSON document of the settings, see `teleop.trial.settings_json`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 NEEDED_ON_RIG = {"specimen": "the name of the specimen", "depth_m": "the depth of palpation [m]"}
-"""Settings without a default on a hardware rig, by key, with a description."""
+"""Settings that every trial on a hardware rig requires: the key and a description of each."""
 
 
 def read_configuration(path: Path, complete: bool = False) -> TrialSettings:
@@ -46,7 +46,8 @@ def read_configuration(path: Path, complete: bool = False) -> TrialSettings:
         `tare` the path of a file that `teleop rig tare` wrote. The two paths are relative to the
         folder of the TOML file. A setting that is not in the file has its default value.
     complete
-        Whether the file must contain all that a trial needs, see `complete_settings`.
+        Whether to check also that no required setting is missing, and that the force feedback may
+        be used, see `complete_settings`.
 
     Raises
     ------
@@ -68,16 +69,16 @@ def read_configuration(path: Path, complete: bool = False) -> TrialSettings:
 
 
 def as_recorded_now(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Convert recorded settings of any version of teleop to settings of the present version.
+    """Convert settings that any version of teleop recorded to settings of the present version.
 
-    Values that were computed from the settings are removed. Two settings are removed if they had
-    no effect in the recorded trial: `cube` on a hardware rig, and `signal` in the condition
-    `mimic` before version 0.2.
+    Values that were computed from other settings are removed. Two settings are removed if they had
+    no effect in the recorded trial: `cube` (the simulated body) on a hardware rig, and `signal`
+    (the excitation signal) in the condition `mimic` before version 0.2.
 
     Parameters
     ----------
     document
-        Recorded settings by key.
+        Recorded settings: values by key.
     """
     ignored = document.get("condition") == "mimic" and NAMES["count_in"] not in document
     removed = {
@@ -147,20 +148,24 @@ def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
 def complete_settings(
     document: Mapping[str, Any], folder: Path, place: str = "the file"
 ) -> TrialSettings:
-    """Return the settings in a document, and check that they are complete and valid.
+    """Return the settings in a configuration file, and check that no required setting is missing.
 
     Parameters
     ----------
-    document, folder
-        See `settings_from`.
+    document
+        Contents of the file: values by key.
+    folder
+        Folder to which paths in the file are relative.
     place
-        Name of the place where the user can add a missing setting. It is part of the error message.
+        Where the user can add a missing setting, such as "the file". The text is part of the error
+        message.
 
     Raises
     ------
     InputError
-        A setting is invalid, the specimen or the depth on a hardware rig is missing, or the force
-        feedback is expected to be unstable. The message has one line for each problem.
+        A setting is invalid, the specimen or the depth is missing in a trial on a hardware rig, or
+        the force feedback may not be used (see `check_feedback`). The message has one line for
+        each problem.
     """
     problems = [
         f"{key}: is missing: expected {what} in {place}, for a trial on a hardware rig"
@@ -177,7 +182,13 @@ def complete_settings(
 def raised_together(problems: list[str]) -> Iterator[None]:
     """Return a context manager that raises several problems as one InputError.
 
-    These are the problems in the list, and the problems that are raised within the `with` block.
+    The error is raised at the end of the `with` block, unless there is no problem.
+
+    Parameters
+    ----------
+    problems
+        Messages of the problems that are known before the block. If the block raises an
+        InputError, the lines of its message are appended to this list.
     """
     try:
         yield
@@ -188,7 +199,10 @@ def raised_together(problems: list[str]) -> Iterator[None]:
 
 
 def write_configuration(settings: TrialSettings) -> str:
-    """Return the text of a configuration file with the settings and a comment for each setting."""
+    """Return the text of a configuration file with the settings and a comment for each setting.
+
+    The function does not write a file.
+    """
     import tomlkit
 
     document = without_none(to_document(settings))
@@ -215,7 +229,10 @@ def write_configuration(settings: TrialSettings) -> str:
 
 
 def without_none(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a mapping without the keys whose value is None, because TOML has no value None."""
+    """Return a copy of a mapping without the keys whose value is None, also in inner mappings.
+
+    Keys with the value None are removed because TOML has no such value.
+    """
     return {
         key: without_none(value) if isinstance(value, Mapping) else value
         for key, value in values.items()
@@ -224,16 +241,16 @@ def without_none(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def table(values: Mapping[str, Any], properties: Mapping[str, Any]) -> Table:
-    """Return a TOML table, with the description of each key as a comment.
+    """Return a TOML table with values, and with the description of each key as a comment.
 
-    A key that has a description but no value is only written as a comment.
+    A key of `properties` that has no value is written as a comment only.
 
     Parameters
     ----------
     values
         Values by key.
     properties
-        Properties of the table in the JSON schema, by key. They contain the descriptions.
+        JSON schema of each value, by key. It contains the description of the key.
     """
     import tomlkit
 
@@ -251,7 +268,7 @@ def table(values: Mapping[str, Any], properties: Mapping[str, Any]) -> Table:
 
 
 def configuration_schema() -> dict[str, Any]:
-    """Return the JSON schema of configuration files, with which editors check the files."""
+    """Return the JSON schema of configuration files. Text editors use it to check such a file."""
     schema = adapter().json_schema()
     properties = schema["properties"]
     for key, given in {

@@ -1,4 +1,4 @@
-"""Check the force feedback before a trial begins."""
+"""Check before a trial whether its force feedback may be used and is expected to be stable."""
 
 from __future__ import annotations
 
@@ -15,27 +15,30 @@ from teleop.errors import InputError
 from teleop.trial.settings import TrialSettings
 
 LOOP_DELAY = 1.5
-"""Delay of the loop in periods: a command is computed from the last sample, and then held."""
+"""Delay of the control loop in periods. A sample is at most one period old. A command is held for
+one period, which is a mean delay of half a period."""
 PASSIVITY_OFFERED = {"soft": (0.05, 0.5)}
-"""Shortest and longest round trip [s] for which passivity control is permitted, by cube.
+"""Shortest and longest delay of a round trip through the communication channel [s], for which the
+force-feedback law `passivity` is permitted, by the cube of the simulated rig.
 
-All trials of the benchmark on the cube with a round trip in this range were stable. They were made
-with 20 seeds, with arms of 150, 400 and 1500 N/m, and with operators who reverse at a force or at a
-depth (`benchmarks/results/feedback-passivity.csv`).
+In the benchmark, all trials on this cube with a delay in this range were stable. They were made
+with 20 seeds, with arms of 150, 400 and 1500 N/m, and with operators who reverse their motion at a
+force or at a depth (`benchmarks/results/feedback-passivity.csv`).
 """
 
 
 def check_feedback(settings: TrialSettings) -> str:
-    """Check that the feedback may be used, and return a warning or an empty text.
+    """Check that the force feedback of a trial may be used, and return a warning or an empty text.
 
-    The warning states that settings are missing, so that it is not known whether the feedback is
-    stable.
+    The warning names settings that are missing. Without these settings, it is not known whether the
+    force feedback is stable.
 
     Raises
     ------
     InputError
-        The law is `position-force` and is expected to be unstable, or it is `passivity` and is not
-        permitted for the cube and the round trip of the trial.
+        The force-feedback law is `position-force`, and the delay is so long that the feedback is
+        expected to be unstable. Or the law is `passivity`, which is permitted only for certain
+        cubes and delays (`PASSIVITY_OFFERED`).
     """
     law, trip = settings.feedback.law, round_trip(settings)
     if law == "passivity":
@@ -62,9 +65,10 @@ def check_feedback(settings: TrialSettings) -> str:
 
 
 def unknown_values(settings: TrialSettings) -> list[str]:
-    """Return the settings that are missing for the check of the law position-force.
+    """Return a description of each missing setting that the check of the stability needs.
 
-    Only a trial on a hardware rig can have missing settings.
+    The stability is that of the force-feedback law `position-force`. On the simulated rig, no such
+    setting is missing.
     """
     if settings.rig is None:
         return []
@@ -77,14 +81,19 @@ def unknown_values(settings: TrialSettings) -> list[str]:
 
 
 def lag(settings: TrialSettings) -> float:
-    """Return the delay of the contact force at the master, without the delay of the channel [s]."""
+    """Return the delay from the contact force to the force that the hand feels [s].
+
+    This delay is the sum of the lag of the contact force sensor and the delay of the control loop.
+    It does not include the delay of the communication channel.
+    """
     return sensor_lag(settings) + LOOP_DELAY / settings.rate
 
 
 def sensor_lag(settings: TrialSettings) -> float:
-    """Return the lag of the force channel that measures the contact force [s].
+    """Return the lag of the signal of the contact force sensor [s].
 
-    On a hardware rig, it is the sum of the lags in the settings and in the rig file.
+    On a hardware rig, this lag is the sum of `force_lag` in the settings and the lag of the contact
+    force in the rig file.
     """
     if settings.rig is None:
         return settings.plant_parameters.contact_force_lag
@@ -92,10 +101,12 @@ def sensor_lag(settings: TrialSettings) -> float:
 
 
 def arm_lag(settings: TrialSettings) -> float:
-    """Return the largest lag with which the arm acts on the virtual mass of the simulated rig [s].
+    """Return the largest lag with which the force of the arm acts on the virtual mass [s].
 
-    It contains a period for the age of a sample. On the simulated rig, the samples of a tick have
-    the age 0, so that the true lag is about one period shorter.
+    The virtual mass is the mass that the operator of the simulated rig feels at the handle. The lag
+    is the sum of the lags of the servo of the handle, the force sensor of the handle and the
+    control loop. It includes one period for the age of a sample. On the simulated rig, this age is
+    0, so that the true lag is about one period shorter.
     """
     plant = settings.plant_parameters
     servo = 1.0 / (2.0 * math.pi * plant.handle_bandwidth)
@@ -105,9 +116,16 @@ def arm_lag(settings: TrialSettings) -> float:
 def arm_damping(settings: TrialSettings, frequency: Floats) -> Floats:
     """Return the effective damping of the simulated operator's arm [N s/m], shape (n,).
 
-    The arm has the damping b and the stiffness k, and acts on the virtual mass with the lag tau.
-    Its impedance is (b + k / (j w)) exp(-j w tau). The effective damping is the real part of this
-    impedance. `frequency` contains the frequencies w / (2 pi) [Hz], shape (n,).
+    The arm has the damping b and the stiffness k. Its force acts on the virtual mass of the master
+    with the lag tau, which `arm_lag` returns. The impedance of the arm is therefore
+    (b + k / (j w)) exp(-j w tau). The effective damping is the real part of this impedance.
+
+    Parameters
+    ----------
+    settings
+        Settings of the trial.
+    frequency
+        Frequencies w / (2 pi) [Hz], shape (n,).
     """
     arm, delay = settings.operator_model.arm, arm_lag(settings)
     phase = 2.0 * np.pi * frequency * delay
@@ -116,18 +134,21 @@ def arm_damping(settings: TrialSettings, frequency: Floats) -> Floats:
 
 
 def round_trip(settings: TrialSettings) -> float:
-    """Return the longest delay of a round trip through the channel [s]."""
+    """Return the longest delay of a round trip through the communication channel [s].
+
+    A round trip is the way from the master to the slave and back.
+    """
     channel = settings.channel or ChannelSettings()
     return 2.0 * (channel.delay + channel.jitter)
 
 
 def delayed_loop(settings: TrialSettings) -> DelayedLoop:
-    """Return the loop of hand, virtual mass and delayed environment, to check its stability.
+    """Return the loop of arm, virtual mass and delayed contact force, to check its stability.
 
-    The stiffness of the environment is the result of `expected_stiffness` times the motion scale.
-    On a hardware rig, the impedance of the person's arm is not known. The returned loop then has no
-    arm, and condition (2) of `teleop.control.feedback.stability` ensures stability for any passive
-    hand.
+    The contact force is that of a spring. Its stiffness is the result of `expected_stiffness` times
+    the motion scale (slave motion divided by master motion). On a hardware rig, the impedance of
+    the person's arm is not known. The returned loop then has no arm. If the delay is below
+    `safe_delay` of this loop, the feedback is stable with any passive hand.
     """
     admittance, feedback = settings.admittance, settings.feedback
     arm = UNATTENDED if settings.rig else settings.operator_model.arm
@@ -144,10 +165,11 @@ def delayed_loop(settings: TrialSettings) -> DelayedLoop:
 
 
 def expected_stiffness(settings: TrialSettings) -> float:
-    """Return the largest expected slope of the contact force [N/m].
+    """Return the largest stiffness that is expected in contact with the specimen [N/m].
 
-    This is the stiffness that the settings state. If they state none, it is the stiffness of the
-    simulated body or, on a hardware rig, `STIFF_PRIOR`.
+    This is the stiffness in the settings of the force feedback. If the settings state no stiffness,
+    the result is the stiffness of the simulated body. On a hardware rig, the result is then
+    `STIFF_PRIOR`, the stiffness that is assumed for an unknown specimen.
     """
     if settings.feedback.stiffness is not None:
         return settings.feedback.stiffness
@@ -155,7 +177,12 @@ def expected_stiffness(settings: TrialSettings) -> float:
 
 
 def present_stiffness(settings: TrialSettings) -> float:
-    """Return the slope of the simulated contact force at the deepest position [N/m]."""
+    """Return the stiffness of the simulated body at the deepest position of a trial [N/m].
+
+    The stiffness is the derivative of the static contact force with respect to the position. The
+    deepest position is the depth in the settings. If the operator reverses the motion at a certain
+    force, the deepest position is at most the position with this contact force.
+    """
     from scipy.optimize import brentq  # its import takes as long as that of the rest of a run
 
     setup, aim = settings.setup, settings.operator_model.aim_force
@@ -167,12 +194,22 @@ def present_stiffness(settings: TrialSettings) -> float:
 
 
 def check_offered(settings: TrialSettings, trip: float) -> None:
-    """Raise an error unless `PASSIVITY_OFFERED` permits passivity control for this trial.
+    """Check that a trial may use the force-feedback law `passivity`.
+
+    `PASSIVITY_OFFERED` contains the cubes and the delays for which this law is permitted. On a
+    hardware rig, it is not permitted.
+
+    Parameters
+    ----------
+    settings
+        Settings of the trial.
+    trip
+        Longest delay of a round trip through the communication channel [s].
 
     Raises
     ------
     InputError
-        The law passivity is not permitted for the cube and the round trip.
+        The law is not permitted for this trial.
     """
     shortest, longest = PASSIVITY_OFFERED.get("" if settings.rig else settings.cube, (1.0, 0.0))
     if shortest <= trip <= longest:

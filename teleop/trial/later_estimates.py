@@ -1,8 +1,9 @@
-"""Estimates that are computed after the ticks, in blocks, for trials in virtual time.
+"""Compute the estimates of a trial in virtual time in blocks of many ticks.
 
-The estimators process a block of samples much faster than the same samples one by one, with exactly
-the same results. In real time, the estimates are computed within each tick, because they are shown
-while the trial runs.
+A tick is one period of the control loop. The estimators process a block of samples much faster than
+the same samples one by one, with exactly the same results. In a trial in real time or with the live
+page, the estimates are computed within each tick instead, because they are shown while the trial
+runs.
 """
 
 from __future__ import annotations
@@ -23,27 +24,30 @@ BLOCK = 10_000
 
 
 class LaterEstimates(Estimation, Sink):
-    """Sink that adds the estimates to the messages of ticks, and passes them to other sinks.
+    """Sink that adds the estimates to messages, and then passes the messages to other sinks.
 
-    The ticks wait until a block is complete, or until an event occurs. If an estimator raises an
-    exception, the ticks of this block and of all later blocks are passed on without estimates. The
-    method `update` raises the same exception at the next tick.
+    A sink receives a message with the data of each tick (period of the control loop). This sink
+    stores the messages until it has `BLOCK` messages, until an event occurs, or until it is closed.
+    Then it computes the estimates of all stored ticks together, and passes their messages on.
+
+    If an estimator raises an exception, the messages of this block and of all later blocks are
+    passed on without estimates. The next call of `update` raises the same exception.
 
     Parameters
     ----------
     conditioner
-        Computes the regressors from slave position and contact force.
+        Filters slave position and contact force, and computes displacement and velocity.
     bank
         The estimators.
     layout
-        Layout of the message of a tick.
+        Layout of a message: which values it contains, and in which order.
     sinks
-        The other sinks.
+        The other sinks, which receive the messages with the estimates.
 
     Attributes
     ----------
     error
-        The exception of an estimator; None if there was no exception.
+        The exception that an estimator raised; None if there was no exception.
     """
 
     def __init__(
@@ -59,33 +63,42 @@ class LaterEstimates(Estimation, Sink):
         self._first = layout.first_of_estimates
 
     def update(self, pair: Pair) -> Estimated:
-        """Return NaN for all estimates, because they are computed later.
+        """Return NaN for all estimates of a tick, because the estimates are computed later.
 
-        If an estimator raised an exception in an earlier block, this method raises it again.
+        If an estimator raised an exception in an earlier block of ticks, this method raises the
+        same exception.
+
+        Parameters
+        ----------
+        pair
+            Slave position and contact force of the tick. Not used.
         """
         if self.error:
             raise self.error
         return self.unknown
 
     def push(self, message: bytes) -> None:
-        """Store the message of one tick."""
+        """Store the message of one tick. If `BLOCK` messages are stored, process them."""
         self._messages.append(message)
         if len(self._messages) >= BLOCK:
             self._pass_on()
 
     def event(self, event: Event) -> None:
-        """Pass on the waiting ticks, and then the event."""
+        """Pass the stored messages with their estimates to the other sinks, and then the event."""
         self._pass_on()
         for sink in self._sinks:
             sink.event(event)
 
     def close(self) -> Outcome:
-        """Pass on the waiting ticks. The other sinks are not closed."""
+        """Pass the stored messages with their estimates to the other sinks.
+
+        The result contains the number of received ticks. The other sinks are not closed.
+        """
         self._pass_on()
         return Outcome(None, self._pushed, 0, "")
 
     def _pass_on(self) -> None:
-        """Compute the estimates of the waiting ticks, and pass these ticks on."""
+        """Add the estimates to the stored messages, and pass the messages to the other sinks."""
         messages, self._messages = self._messages, []
         self._pushed += len(messages)
         try:
@@ -100,9 +113,15 @@ class LaterEstimates(Estimation, Sink):
             self.dropped = sum(sink.dropped for sink in self._sinks)
 
     def _completed(self, messages: list[bytes]) -> list[bytes]:
-        """Compute the estimates, and return the messages with these estimates.
+        """Compute the estimates of ticks, and return the messages of the ticks with the estimates.
 
-        Estimates are computed only for ticks with a pair of slave position and contact force.
+        A force sensor can be slower than the control loop. Then only some ticks have a pair of
+        slave position and contact force. Only these ticks have estimates.
+
+        Parameters
+        ----------
+        messages
+            Messages of the ticks, without estimates.
         """
         data = bytearray().join(messages)
         values, places = np.frombuffer(data, self._message)["values"], self._places

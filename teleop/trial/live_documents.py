@@ -1,4 +1,8 @@
-"""Create the messages to the live page that describe a trial and the columns of its data."""
+"""Create messages that describe a trial, and the columns of its data, to the live page.
+
+The live page is a web page that shows a running or recorded trial. A message is a dictionary, which
+is sent as JSON.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +33,9 @@ OF_ESTIMATOR = {
 
 
 def column_documents(units: Mapping[str, str]) -> list[dict[str, str]]:
-    """Return the name, unit and meaning of each recorded column, for the message `welcome`.
+    """Return the name, unit and meaning of each recorded column.
+
+    The result is for the message `welcome`, which describes the data of a trial to the live page.
 
     Parameters
     ----------
@@ -40,7 +46,7 @@ def column_documents(units: Mapping[str, str]) -> list[dict[str, str]]:
 
 
 def meaning(name: str) -> str:
-    """Return the meaning of a column; empty for an unknown column."""
+    """Return the meaning of the recorded column `name`; an empty text if the name is unknown."""
     if match := re.fullmatch(r"\w+?_(b_std|k_std|held|misfit|b|k)", name):
         return OF_ESTIMATOR[match[1]]
     return MEANINGS.get(name, "")
@@ -49,17 +55,17 @@ def meaning(name: str) -> str:
 def trial_document(
     settings: TrialSettings, number: int = 1, position: int = 0, of: int = 0
 ) -> dict[str, Any]:
-    """Return the message `trial`, which describes a trial at its start.
+    """Return the message `trial`, which describes a trial to the live page when the trial starts.
 
     Parameters
     ----------
     settings
         Settings of the trial.
     number
-        Number of the trial since the live page was started, from 1.
+        Number of the trial, counted from 1 since the live page was started.
     position, of
-        Position of the trial in a series, from 1, and number of trials of the series. Both are 0
-        for a single trial.
+        Position of the trial in its series, counted from 1, and number of trials in the series.
+        Both are 0 for a single trial.
     """
     limits, target = settings.limits, settings.target
     true = None if settings.rig else truth(settings, settings.setup.depth)
@@ -100,7 +106,10 @@ def trial_document(
 
 
 def recorded_document(recording: Recording) -> dict[str, Any]:
-    """Return the message `trial` for a recording; empty if the recorded settings are not valid."""
+    """Return the message `trial`, which describes a recorded trial to the live page.
+
+    The result is an empty dictionary if the settings in the recording are not valid.
+    """
     try:
         document = trial_document(from_document(recording.settings))
     except InputError:
@@ -110,8 +119,14 @@ def recorded_document(recording: Recording) -> dict[str, Any]:
 
 
 def shown_truth(true: dict[str, Any]) -> dict[str, float]:
-    """Return those true values that the live page shows.
+    """Return those true values of a simulated trial that the live page shows.
 
-    `true` contains all true values, as `teleop.trial.true_values` computes them.
+    These are the stiffness at the surface `k_surface` [N/m], the stiffness at the largest
+    displacement `k` [N/m] and the damping `b` [N s/m].
+
+    Parameters
+    ----------
+    true
+        All true values of the trial, see `teleop.trial.true_values.truth`.
     """
     return {"k_surface": true["k_surface"], "k": true["k_deepest"], "b": true["b"]}

@@ -1,4 +1,7 @@
-"""Connect the control process to the live process, which serves the live page."""
+"""Connect the control process to the live process, which serves the live page.
+
+The control process runs the control loop. The live page is a web page that shows a running trial.
+"""
 
 from __future__ import annotations
 
@@ -32,43 +35,47 @@ START_TIME = 20.0
 END_TIME = 3.0
 """Longest wait for the end of the live process [s]."""
 MOST_UNSENT = 1 << 20
-"""Number of unsent bytes above which the live process is killed, because it hangs."""
+"""Number of unsent bytes above which the live process is killed, because it no longer reads."""
 
 
 class LiveLink(Sink):
-    """Starts the live process, and sends it the ticks and events of one or more trials.
+    """Starts the live process, and sends it the data of one or more trials.
+
+    The live process serves the live page, a web page that shows a running trial. The data are the
+    recorded values of each tick (period of the control loop) and the events. An event is a fault,
+    or a change of the mode of the safety supervisor.
 
     Parameters
     ----------
     size
-        Largest size of the message of a tick [bytes].
+        Largest size of the message that contains the values of a tick [bytes].
     host, port
-        Address at which the page is served.
+        Network address and port at which the live page is served; port 0 for any free port.
     by_page
-        Whether the drives are armed from the live page.
+        Whether a person arms the drives (permits them to move) in the live page.
     pointer
-        Whether the mouse or touch pointer of the live page replaces the operator of the simulated
-        rig.
+        Whether the hand of the simulated operator follows the mouse or a finger in the live page.
     choices
-        Values that can be chosen on the live page for the settings condition, specimen and
-        duration.
+        Values that a person can choose in the live page, by the name of the setting: `condition`,
+        `specimen` and `duration` [s].
     foxglove
-        Port for viewers of the Foxglove protocol; 0 for any free port; None to start no Foxglove
-        server.
+        Port of the server for viewers of the Foxglove protocol; 0 for any free port; None for no
+        such server.
 
     Attributes
     ----------
     url
-        Address of the page.
+        Address of the live page.
     foxglove_url
-        Address for viewers of the Foxglove protocol; empty if there is no Foxglove server.
+        Address of the server for viewers of the Foxglove protocol; empty if there is no such
+        server.
     trials
-        Number of trials so far.
+        Number of trials that have begun.
     trial
-        The latest trial that has ended; None before the end of the first trial.
+        Result of the latest trial that has ended; None before the end of the first trial.
     position, of
-        Position of the next trial in a series, from 1, and number of trials of the series. Both are
-        0 without a series.
+        Position of the next trial in a series (1 for the first trial), and number of trials in the
+        series. Both are 0 if there is no series.
 
     Raises
     ------
@@ -125,23 +132,32 @@ class LiveLink(Sink):
         self.url, self.foxglove_url = str(ready["url"]), str(ready.get("foxglove", ""))
         self._cells = CellReader(files["cells"].buffer)
         self._stops = 0
-        """Number of STOP requests until the end of the last trial."""
+        """Number of STOP requests of the live page that had arrived when the last trial ended."""
         self._ring = RingWriter(files["ring"].buffer, *sizes["ring"])
         self._events = RingWriter(files["events"].buffer, *sizes["events"])
 
     def make_operator(self) -> PointerOperator | None:
-        """Return a new operator that follows the page's pointer; None if `pointer` is False."""
+        """Return a new simulated operator, whose hand follows the pointer of the live page.
+
+        The live page is a web page, and its pointer is the mouse or a finger.
+        The result is None if the argument `pointer` of the class is False.
+        """
         return PointerOperator(PagePointer(self._cells)) if self._has_pointer else None
 
     def begin(self, settings: TrialSettings, layout: Layout) -> PageRequests:
-        """Announce a trial to the live pages, and return the object that reads their requests.
+        """Announce a trial to the live process, which serves the live page.
 
         Parameters
         ----------
         settings
             Settings of the trial.
         layout
-            Layout of the message of a tick.
+            Names, units and order of the values that are sent at each tick (period of the control
+            loop).
+
+        Returns
+        -------
+        An object that reads the requests that a person makes in the live page during the trial.
         """
         self.trials += 1
         self._move_off()
@@ -163,27 +179,45 @@ class LiveLink(Sink):
         return PageRequests(self._cells, self._by_page, self._stops)
 
     def push(self, message: bytes) -> None:
-        """Write the message of one tick to the tick ring in shared memory."""
+        """Send all recorded values of one tick (period of the control loop) to the live process.
+
+        `message` contains these values as bytes. It is written to a ring buffer in shared memory,
+        from which the live process reads it.
+        """
         self._ring.write(message)
 
     def event(self, event: Event) -> None:
-        """Write an event to the event ring in shared memory."""
+        """Send an event to the live process, through a ring buffer in shared memory.
+
+        An event is a fault, or a change of the mode of the safety supervisor.
+        """
         self._events.write(dumps(event_record(event)).encode()[:EVENT_SIZE])
 
     def close(self) -> Outcome:
-        """Announce the end of the trial to the live pages. The live process continues to run."""
+        """Announce the end of the trial to the live process, which continues to run.
+
+        The returned `Outcome` is empty, because this object does not write a recording.
+        """
         self._stops = self._cells.counts[STOP]
         self.tell({"type": "end", "text": ""})
         return Outcome(None, 0, 0, "")
 
     def show_result(self, trial: Trial) -> None:
-        """Send the results of a trial to the live pages, if the drives were armed."""
+        """Send the results of a trial to the live process, which shows them in the live page.
+
+        If the drives were not armed (permitted to move) in the trial, nothing is sent.
+        """
         self.trial = trial
         if trial.armed:
             self.tell({"type": "summary", **trial.summary()})
 
     def tell(self, document: dict[str, Any]) -> None:
-        """Send a message to the live process without waiting; kill a live process that hangs."""
+        """Send a message to the live process, which serves the live page.
+
+        This method does not wait. The part of the message that the live process cannot receive now
+        is sent at the next call. If this part is longer than `MOST_UNSENT`, the live process is
+        killed, because it hangs.
+        """
         self._unsent += dumps(document).encode() + b"\n"
         try:
             while self._unsent:
@@ -196,12 +230,14 @@ class LiveLink(Sink):
             self._unsent = b""
 
     def wait_for_request(self, timeout: float) -> dict[str, Any] | None:
-        """Return the next request of a live page, while no trial runs.
+        """Wait for the next request that a person makes in the live page, and return it.
+
+        This method is used between two trials. During a trial, `PageRequests` reads the requests.
 
         Parameters
         ----------
         timeout
-            Longest wait [s].
+            Longest time to wait [s].
 
         Returns
         -------
@@ -218,11 +254,15 @@ class LiveLink(Sink):
 
     @property
     def is_running(self) -> bool:
-        """Whether the live process is running."""
+        """Whether the live process, which serves the live page, is running."""
         return self._process.poll() is None
 
     def end(self) -> None:
-        """End the live process. Before it ends, it informs the live pages."""
+        """End the live process, which serves the live page.
+
+        Before it ends, the live process reports the end to the open live pages. If it does not end
+        within `END_TIME`, it is killed.
+        """
         with contextlib.suppress(OSError):
             self._input.close()
         try:
@@ -233,7 +273,11 @@ class LiveLink(Sink):
         self._output.close()
 
     def _move_off(self) -> None:
-        """Move the live process to processors other than that of the control loop."""
+        """Do not permit the live process to use the processor on which the control loop runs.
+
+        Nothing is changed if the control loop may use more than one processor, or if there is no
+        other processor.
+        """
         if not hasattr(os, "sched_setaffinity"):
             return
         own = os.sched_getaffinity(0)

@@ -1,6 +1,7 @@
 """Run the control loop of a trial until standstill, and pass the data of each tick to the sinks.
 
-A sink is an object that receives the message of each tick, for example the recorder.
+A tick is one period of the loop. A sink is an object that receives the data of each tick, for
+example the recorder, which writes them to a file.
 """
 
 from __future__ import annotations
@@ -22,22 +23,26 @@ END = "end of the trial"
 
 
 class Loop:
-    """Runs a trial tick by tick on an opened rig.
+    """Runs the control loop of a trial. The devices of the rig must be open.
+
+    A tick is one period of the loop. An event is a fault, or a change of the mode of the safety
+    supervisor.
 
     Parameters
     ----------
     controller
         The controller of the rig.
     clock
-        The clock of the loop.
+        The clock that determines when each tick starts.
     layout
-        Layout of the message of a tick.
+        Names, units and order of the values in the message that contains the data of a tick.
     sinks
-        Receivers of the ticks and events, such as the recorder and the black box.
+        Objects that receive the message of each tick and the events, such as the recorder.
     switch
         Stop switch, by which a person stops the trial.
     duration
-        Duration of the trial [s].
+        Duration of the trial [s], measured from the time at which the drives are armed (permitted
+        to move).
 
     Attributes
     ----------
@@ -64,19 +69,19 @@ class Loop:
         self._end = ""
         self._armed = False
         self._begin = 0.0
-        """Time at which the measurement of the duration starts [s]."""
+        """Time from which the duration of the trial is measured [s]."""
         self._elapsed = 0
         """Number of periods of the clock so far, including skipped periods."""
         self._leave = math.inf
-        """Number of periods after which the loop ends; infinite until the end is decided."""
+        """Number of periods after which the loop ends after a fault; infinite before a fault."""
 
     @property
     def error(self) -> Exception | None:
-        """First exception that occurred in a tick; None if there was no exception."""
+        """First exception in a tick (period of the control loop); None if there was none."""
         return self.controller.error
 
     def run(self) -> None:
-        """Run ticks until the trial has ended.
+        """Run the control loop until the trial has ended.
 
         Raises
         ------
@@ -87,7 +92,7 @@ class Loop:
             pass
 
     def step(self) -> bool:
-        """Run one tick, and return whether the loop continues.
+        """Run one tick (period of the control loop), and return whether the loop continues.
 
         Raises
         ------

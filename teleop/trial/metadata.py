@@ -22,14 +22,22 @@ COMPUTE = ("numpy", "scipy", "numba")
 
 
 def libraries() -> Iterator[str]:
-    """Yield name and version of each installed package of `COMPUTE`."""
+    """Yield the name and version, as one text, of each installed package in `COMPUTE`.
+
+    `COMPUTE` lists the packages that compute the numbers of a trial, such as numpy.
+    """
     for name in COMPUTE:
         with contextlib.suppress(PackageNotFoundError):
             yield f"{name} {version(name)}"
 
 
 def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
-    """Return the metadata records `session` and `settings` of a recording, as text by key."""
+    """Return the metadata of a recording, which consists of the records `session` and `settings`.
+
+    Each record is a dictionary of texts. The record `session` describes software, machine, date,
+    rig and specimen. The record `settings` has only the key `json`. Its text is a JSON document
+    with the settings of the trial.
+    """
     return {
         "session": {
             "software": f"teleop {version('teleop')}",
@@ -48,7 +56,10 @@ def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
 
 
 def estimated_channels(settings: TrialSettings) -> Iterator[str]:
-    """Yield the names of the channels that an observer estimates, because they have no sensor."""
+    """Yield the names of the channels (measured quantities) for which the rig has no sensor.
+
+    An observer estimates these channels, for example `contact_force`.
+    """
     if settings.rig:
         devices = settings.rig.devices
         for name, channel in settings.rig.sections.channels.items():

@@ -1,4 +1,8 @@
-"""Read the mouse or touch pointer of the live page in the control process."""
+"""Read the pointer (mouse or finger) of the live page in the process of the control loop.
+
+The live page is a web page that shows a running trial. The hand of a simulated operator can follow
+the pointer.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +16,16 @@ SILENCE = 0.15
 
 
 class PagePointer:
-    """Returns the latest sample of the pointer.
+    """Callable that returns the latest position of the pointer (mouse or finger) in the live page.
 
-    If no new sample arrives for longer than `SILENCE`, the hand no longer holds the handle.
+    The hand of a simulated operator follows the pointer. If no new sample of the pointer arrives
+    for longer than `SILENCE`, the hand no longer holds the handle.
 
     Parameters
     ----------
     cells
-        Shared-memory cells to which the live process writes the samples.
+        Shared memory with the latest sample. The live process, which serves the live page, writes
+        the samples.
     now
         Function that returns the present time [s].
     """
@@ -34,7 +40,10 @@ class PagePointer:
             self._sequence = sample[0]
 
     def __call__(self) -> tuple[float, bool]:
-        """Return the intended depth of the hand [m], and whether the hand holds the handle."""
+        """Return the wanted position of the hand [m], and whether the hand holds the handle.
+
+        A person sets both with the pointer (mouse or finger) in the live page.
+        """
         now = self._now()
         sample = self._cells.pointer()
         if sample and sample[0] != self._sequence:

@@ -1,4 +1,9 @@
-"""Read the requests of the live page during a trial, at each tick, from shared memory."""
+"""Read the requests of the live page during a trial, at each tick, from shared memory.
+
+The live page is a web page in which a person can start and stop the trial. The live process serves
+the page. Page and live process send heartbeats, which are signals at regular times, to show that
+they work. A tick is one period of the control loop.
+"""
 
 from __future__ import annotations
 
@@ -25,37 +30,38 @@ STOPPED = DetectedFault(Fault.EMERGENCY_STOP, "live page", math.nan, math.nan, m
 
 
 class NoPage:
-    """Replacement for `PageRequests` in a trial without a live page.
+    """Replacement for `PageRequests` in a trial without a live page (a web page).
 
-    There are no requests, and the drives may be armed.
+    There is no page in which a person can make requests. The drives may therefore be armed
+    (permitted to move) without a request.
     """
 
     reason = ""
     """Reason why the live page ended the trial; empty if the page did not end it."""
     faults: tuple[DetectedFault, ...] = ()
-    """Faults that the live page reports, such as STOP."""
+    """Faults caused by the live page: STOP was pressed, or the page no longer responds."""
     arms = True
-    """Whether the drives may be armed."""
+    """Whether the drives may be armed (permitted to move)."""
 
     def read(self) -> None:
-        """Read the requests at the start of a tick."""
+        """Do nothing. In `PageRequests`, this method reads the requests of the live page."""
 
 
 class PageRequests(NoPage):
-    """Requests of the live page in one trial.
+    """Requests that a person makes in the live page, a web page, during one trial.
 
-    A request that was made before the trial has no effect on the trial, with one exception. If the
-    drives are not armed from the live page, a STOP request between two trials stops the next trial.
+    A request that was made before the trial has no effect on the trial, with one exception: if
+    `by_page` is False, a STOP request between two trials stops the next trial.
 
     Parameters
     ----------
     cells
-        Shared-memory cells to which the live process writes the requests.
+        Shared memory to which the live process, which serves the page, writes the requests.
     by_page
-        Whether the drives are armed from the live page.
+        Whether the person arms the drives (permits them to move) in the live page.
     stops
-        Number of STOP requests that belong to earlier trials. If the drives are armed from the live
-        page, this argument is not used.
+        Number of STOP requests until the end of the previous trial. It is not used if `by_page` is
+        True.
     now
         Function that returns the present time [s].
     """
@@ -78,7 +84,11 @@ class PageRequests(NoPage):
         self._seen = [now(), now()]
 
     def read(self) -> None:
-        """Read the requests at the start of a tick."""
+        """Read the requests of the live page from shared memory.
+
+        The results are stored in the attributes `reason`, `faults` and `arms`. The control loop
+        calls this method at the start of each tick (period of the loop).
+        """
         counts = self._counts
         if counts[STOP] != self._stop:
             self.faults = (STOPPED,)
@@ -105,9 +115,15 @@ class PageRequests(NoPage):
             self._lose(f"the page was silent for {PAGE_SILENCE:g} s")
 
     def _lose(self, cause: str) -> None:
-        """End or stop the trial, because the live process or the live page no longer responds.
+        """End the trial, because the live page or the process that serves it no longer responds.
 
-        A trial that waits for START ends. An armed trial is stopped by a fault.
+        If nobody has pressed START yet, the trial ends without a fault, because nothing moves.
+        Otherwise, a fault stops the drives.
+
+        Parameters
+        ----------
+        cause
+            Text that states what no longer responds.
         """
         if not self.arms:
             self.reason = self.reason or cause

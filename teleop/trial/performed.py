@@ -1,4 +1,4 @@
-"""State the motion of a trial: depth, target and excitation signal, with their defaults."""
+"""Describe the motion of a trial as text: depth, and target or excitation signal."""
 
 from __future__ import annotations
 
@@ -10,9 +10,13 @@ from teleop.trial.settings_json import from_document
 
 
 def performed(settings: TrialSettings) -> dict[str, str]:
-    """Return texts that state the depth of the motion, and its target or its excitation signal.
+    """Return a description of the motion in a trial, including default values.
 
-    The keys of the dictionary are the names of these quantities.
+    Returns
+    -------
+    Texts by name. `depth` is the depth of palpation. In the condition `mimic`, `target` is the
+    target motion, and `count-in` the time before the target starts to move. In the condition
+    `autonomous`, `signal` is the excitation signal.
     """
     found = {"depth": f"{settings.setup.depth * 1e3:.4g} mm"}
     if settings.condition == "mimic":
@@ -26,7 +30,7 @@ def performed(settings: TrialSettings) -> dict[str, str]:
 
 
 def signal_text(signal: AnySignal) -> str:
-    """Return an excitation signal as text."""
+    """Return a short description of an excitation signal: its type and its frequencies."""
     if isinstance(signal, Multisine):
         return f"multisine of {', '.join(f'{one:g}' for one in signal.frequencies)} Hz"
     if isinstance(signal, Chirp):
@@ -35,7 +39,10 @@ def signal_text(signal: AnySignal) -> str:
 
 
 def recorded_motion(recording: Recording) -> dict[str, str]:
-    """Return the result of `performed` with the recorded settings; empty if they are not valid."""
+    """Return a description of the motion in a recorded trial, as texts by name, see `performed`.
+
+    The dictionary is empty if the settings in the recording are not valid.
+    """
     try:
         return performed(from_document(recording.settings))
     except InputError:

@@ -1,4 +1,8 @@
-"""Claim names, for example of processors. At most one process of this machine claims a name."""
+"""Claim a name, so that no other process of this machine can claim the same name.
+
+For example, a process claims the name of a processor to reserve this processor for its control
+loop. A claim has an effect only on processes that also use this module.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +11,11 @@ import socket
 
 
 def claim(name: str) -> socket.socket | None:
-    """Claim a name until the returned socket is closed or the process ends.
+    """Claim a name, so that no other process of this machine can claim it.
 
-    The claim is an abstract Unix socket with this name. The names of such sockets are common to all
-    users, and no file remains. The kernel releases the name when the process ends, even if the
-    process is killed.
+    The claim ends when the returned socket is closed or when the process ends, even if it is
+    killed. The socket is an abstract Unix socket with this name. All users of the machine share the
+    names of such sockets, and no file is created.
 
     Parameters
     ----------
@@ -41,7 +45,10 @@ def claim(name: str) -> socket.socket | None:
 
 
 def is_claimed(name: str) -> bool:
-    """Return whether a process has claimed a name."""
+    """Return whether a process of this machine has claimed a name, see `claim`.
+
+    The result is False on a system without abstract Unix sockets.
+    """
     if not hasattr(socket, "AF_UNIX"):
         return False
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as probe:
@@ -53,5 +60,8 @@ def is_claimed(name: str) -> bool:
 
 
 def address(name: str) -> bytes:
-    """Return the abstract address of the socket that claims a name."""
+    """Return the address of the Unix socket with which a process claims a name, see `claim`.
+
+    The address begins with a zero byte. Such an address is called abstract: it has no file.
+    """
     return b"\0teleop " + name.encode()

@@ -66,7 +66,10 @@ def set_priority(process: int, priority: int) -> None:
 
 
 def set_fifo_priority(priority: int = PRIORITY) -> Callable[[], object]:
-    """Set SCHED_FIFO for this process, and return a function that restores the earlier policy."""
+    """Set the scheduling policy of this process to SCHED_FIFO, with the given priority.
+
+    The result is a function that restores the earlier policy.
+    """
     before = os.sched_getscheduler(0), os.sched_getparam(0)
     set_priority(0, priority)
     return lambda: os.sched_setscheduler(0, *before)
@@ -75,7 +78,8 @@ def set_fifo_priority(priority: int = PRIORITY) -> Callable[[], object]:
 def set_shared_fifo_priority() -> Callable[[], object]:
     """Set SCHED_FIFO with the highest of the `SHARED_PRIORITIES` that no process has claimed.
 
-    This is for a process that shares its processor with other control loops.
+    A process calls this function if it shares its processor with other control loops. It claims the
+    priority, so that each of these loops has a different priority.
 
     Returns
     -------
@@ -97,7 +101,7 @@ def set_shared_fifo_priority() -> Callable[[], object]:
 
 
 def processor_name(processor: int) -> str:
-    """Return the name under which a process claims a processor."""
+    """Return the name that a process claims to reserve a processor for itself, see `claim`."""
     return f"processor {processor}"
 
 
@@ -105,7 +109,8 @@ def claim_processor() -> Callable[[], object]:
     """Claim the free processor with the highest number, and run this process on it only.
 
     No other teleop process runs on this processor, so that the caches of the processor keep the
-    data of the loop.
+    data of the control loop. The processor with the lowest number is never claimed, so that other
+    programs can use it.
 
     Returns
     -------
@@ -149,8 +154,8 @@ def lock_memory() -> Callable[[], object]:
 def disable_garbage_collection() -> Callable[[], object]:
     """Disable Python's garbage collection, and return a function that enables it again.
 
-    The memory does not grow while garbage collection is disabled, because a tick creates no
-    reference cycles.
+    Garbage collection is needed only for objects that refer to each other in a cycle. A tick
+    (period of the control loop) creates no such objects, so that the memory does not grow.
     """
     was_enabled = gc.isenabled()
     gc.collect()
@@ -177,12 +182,12 @@ STEPS = (*SET_UP, FIFO)
 
 
 class RealTime:
-    """The real-time settings of this process; see `realtime`.
+    """Context manager that applies real-time settings to this process, see `realtime`.
 
     Attributes
     ----------
     report
-        Result of each step by its name: `done`, or the reason why it was not applied.
+        Result of each setting by its name in `STEPS`: `done`, or the reason why it was not applied.
     """
 
     def __init__(self, mode: RealtimeName, steps: Iterable[str]) -> None:
@@ -192,17 +197,17 @@ class RealTime:
         self._undo = contextlib.ExitStack()
 
     def start(self, recorder: int | None = None) -> None:
-        """Set the real-time priority. This is called directly before the loop starts.
+        """Set the real-time priority of this process, directly before the control loop starts.
 
         Parameters
         ----------
         recorder
-            Process id of the recorder, which gets `RECORDER_PRIORITY`.
+            Process id of the recorder, which writes the recording. It gets `RECORDER_PRIORITY`.
 
         Raises
         ------
         InputError
-            The mode is `require` and a step could not be applied.
+            The mode is `require`, and one of the real-time settings could not be applied.
         """
         if FIFO in self._steps:
             own = self.report.get(PROCESSOR) == DONE
@@ -242,8 +247,9 @@ class RealTime:
 def realtime(mode: RealtimeName, steps: Iterable[str] = STEPS) -> RealTime:
     """Return a context manager that applies real-time settings and reverts them on exit.
 
-    On entry, the slow steps are applied at normal priority. Then, directly before the loop, the
-    caller calls `RealTime.start` to set the real-time priority.
+    Each setting is one step. On entry, the context manager locks the memory, disables garbage
+    collection and claims a processor. These steps are slow. Directly before the control loop, the
+    caller sets the real-time priority with `RealTime.start`.
 
     Parameters
     ----------
@@ -251,7 +257,7 @@ def realtime(mode: RealtimeName, steps: Iterable[str] = STEPS) -> RealTime:
         `require` raises an error if a step fails, `try` applies the steps that the system
         permits, `off` applies none.
     steps
-        Names of the steps to apply, a part of `STEPS`.
+        Names of the steps to apply. `STEPS` contains all names.
 
     Raises
     ------
@@ -265,10 +271,10 @@ def realtime(mode: RealtimeName, steps: Iterable[str] = STEPS) -> RealTime:
 
 @contextlib.contextmanager
 def avoid_claimed_processors() -> Iterator[None]:
-    """Within the block, run this process only on processors that no other process has claimed.
+    """Within a `with` block, run this process only on processors that no process has claimed.
 
-    This protects the control loops of the other processes, even if the system does not permit
-    real-time priorities.
+    A process claims a processor for its control loop. This process then does not disturb the loop,
+    even if the loop has no real-time priority. If all processors are claimed, nothing changes.
     """
     if not hasattr(os, "sched_setaffinity"):
         yield

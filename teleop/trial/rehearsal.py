@@ -1,4 +1,8 @@
-"""Check, by a rehearsal before a trial, that this machine can run the loop at its rate."""
+"""Check before a trial that this machine can run the control loop at its rate.
+
+The duration of a tick (period of the loop) is measured in a rehearsal, a short run of the trial on
+the simulated rig.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +27,7 @@ from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 TICKS = 600
-"""Number of ticks of a rehearsal; the second half of its active ticks is evaluated."""
+"""Number of ticks of a rehearsal. Of the ticks with armed drives, the second half is evaluated."""
 WIRE_TIME = 0.25
 """Time for which the devices of a rig are read in the check before a trial [s]."""
 SHARE = 0.9
@@ -31,13 +35,14 @@ SHARE = 0.9
 
 
 def tick_cost(settings: TrialSettings) -> float:
-    """Measure how long a tick takes on this machine, without the communication with devices.
+    """Measure how long a tick (period of the control loop) takes on this machine.
 
-    The measurement is a rehearsal of the trial on the simulated rig in virtual time, without the
-    tare and the limits of the hardware rig. In the rehearsal, the channel has no delay and the gain
-    of the force feedback is at most 1, because feedback that is stable on the specimen may be
-    unstable on the simulated cube. The simulated rate is at most 1 kHz, so that the motion begins
-    within `TICKS` ticks.
+    The time of the communication with devices is not included. The measurement is a rehearsal: a
+    run of `TICKS` ticks with the settings of the trial, on the simulated rig and in virtual time.
+    The tare and the limits of the hardware rig are not used. The delay of the communication channel
+    is set to zero, and the gain of the force feedback is limited, because feedback that is stable
+    on the specimen may be unstable on the simulated cube. A high rate of the loop is reduced, so
+    that the motion begins within `TICKS` ticks.
 
     Returns
     -------
@@ -87,18 +92,20 @@ def tick_cost(settings: TrialSettings) -> float:
 
 
 def check_rate(settings: TrialSettings) -> float:
-    """Check that this machine can run the loop at the rate, without communication with devices.
+    """Check that this machine can run the control loop at its rate.
 
-    If a rehearsal is too slow, it is repeated, up to three rehearsals in total.
+    The duration of a tick (period of the loop) is measured in a rehearsal, a short run of the trial
+    on the simulated rig. The communication with devices is not included. If a tick takes too long,
+    the rehearsal is repeated a few times.
 
     Returns
     -------
-    Duration of a tick in the fastest rehearsal, without communication with devices [s].
+    Duration of a tick in the fastest rehearsal [s].
 
     Raises
     ------
     InputError
-        A tick takes longer than `SHARE` of the period.
+        A tick takes longer than `SHARE` of the period, or a fault stopped a rehearsal.
     """
     cost = math.inf
     for _ in range(3):
@@ -112,18 +119,19 @@ def check_rate(settings: TrialSettings) -> float:
 def check_wire(rig: Rig, clock: Clock, cost: float) -> None:
     """Check that reading the devices of a rig leaves enough time for the rest of a tick.
 
-    The rig is read at the rate of the clock for `WIRE_TIME`. Nothing is sent to its drives. The
-    time that sending a command takes is not measured. It is assumed to be at most the time that the
-    simulated rig takes in the rehearsal.
+    A tick is one period of the control loop. The devices are read at the rate of the clock, for the
+    time `WIRE_TIME`. Nothing is sent to the drives, so that the time of sending a command is not
+    measured. It is assumed to be at most the computing time of the simulated rig, which is included
+    in `cost`.
 
     Parameters
     ----------
     rig
-        The rig, which has been opened. Its drives are disabled.
+        The rig. Its devices are open, and its drives are disabled.
     clock
         The clock of the trial.
     cost
-        Duration of the rest of a tick [s], from `check_rate`.
+        Duration of a tick without the reading of devices [s], which `check_rate` returns.
 
     Raises
     ------
@@ -145,7 +153,7 @@ def check_wire(rig: Rig, clock: Clock, cost: float) -> None:
 
 
 def too_slow(rate: float, cost: float, part: str = "") -> str:
-    """Return a message that a tick takes longer than `SHARE` of the period.
+    """Return an error message: a tick takes longer than `SHARE` of the period of the control loop.
 
     Parameters
     ----------
@@ -154,7 +162,8 @@ def too_slow(rate: float, cost: float, part: str = "") -> str:
     cost
         Duration of a tick [s].
     part
-        Text that states how much of this duration the devices take; empty without devices.
+        Text that states which part of `cost` is needed to read the devices of the rig; empty if no
+        devices are read.
     """
     return (
         f"rate {rate:g} Hz: a tick takes {cost * 1e6:.0f} us{part} on this machine with the "

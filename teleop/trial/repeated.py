@@ -1,5 +1,6 @@
 """Repeat a recorded trial in which a person moved the handle with the pointer of the live page.
 
+The live page is a web page. Its pointer (mouse or finger) moves the hand of the simulated operator.
 The repetition on the simulated rig gives the same numbers as the recorded trial.
 """
 
@@ -24,16 +25,19 @@ from teleop.trial.settings_json import from_document
 from teleop.trial.stop_switch import StopSwitch
 
 BY_PERSON = (Fault.EMERGENCY_STOP, Fault.PAGE_LOST)
-"""Faults that a person or the live page caused, and that do not follow from the data of the rig."""
+"""Faults that a person or the live page caused. The data of the rig do not contain their cause."""
 
 
 class RecordedClock(Clock):
-    """Clock that gives each tick its recorded time, without waiting.
+    """Clock that returns the times in a recording, so that the recorded trial can be repeated.
+
+    The clock does not wait. A tick is one period of the control loop.
 
     Parameters
     ----------
     recording
         Recording of a trial in which a person moved the handle with the mouse in the live page.
+        Only such a recording contains all times that are needed.
     rate
         Ticks per second [Hz].
     """
@@ -46,25 +50,29 @@ class RecordedClock(Clock):
         self.tick = -1
 
     def now(self) -> float:
-        """Return the recorded time of the present tick [s]."""
+        """Return the recorded time of the present tick (period of the control loop) [s]."""
         return float(self._times[max(self.tick, 0)])
 
     stopwatch = now
 
     def wait(self) -> Tick:
-        """Advance to the next tick."""
+        """Advance to the next tick (period of the control loop), and return its recorded timing."""
         self.tick += 1
         lateness, overrun, skipped, busy = self._ticks[self.tick]
         return Tick(lateness, bool(overrun), int(skipped), busy)
 
 
 class RecordedRequests(NoPage):
-    """The requests from live page and terminal, computed from modes and events of a recording.
+    """Requests that a person made in a recorded trial, in the live page or the terminal.
+
+    When the trial is repeated, this object replaces `PageRequests`. The requests were not recorded.
+    They are computed from the recorded modes of the safety supervisor, and from its events (faults
+    and changes of the mode).
 
     Parameters
     ----------
     recording
-        The recording.
+        Recording of the trial.
     """
 
     arms = False
@@ -74,7 +82,11 @@ class RecordedRequests(NoPage):
         self._events = {event["time"]: event for event in recording.events}
 
     def read(self) -> None:
-        """Compute the requests of the next tick."""
+        """Compute the requests that a person made at the next tick of the recorded trial.
+
+        A tick is one period of the control loop. The results are stored in the attributes `arms`,
+        `reason` and `faults`.
+        """
         t, mode = next(self._ticks)
         self.arms = self.arms or mode == ACTIVE
         event = self._events.get(t)
@@ -87,20 +99,26 @@ class RecordedRequests(NoPage):
 
 
 def repeated(recording: Recording) -> Recording:
-    """Repeat a trial in virtual time, with the recorded times and positions of the pointer.
+    """Repeat a recorded trial in which a person moved the handle with the pointer of the live page.
 
-    The result has the same numbers as the recording, except for the durations of the parts of a
-    tick.
+    The trial is repeated on the simulated rig in virtual time, with the recorded times and the
+    recorded positions of the pointer (mouse or finger).
 
     Parameters
     ----------
     recording
         Recording of `teleop run --live --operator pointer`.
 
+    Returns
+    -------
+    Recording of the repetition. It contains the same numbers as `recording`, except the durations
+    of reading, computing and writing in each tick (period of the control loop).
+
     Raises
     ------
     InputError
-        The recording is not of a trial with a pointer, or ticks are missing.
+        The recording contains no positions of a pointer, ticks are missing, or a recorded setting
+        is not valid.
     """
     if any(column.name not in recording.columns for column in POINTER):
         raise InputError("the recording has no pointer: expected a trial with --operator pointer")

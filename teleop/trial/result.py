@@ -33,7 +33,10 @@ LEAST_CONTACT = 1.0
 
 @dataclass(frozen=True, repr=False)
 class Trial(Presented):
-    """Result of a trial."""
+    """Result of a trial: its recording, summary, figures and tables.
+
+    A tick is one period of the control loop.
+    """
 
     settings: TrialSettings
     """Settings of the trial."""
@@ -43,17 +46,18 @@ class Trial(Presented):
     bank: Bank
     """The estimators in their final state."""
     interrupted: bool
-    """Whether a person ended the trial before its full duration."""
+    """Whether the trial ended early because of a signal such as Ctrl-C, a request of the live page,
+    or the loss of the terminal."""
     outcome: Outcome
     """Path, number of ticks and problems of the recording file at the end."""
     realtime: dict[str, str]
-    """Result of each step of the real-time settings."""
+    """Result of each real-time setting by name: `done`, or the reason why it was not applied."""
     fault: dict[str, Any] | None
     """Event of the first fault; None if there was no fault."""
     rejected: dict[str, dict[str, int]]
     """Number of rejected CAN or serial frames, by device of the rig and reason."""
     black_box: Path | None
-    """Folder of the black box; None if there was no fault."""
+    """Folder with the ticks before and after a fault (black box); None if none was written."""
     black_box_problem: str = ""
     """Reason why the black box could not be written; empty if there was no such problem."""
 
@@ -73,35 +77,38 @@ class Trial(Presented):
 
     @cached_property
     def statistics(self) -> TrialStatistics:
-        """Statistics of all ticks, from which the summary is made."""
+        """Statistics of all ticks of the trial, from which `summary` is computed."""
         return TrialStatistics(self.ticks, self.settings, self.bank)
 
     @cached_property
     def shown(self) -> Trial:
         """A copy of this trial for figures and short texts.
 
-        If the ticks are not in memory, the copy contains only some evenly spaced ticks.
+        If the ticks are not in memory, the copy contains only some of them, evenly spaced in time.
         """
         return replace(self, ticks=self.ticks.evenly_spaced())
 
     @property
     def columns(self) -> dict[str, Floats]:
-        """Recorded columns at the ticks with updated estimators, each of shape (ticks,)."""
+        """Recorded columns by name, at the n ticks at which the estimators were updated.
+
+        A tick is one period of the control loop. Each column has the shape (n,).
+        """
         return self.recording.estimated().columns
 
     @property
     def estimates(self) -> dict[str, Estimates]:
-        """Estimates at the ticks with updated estimators, by the name of the estimator."""
+        """Estimates of stiffness and damping after each update, by the name of the estimator."""
         return self.recording.estimated().estimates()
 
     @property
     def t(self) -> Floats:
-        """Time of each tick with updated estimators [s], shape (ticks,)."""
+        """Times at which the estimators were updated [s], shape (n,) for n updates."""
         return self.recording.estimated()["time"]
 
     @property
     def regression(self) -> Regression:
-        """The samples that the estimators received."""
+        """The samples of displacement, velocity and force that the estimators received."""
         return self.recording.estimated().regression()
 
     @property
@@ -112,12 +119,12 @@ class Trial(Presented):
 
     @property
     def armed(self) -> dict[str, Any] | None:
-        """Event at which the drives were armed; None if they were not armed."""
+        """Event at which the drives were armed (permitted to move); None if they were not armed."""
         return next((e for e in self.ticks.events if e["mode"] == "active"), None)
 
     @property
     def incomplete(self) -> str:
-        """Text about data that are missing in the files of the trial; empty if there are none."""
+        """Text that states which data are missing in the files of the trial; empty if none are."""
         path, _, dropped, problem, _ = self.outcome
         problems = []
         if problem:
@@ -132,16 +139,17 @@ class Trial(Presented):
     def plot(
         self, width: str = "screen", title: str | None = None, truth: Truth | None = None
     ) -> Figure:
-        """Return a figure over time: stiffness and damping with 95 % intervals, and motion.
+        """Return a figure of the estimated stiffness and damping, and of the motion, over time.
 
         Parameters
         ----------
         width
-            `screen`; `single` or `double` for one or two columns of an IEEE paper; or `a4`.
+            Name of the width of the figure: `screen`, `a4`, `single` (one column of an IEEE paper)
+            or `double` (two columns).
         title
             Title of the figure. Default: condition and palpated body.
         truth
-            True values to show. Default: those of the simulated rig.
+            True stiffness and damping to show. Default: those of the body on the simulated rig.
         """
         from estimation.figures import known_truth
 
@@ -171,7 +179,7 @@ class Trial(Presented):
         Raises
         ------
         InputError
-            The condition is not `mimic`, or the target moved for less than two periods.
+            The condition is not `mimic`, or the target moved for too few periods, see `tracking`.
         """
         from estimation.figure_style import figure_style
         from teleop.output.tracking_figure import tracking_figure
@@ -187,7 +195,9 @@ class Trial(Presented):
             return tracking_figure(self._title(title), ticks, found._asdict())
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Return all recorded columns at the ticks with updated estimators, indexed by time [s].
+        """Return the recorded columns as a pandas table, whose index is the time [s].
+
+        The table has one row for each tick at which the estimators were updated.
 
         Raises
         ------
@@ -213,23 +223,25 @@ class Trial(Presented):
         )
 
     def tracking(self) -> dict[str, Any] | None:
-        """Return gain, phase and error of the slave relative to the target in `mimic`.
+        """Return numbers that describe how well the slave followed the target in `mimic`.
 
-        The result is None if the condition is not `mimic`, or if the target moved for less than two
-        periods. For a long trial, only the last ticks are evaluated.
+        The dictionary has the keys of `Tracking`, such as `gain` and `phase_deg`. It is computed
+        from the last ticks if the trial is long. The result is None if the condition is not `mimic`
+        or if the target moved for too few periods (`FEWEST` in `teleop.evaluation.tracking`).
         """
         found = tracking_of(tracked_ticks(self.ticks), self.settings)
         return found and found._asdict()
 
     def feedback(self) -> dict[str, Any] | None:
-        """Return a summary of the forces that the hand felt.
+        """Return the stiffness, force error and energy that the hand felt, see `Rendering`.
 
-        The result is None if the trial has neither force feedback nor a channel.
+        The result is None if the trial had neither force feedback nor a communication channel
+        between master and slave.
         """
         return self.statistics.feedback()
 
     def summary(self) -> dict[str, Any]:
-        """Return the results of the trial, with the keys of the output of `teleop run --json`."""
+        """Return the results of the trial as a dictionary, which `teleop run --json` prints."""
         settings, found = self.settings, self.statistics
         return {
             "condition": settings.condition,

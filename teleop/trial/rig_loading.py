@@ -1,4 +1,4 @@
-"""Load rig files for the command line. An error in a rig file is raised as an InputError."""
+"""Load rig files, which describe hardware rigs. All errors are raised as `InputError`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from teleop.safety.rig_limits import rig_limits
 
 
 def load_rig_file(path: Path) -> RigFile:
-    """Read and check a rig file, including its limits.
+    """Read a rig file, and check its content, including the limits of the safety supervisor.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Run one trial: palpate under a control condition, estimate, and record."""
+"""Run one trial: palpate the specimen, estimate its stiffness and damping, and record the data."""
 
 from __future__ import annotations
 
@@ -41,19 +41,19 @@ def run_trial(
     rig_maker: RigMaker | None = None,
     live: LiveLink | None = None,
 ) -> Trial:
-    """Run a trial until its end, a fault, or Ctrl-C, and then disable the drives.
+    """Run a trial until its end, a fault, or Ctrl-C. Then disable the drives; return the result.
 
     Parameters
     ----------
     settings
         Settings of the trial.
     record
-        MCAP file to which another process records; None to store the ticks in memory.
+        MCAP file of the recording, which another process writes; None to store the data in memory.
     show
         Whether to show a progress line on standard error.
     switch
-        Stop switch, which has been entered as a context manager. By default, signals stop the
-        trial, but there is no stop key.
+        Stop switch, with which a person stops the trial. Call this function within its `with`
+        block. By default, signals such as Ctrl-C stop the trial, but no other key does.
     real
         Whether to apply real-time settings: `require`, `try` or `off`, see `realtime`.
     overwrite
@@ -63,7 +63,7 @@ def run_trial(
     rig_maker
         Function that creates a rig, which replaces the rig of the settings.
     live
-        Link to the live process; None for no live page.
+        Link to the process that serves the live page (a web page); None for no live page.
 
     Raises
     ------
@@ -72,10 +72,11 @@ def run_trial(
         recording cannot be written, a required real-time step failed, or the settings of a trial on
         a hardware rig have no specimen or no depth.
     RigError
-        The rig cannot be opened, a device cannot be read, or the drives did not become ready.
+        The rig cannot be opened, a device cannot be read before the loop starts, or the drives did
+        not become ready.
     Exception
-        An exception that occurred in a tick. It is raised after the drives have stopped and the
-        recording is complete.
+        An exception in a tick (period of the control loop). It is raised after the drives have
+        stopped and the recording is complete.
     """
     if switch is None:
         with StopSwitch() as switch:
@@ -185,18 +186,19 @@ def write_black_box(
 ) -> None:
     """Write the ticks before and after a fault, and the cause of the fault, to a folder.
 
-    matplotlib is imported here, after the loop has ended, because its import is slow.
+    A tick is one period of the control loop. matplotlib is imported here, after the loop has ended,
+    because its import is slow.
 
     Parameters
     ----------
     folder
         The folder; created if it does not exist.
     box
-        A black box in which a fault is stored.
+        The black box, which stores the fault and these ticks in memory.
     metadata
-        Metadata of the session: dictionaries of texts, by the name of the record.
+        Metadata of the recording, see `session_metadata`.
     start
-        Wall-clock time of the beginning of the trial [ns].
+        Wall-clock time of the beginning of the trial, as nanoseconds since 1970 (Unix time).
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Define the settings of a trial. They are checked once, when they are created."""
+"""Define the settings of a trial. They are checked when a `TrialSettings` is created."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ from teleop.trial.settings_checks import check_settings
 class TrialSettings:
     """Settings of a trial.
 
-    The default values are those of the paper, except for `conditioning`, the signal conditioning
-    before the estimators.
+    The default values are those of the paper (Yamamoto et al., BioRob 2008). There is one
+    exception: `conditioning`, the filter of position and force before the estimators.
 
     Raises
     ------
     InputError
-        A setting is out of its range.
+        A setting is invalid. The message has one line for each problem.
     """
 
     condition: ConditionName = "free"
@@ -107,7 +107,7 @@ class TrialSettings:
     operator_model: OperatorModel = field(default_factory=OperatorModel)
     """Arm and intended motion of the operator of the simulated rig."""
     tare: Tare = NO_TARE
-    """Zero offsets of force and position."""
+    """Zero offsets of force and position, which are subtracted from the measurements."""
     rig: RigFile | None = None
     """The hardware rig. Default: the simulated rig."""
     depth: float | None = None
@@ -118,18 +118,25 @@ class TrialSettings:
 
     @property
     def setup(self) -> Setup:
-        """Body, force channel and depth of the palpation."""
+        """Palpated body and transmission of the simulated rig, lag of its force channel, and depth.
+
+        On a hardware rig, only the depth of palpation is used.
+        """
         setup = self.custom_setup or paper_setup(self.condition, self.cube)
         return replace(setup, depth=self.depth) if self.depth else setup
 
     @property
     def excitation(self) -> AnySignal:
-        """Excitation signal of the condition `autonomous`, or signal of the target in `mimic`."""
+        """Excitation signal in the condition `autonomous`, or motion of the target in `mimic`.
+
+        This is the setting `signal` or, if `signal` is None, a sine whose frequency depends on the
+        condition (`ranges.FREQUENCY`).
+        """
         return self.signal or Sine(ranges.FREQUENCY.get(self.condition, 2.0))
 
     @property
     def target(self) -> Target:
-        """Target that the operator follows in the condition `mimic`."""
+        """Sinusoidal target position, which the operator follows in the condition `mimic`."""
         usual = ranges.COUNT_IN if self.rig else 0.0
         count_in = usual if self.count_in is None else self.count_in
         return Target(self.excitation.highest, self.setup.depth, count_in)
@@ -143,29 +150,39 @@ class TrialSettings:
     def palpated(self) -> str:
         """Name of the palpated body.
 
-        This is the name of the specimen. If the settings contain no such name, it is the name of
-        the hardware rig, or of the cube on the simulated rig.
+        This is the setting `specimen`. If `specimen` is empty, it is the name of the hardware rig
+        or, on the simulated rig, the name of the cube.
         """
         return self.specimen or (self.rig_name if self.rig else f"{self.cube} cube")
 
     @property
     def has_link(self) -> bool:
-        """Whether there is force feedback or a channel between master and slave."""
+        """Whether there is force feedback, or a communication channel between master and slave."""
         return self.feedback.law != "none" or self.channel is not None
 
     @property
     def limits(self) -> Limits:
-        """Limits of the safety supervisor for readings from which the tare is subtracted."""
+        """Limits with which the safety supervisor checks the measurements after taring.
+
+        Taring subtracts the zero offsets `tare` from the measurements. The same offsets are
+        subtracted from the ranges of the sensors. All other limits are those of `raw_limits`.
+        """
         return self.raw_limits.shifted(self.tare.zeros)
 
     @property
     def raw_limits(self) -> Limits:
-        """Limits of the safety supervisor for the raw readings, before the tare is subtracted."""
+        """Limits of the safety supervisor if no zero offsets are subtracted from the measurements.
+
+        They are the limits of the rig, except those that `tightened_limits` replaces.
+        """
         return self.tightened_limits.applied(self.untightened_limits)
 
     @property
     def untightened_limits(self) -> Limits:
-        """Limits of the safety supervisor before `tightened_limits` is applied."""
+        """Limits of the safety supervisor for this rig, without the setting `tightened_limits`.
+
+        `tightened_limits` are limits of this trial that are tighter than those of the rig.
+        """
         if self.custom_limits:
             return self.custom_limits
         if self.rig:
@@ -182,19 +199,23 @@ class TrialSettings:
 
     @property
     def plant_parameters(self) -> PlantParameters:
-        """Drives and force channels of the simulated rig."""
+        """Parameters of drives, force channels and transmission of the simulated rig."""
         setup = self.setup
         return PlantParameters(contact_force_lag=setup.force_lag, transmission=setup.transmission)
 
     @property
     def encoder_resolution(self) -> float:
-        """Resolution of the slave's encoder: travel per count [m]."""
+        """Resolution of the slave's encoder: smallest change of position that it measures [m]."""
         if self.rig:
             return self.rig.sections.channels.slave_position.resolution_um * 1e-6
         return self.sensors.encoder_resolution
 
     def make_conditioner(self) -> Conditioner:
-        """Return a new conditioner, which computes the regressors from position and force."""
+        """Return a new signal conditioner, which computes the input of the estimators.
+
+        A signal conditioner is a filter. It computes displacement, velocity and force from the
+        measured position and force.
+        """
         return make_conditioner(
             self.conditioning,
             self.bandwidth,
@@ -207,8 +228,8 @@ class TrialSettings:
     def estimation_preset(self) -> Preset:
         """Settings of the estimators.
 
-        These are the settings in `preset`. If `preset` is None, they are the settings of the paper,
-        adapted to the other settings of this trial.
+        These are the settings in `preset`. If `preset` is None, they are the settings of the paper
+        (Yamamoto et al., BioRob 2008), adapted to the other settings of this trial.
         """
         if self.preset:
             return self.preset

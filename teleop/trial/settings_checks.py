@@ -1,7 +1,7 @@
 """Check the settings of a trial, and report all problems at once.
 
-In this file, `settings` is always a `TrialSettings`. This class is not imported, because its file
-imports this file.
+The parameter `settings` of each function is a `TrialSettings`. This class is not imported, because
+the module that defines it imports this module.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from teleop.names import ClockName
 from teleop.trial import ranges
 
 RIG_FIELDS = frozenset(("condition", "cube", "depth", "rig", "signal", "tare"))
-"""Settings on which the checks against the limits of the rig depend."""
+"""Names of the settings that `problems_of_rig` needs to check the limits of the rig."""
 
 
 class SettingsError(InputError):
-    """Settings are invalid. The message has one line for each problem.
+    """Error for invalid settings of a trial. The message has one line for each problem.
 
     Parameters
     ----------
     own
-        Problems that do not depend on the rig.
+        Texts of the problems that do not depend on the rig.
     of_rig
-        Problems that depend on the rig and its limits. They cannot be determined if one of
-        `RIG_FIELDS` is invalid.
+        Texts of the problems that depend on the rig and its limits. These problems can be found
+        only if all settings in `RIG_FIELDS` are valid.
 
     Attributes
     ----------
     own, of_rig
-        See the parameters.
+        The parameters, as tuples.
     """
 
     def __init__(self, own: Sequence[str], of_rig: Sequence[str] = ()) -> None:
@@ -43,14 +43,16 @@ class SettingsError(InputError):
         self.own, self.of_rig = tuple(own), tuple(of_rig)
 
     def known(self, invalid: set[str]) -> SettingsError:
-        """Return an error that contains only the problems that can be determined.
+        """Return an error without the problems that may be caused by default values.
 
-        If one of `RIG_FIELDS` is invalid, the problems `of_rig` are omitted.
+        An invalid setting is replaced by its default value to check the other settings. The
+        problems `of_rig` are omitted if a setting in `RIG_FIELDS` was replaced, because the
+        default value may have caused them.
 
         Parameters
         ----------
         invalid
-            Names of the settings whose values are not known, because they are invalid.
+            Names of the settings that were replaced.
         """
         return self if RIG_FIELDS.isdisjoint(invalid) else SettingsError(self.own)
 
@@ -58,7 +60,8 @@ class SettingsError(InputError):
 def check_settings(settings: Any) -> None:
     """Check all settings of a trial.
 
-    If a value is out of its range, the other settings are checked with its default value.
+    If a setting is out of its range, it is replaced by its default value to check the other
+    settings. The error contains the problems of all settings.
 
     Raises
     ------
@@ -84,9 +87,11 @@ def check_settings(settings: Any) -> None:
 
 
 def values_out_of_range(settings: Any) -> Iterator[tuple[tuple[str, ...], str]]:
-    """For each problem, yield the names of the settings that cause it, and a message.
+    """Find the settings whose values are out of their range.
 
-    The problems are values that are out of their range.
+    Yields
+    ------
+    For each problem, a tuple with the names of the settings that cause the problem, and a message.
     """
     for name, value, allowed in (
         ("condition", settings.condition, CONDITIONS),
@@ -139,7 +144,8 @@ def values_out_of_range(settings: Any) -> Iterator[tuple[tuple[str, ...], str]]:
 def inconsistent_values(settings: Any) -> Iterator[str]:
     """Yield a message for each set of settings that do not fit together.
 
-    Problems that depend on the rig are not included.
+    For example, the signal must be a sine in the condition `mimic`. `problems_of_rig` finds the
+    problems that depend on the rig.
     """
     if settings.condition == "mimic" and not isinstance(settings.excitation, Sine):
         yield f"signal {settings.excitation.kind}: expected a sine, which the operator follows"

@@ -44,7 +44,8 @@ DERIVED = {
     "limits": ": expected tightened_limits",
     "setup": ": expected custom_setup",
 }
-"""Keys of values that are computed from the settings, with a hint for the error message."""
+"""Keys of values that `to_document` computes from the settings. They are not permitted in a
+configuration file. The value of a key is the end of the error message in this case."""
 PARTS = (
     AdmittanceParameters,
     Axis,
@@ -77,9 +78,10 @@ BODIES = ("Cube", "Relaxing", "Changing")
 
 
 def to_document(settings: TrialSettings) -> dict[str, Any]:
-    """Return the settings as a JSON document, together with values computed from them.
+    """Return the settings as a JSON document (a dictionary).
 
-    An infinite number becomes the text `Infinity`, which `from_document` converts back.
+    The document also contains values that are computed from the settings (`DERIVED`). An infinite
+    number becomes the text `Infinity`, which `from_document` converts back.
     """
     stated = {field.name: getattr(settings, field.name) for field in fields(settings)}
     if rig := settings.rig:
@@ -98,7 +100,7 @@ def to_document(settings: TrialSettings) -> dict[str, Any]:
 
 
 def from_document(document: Mapping[str, Any]) -> TrialSettings:
-    """Return the settings that a document of `to_document` contains.
+    """Return the settings in a JSON document (a dictionary) that `to_document` created.
 
     A setting that is not in the document has its default value.
 
@@ -127,7 +129,10 @@ def from_document(document: Mapping[str, Any]) -> TrialSettings:
 
 
 def problems(error: ValidationError) -> list[str]:
-    """Return one line for each problem that pydantic found, with the key in the document."""
+    """Return a message for each problem that pydantic found in the settings of a document.
+
+    Each message begins with the keys that lead to the invalid value, for example `signal.kind`.
+    """
     lines = []
     for part in error.errors():
         place, kind, value = part["loc"] or ("document",), part["type"], part["input"]
@@ -144,7 +149,10 @@ def problems(error: ValidationError) -> list[str]:
 
 @cache
 def adapter() -> TypeAdapter[TrialSettings]:
-    """Return the pydantic object that checks and converts documents; unknown keys are errors."""
+    """Return the pydantic object that checks a document and converts it to `TrialSettings`.
+
+    An unknown key in the document is an error.
+    """
     for part in PARTS:
         config = ConfigDict(extra="forbid", use_attribute_docstrings=True)
         if part is TrialSettings:
@@ -154,7 +162,13 @@ def adapter() -> TypeAdapter[TrialSettings]:
 
 
 def rig_file(document: Mapping[str, Any]) -> RigFile:
-    """Return the rig file whose path and text a document contains.
+    """Return the rig file that is contained in a document of settings.
+
+    Parameters
+    ----------
+    document
+        The value of the key `rig` in the document of settings. It contains the path of the rig file
+        (`path`) and its text (`toml`).
 
     Raises
     ------

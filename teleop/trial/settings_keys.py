@@ -1,4 +1,7 @@
-"""Find the keys and the types of values that are permitted at a place in a configuration file."""
+"""Find the keys and the types of values that are permitted at a place in a configuration file.
+
+A place is a sequence of keys that leads to a value, for example ("signal", "frequency").
+"""
 
 from __future__ import annotations
 
@@ -22,14 +25,25 @@ NAMES = {
 """Keys in the document that differ from the names in `TrialSettings`, by the name in
 `TrialSettings`."""
 FIELDS = {key: name for name, key in NAMES.items()}
+"""Names in `TrialSettings`, by the key in the document."""
 MOST_LISTED = 12
 """Largest number of keys that a message lists. If there are more, only a similar key is stated."""
 Place = Sequence[str | int]
-"""Place of a value in the document: the keys of all tables around it, and its own key."""
+"""Place of a value in the document: the keys that lead to it, which end with its own key."""
 
 
 def forms(place: Place) -> list[Any]:
-    """Return the permitted types of the value at a place; empty for an unknown place."""
+    """Return the types that a value in a configuration file may have.
+
+    Parameters
+    ----------
+    place
+        Keys that lead to the value, for example ("signal", "frequency").
+
+    Returns
+    -------
+    The permitted types; empty if a key of `place` is unknown.
+    """
     found: list[Any] = [TrialSettings]
     for key in place:
         found = [after for form in found for after in below(form, key)]
@@ -37,11 +51,17 @@ def forms(place: Place) -> list[Any]:
 
 
 def below(form: Any, key: str | int) -> Iterator[Any]:
-    """Yield the permitted types of the value with the key `key` in a table of type `form`.
+    """Yield the types that the value of a key in a table of a configuration file may have.
 
-    In the places that pydantic reports, the kind of a signal or the class name of a body is an
-    additional key. If `key` is the kind or the class name of `form`, `form` itself is yielded. If
-    `form` is the type of a list, nothing is yielded.
+    Parameters
+    ----------
+    form
+        Type of the table: a dataclass, whose fields are the keys, or a mapping. For other types,
+        nothing is yielded.
+    key
+        The key. pydantic also reports keys that are not in the file: the kind of a signal, such as
+        `sine`, and the class name of a body, such as `Cube`. They follow the key of the signal or
+        the body. For such a key, `form` is already the type of the value, and is yielded.
     """
     if get_origin(form) is Mapping:
         yield from flat(get_args(form)[1])
@@ -56,7 +76,7 @@ def below(form: Any, key: str | int) -> Iterator[Any]:
 
 
 def flat(hint: Any) -> Iterator[Any]:
-    """Yield the types in a type hint, which may be a union. None is omitted."""
+    """Yield the types in a type hint. For the union `int | str | None`, these are int and str."""
     if get_origin(hint) in (Union, UnionType):
         for one in get_args(hint):
             yield from flat(one)
@@ -65,13 +85,25 @@ def flat(hint: Any) -> Iterator[Any]:
 
 
 def keys(form: Any) -> list[str]:
-    """Return the keys of the table that describes an object of a dataclass."""
+    """Return the keys that a table of a configuration file may contain.
+
+    `form` is the dataclass whose fields are the values in the table.
+    """
     names = (field.name for field in fields(form))
     return [NAMES.get(name, name) if form is TrialSettings else name for name in names]
 
 
 def unknown_key(place: Place) -> str:
-    """Return a message for an unknown key, with the known keys or a similar known key."""
+    """Return an error message for an unknown key in a configuration file.
+
+    The message names all known keys or, if there are more than `MOST_LISTED`, a similar known key.
+
+    Parameters
+    ----------
+    place
+        Keys that lead to the unknown key, and the unknown key itself, for example
+        ("signal", "speed").
+    """
     key = str(place[-1])
     known = [name for form in forms(place[:-1]) if is_dataclass(form) for name in keys(form)]
     if len(place) == 1 and key in NAMES:
@@ -83,16 +115,17 @@ def unknown_key(place: Place) -> str:
 
 
 def expected_form(place: Place, value: Any) -> str:
-    """Return a text that describes the table or list that is expected at a place.
+    """Return a text that states which table or list is expected in place of an invalid value.
 
-    The text is empty if the place is unknown.
+    The text is empty if neither a table nor a list is expected, or if a key is unknown.
 
     Parameters
     ----------
     place
-        Place of the value: the keys of all tables around it, and its own key.
+        Keys that lead to the value in the configuration file, for example ("signal",).
     value
-        The given value. If it is the name of a kind of signal, the table of this kind is described.
+        The invalid value. If it is the name of a kind of signal, such as `chirp`, the text
+        describes the table of this signal.
     """
     found = forms(place)
     if lists := [form for form in found if get_origin(form) is tuple]:

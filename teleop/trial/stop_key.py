@@ -37,7 +37,7 @@ class StopKey:
     lost
         Reason why the keys can no longer be read; empty while they can be read.
     missing
-        Reason why there is no stop key; empty if there is one.
+        Reason why the emergency-stop key cannot be used; empty if it can be used.
     """
 
     def __init__(self) -> None:
@@ -86,7 +86,7 @@ class StopKey:
         self._undo.close()
 
     def _set_key_mode(self) -> None:
-        """Set the terminal to pass each key to the process immediately."""
+        """Set the terminal to pass each key to the process immediately, without showing the key."""
         import termios
 
         before = termios.tcgetattr(self._descriptor)
@@ -105,9 +105,11 @@ class StopKey:
         self._before = None
 
     def _on_suspend(self, number: int, frame: FrameType | None) -> None:
-        """Restore the terminal after Ctrl-Z, and suspend the process.
+        """Handle the signal of Ctrl-Z: restore the modes of the terminal, and suspend the process.
 
-        If no shell can continue the process, the system does not suspend it.
+        When the process continues, keys are read again. The system does not suspend the process if
+        no shell could continue it. The parameters are those of every signal handler in Python.
+        They are not used.
         """
         self._restore_modes()
         signal.signal(signal.SIGTSTP, signal.SIG_DFL)
@@ -118,7 +120,8 @@ class StopKey:
     def _on_continue(self, *_: object) -> None:
         """Resume reading keys after the process was suspended.
 
-        If the process is in the background, keys cannot be read. A message is then written.
+        If the process is in the background, keys cannot be read. A message about this is then
+        written to standard error.
         """
         if is_foreground():
             self._set_key_mode()
@@ -127,7 +130,10 @@ class StopKey:
                 os.write(2, IN_BACKGROUND.encode())
 
     def _watch(self, ended: int) -> None:
-        """Read keys until the end of the run.
+        """Read keys until the end of the run, and set `pressed` after Enter or Space.
+
+        `ended` is the file descriptor of a pipe. The other end of the pipe is closed at the end of
+        the run.
 
         Ctrl-D has no special meaning. While the process is in the background, or after another
         program has changed the modes of the terminal, a read fails or returns no data. The read is
@@ -151,7 +157,7 @@ class StopKey:
 
 
 def unavailable() -> str:
-    """Return the reason why there is no stop key; empty if there is one."""
+    """Return the reason why the emergency-stop key cannot be used; empty if it can be used."""
     if find_spec("termios") is None:
         return "not available on this system"
     if not is_foreground():

@@ -1,4 +1,4 @@
-"""Combine signals, the stop key, and requests of the live page into the stop switch of a run."""
+"""Stop a run after a signal such as Ctrl-C, the stop key, or a request of the live page."""
 
 from __future__ import annotations
 
@@ -23,26 +23,31 @@ RESPONSE_TIME = 0.1
 
 
 class StopSwitch(Interruption):
-    """Converts signals, the stop key and the live page to requests to the safety supervisor.
+    """Means by which a person stops a run: signals such as Ctrl-C, the stop key, and the live page.
 
-    This is a context manager for a run, including the output of the results. Before the first tick
-    of the loop, nothing moves, and a signal raises KeyboardInterrupt. After the first tick, a
-    signal becomes a request to the supervisor. If the loop does not respond to this request, the
-    next signal raises KeyboardInterrupt.
+    All three cause a request to the safety supervisor, which stops the drives. The stop key is
+    Enter or Space in the terminal. The live page is a web page that shows a running trial.
+
+    This class is a context manager for the whole run, including the output of the results. Before
+    the first tick (period of the control loop), nothing moves. A signal then raises
+    KeyboardInterrupt. From the first tick on, a signal becomes a request to the supervisor. If the
+    loop does not respond within `RESPONSE_TIME`, the next signal raises KeyboardInterrupt.
 
     Parameters
     ----------
     key
-        Whether Enter or Space in the terminal is an emergency stop.
+        Whether there is a stop key.
     explained
-        Whether the instructions were shown to a person before the drives were armed.
+        Whether `instructions` was shown to a person before the drives were armed.
 
     Attributes
     ----------
+    key
+        The `StopKey`, which reads the keys. It is used only if the parameter `key` is True.
     page
         Requests of the live page.
     explained
-        See the parameter.
+        The parameter `explained`.
     """
 
     def __init__(self, key: bool = False, explained: bool = False) -> None:
@@ -75,16 +80,19 @@ class StopSwitch(Interruption):
         return f"{RAMP}, Ctrl-C twice stops at once{no_key}"
 
     def reading_keys(self) -> StopKey | contextlib.AbstractContextManager[None]:
-        """Return a context manager within which the stop key is read."""
+        """Return a context manager. The stop key (Enter or Space) is read within its `with` block.
+
+        If the run has no stop key, the context manager has no effect.
+        """
         return self.key if self._use_key else contextlib.nullcontext()
 
     def request(self, arm: bool, end: str = "") -> Request:
-        """Return the request to the supervisor at a tick.
+        """Return the request to the safety supervisor at a tick (period of the control loop).
 
         Parameters
         ----------
         arm
-            Whether to request that the drives are armed.
+            Whether to request that the drives are armed (permitted to move).
         end
             Reason why the run ends without a request of a person; empty if the run continues.
         """

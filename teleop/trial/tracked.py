@@ -12,10 +12,11 @@ from teleop.trial.settings_json import from_document
 
 
 def tracking_of(recording: Recording, settings: TrialSettings) -> Tracking | None:
-    """Return gain, phase and error of the slave relative to the target in a recorded trial.
+    """Return numbers that describe how well the slave followed the target in a recorded trial.
 
-    The result is None in three cases: the condition is not `mimic`, the recording has no target, or
-    the target moved for less than two periods.
+    The numbers are, for example, gain, phase and error of the position of the slave relative to the
+    target. The result is None in three cases: the condition is not `mimic`, the recording has no
+    target, or the target moved for too few periods (`FEWEST` in `teleop.evaluation.tracking`).
     """
     if settings.condition != "mimic" or "target" not in recording.columns:
         return None
@@ -24,7 +25,11 @@ def tracking_of(recording: Recording, settings: TrialSettings) -> Tracking | Non
 
 
 def tracked_ticks(ticks: Recording | RecordingFile) -> Recording:
-    """Return the ticks from which the tracking is computed; for a long trial, the last ticks."""
+    """Select the ticks from which `tracking_of` computes how well the slave followed the target.
+
+    A tick is one period of the control loop. If the ticks are in memory, all ticks are returned. If
+    they must be read from a file, only the last ticks are returned, to save memory.
+    """
     if isinstance(ticks, Recording):
         return ticks
     names = [name for name in ("time", "target", "slave_position") if name in ticks.units]
@@ -35,7 +40,11 @@ def tracked_ticks(ticks: Recording | RecordingFile) -> Recording:
 
 
 def recorded_tracking(recording: Recording) -> Tracking | None:
-    """Return the result of `tracking_of` with the recorded settings; None if they are not valid."""
+    """Return numbers that describe how well the slave followed the target in a recorded trial.
+
+    This function calls `tracking_of` with the settings in the recording. The result is also None if
+    these settings are not valid.
+    """
     try:
         return tracking_of(recording, from_document(recording.settings))
     except InputError:

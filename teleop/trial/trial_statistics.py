@@ -33,6 +33,11 @@ LIMITS = {
 class TrialStatistics:
     """Statistics of a trial, which are part of `Trial.summary`.
 
+    A tick is one period of the control loop. The averaged part is the part of the trial over which
+    the estimates are averaged (`averaged_part`). It does not include the count-in of `mimic` (the
+    time before the target starts to move) and the end of `autonomous`, where the excitation
+    decreases to zero.
+
     Parameters
     ----------
     ticks
@@ -45,15 +50,16 @@ class TrialStatistics:
     Attributes
     ----------
     ticks
-        Number of ticks in mode active or stopping.
+        Number of ticks at which the safety supervisor was in the mode active or stopping.
     pairs
         Number of ticks at which the estimators were updated.
     end
         Time of the last tick at which the estimators were updated [s]; NaN if there was none.
     depth
-        Greatest absolute position of the slave at the ticks with updated estimators [m].
+        Greatest magnitude of the slave position at the ticks at which the estimators were updated
+        [m].
     contact_time
-        Time in contact in the averaged part of the trial [s].
+        Time in the averaged part during which the slave touched the specimen [s].
     limited
         Number of ticks at which each soft limit reduced the command, by the name of the limit.
     left_out
@@ -80,7 +86,7 @@ class TrialStatistics:
             self._add(block)
 
     def _add(self, block: Recording) -> None:
-        """Add the next ticks."""
+        """Add a block of successive ticks (periods of the control loop) to the statistics."""
         self._timing.add(block)
         self.ticks += int(np.isin(block["mode"], (ACTIVE, STOPPING)).sum())
         flags = block["limited"].astype(int)
@@ -107,30 +113,40 @@ class TrialStatistics:
 
     @property
     def contact(self) -> float:
-        """Fraction of the samples in contact; NaN if there is no sample or no column `contact`."""
+        """Fraction of the samples at which the slave touched the specimen.
+
+        Only the part of the trial over which the estimates are averaged is used. The value is NaN
+        if this part has no sample, or if the contact was not recorded.
+        """
         return self._contact / self._averages.samples if self._averages.samples else math.nan
 
     @property
     def excitation(self) -> dict[str, float]:
-        """Mean and last value of the excitation measure in the averaged part of the trial.
+        """Mean (key `mean`) and last value (key `last`) of the excitation measure.
 
-        Both are NaN if there is no sample in this part.
+        The excitation measure is a number from 0 to 1. It is near 0 if k and b cannot both be
+        identified from the motion. Only the part of the trial over which the estimates are averaged
+        is used. Both values are NaN if this part has no sample.
         """
         averages = self._averages
         return {"mean": averages.mean_excitation, "last": averages.last_excitation}
 
     @property
     def loop(self) -> dict[str, Any]:
-        """Timing of the loop, see `RunningTiming.summary`."""
+        """Statistics of the timing of the control loop, see `RunningTiming.summary`."""
         return self._timing.summary(self._settings.rate)
 
     def estimates(self, shown: Recording) -> dict[str, Any]:
-        """Return a summary of each estimator; empty if there is no sample.
+        """Return averages, errors and last estimates of each estimator, by its name.
+
+        The fields of `EstimatorSummary` are the keys of each summary. The result is empty if there
+        is no sample.
 
         Parameters
         ----------
         shown
-            Ticks of the trial: all ticks, or only some evenly spaced ticks.
+            All ticks of the trial, or only some of them, evenly spaced in time. They are used only
+            for the remark of an estimator on its estimates.
         """
         if not self._averages.samples:
             return {}
@@ -139,9 +155,11 @@ class TrialStatistics:
         return {name: summary._asdict() for name, summary in found.items()}
 
     def feedback(self) -> dict[str, Any] | None:
-        """Return a summary of the forces that the hand felt.
+        """Return the stiffness, force error and energy that the hand felt, see `Rendering`.
 
-        The result is None if the trial has neither force feedback nor a channel.
+        The dictionary also contains the name of the force-feedback law (`law`) and the settings of
+        the communication channel between master and slave (`channel`). The result is None if the
+        trial has neither force feedback nor a communication channel.
         """
         if not self._rendering:
             return None
@@ -152,7 +170,18 @@ class TrialStatistics:
 
 
 def rendering_of(ticks: Recording | RecordingFile, settings: TrialSettings) -> RunningRendering:
-    """Return an object that computes a summary of the forces that the hand felt."""
+    """Return an object that computes the stiffness, force and energy that the hand felt.
+
+    The caller must add the ticks of the trial to this object.
+
+    Parameters
+    ----------
+    ticks
+        All ticks (periods of the control loop) of the trial. Only the time of the end of the trial
+        is read from them.
+    settings
+        Settings of the trial.
+    """
     end = 0.0
     for block in ticks.blocks(("time", "mode").__contains__):
         t = block["time"][block["mode"] == ACTIVE]

@@ -1,4 +1,7 @@
-"""Compute the true stiffness, damping, lag and lost motion of a simulated rig."""
+"""Compute the true values of a trial on the simulated rig, such as stiffness and damping.
+
+The estimates are compared with these values.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +17,10 @@ from teleop.trial.settings_json import from_document
 
 
 def truth(settings: TrialSettings, depth: float) -> dict[str, Any]:
-    """Return the true damping, stiffness, lag and lost motion of the simulated rig.
+    """Return the true values of a trial on the simulated rig, such as damping and stiffness.
 
-    The stiffness is that of the cube in series with the transmission, because the encoder measures
-    the position before the transmission. Damping and stiffness are the values for slow motion. If
-    the properties of the body change with time, they are the values before this change. A body can
-    have further force laws, for example for fast motion or after the change. `further_laws` then
-    contains the values of these laws by name.
+    The stiffness is that of the palpated body in series with the transmission, because the encoder
+    measures the position of the motor, before the transmission.
 
     Parameters
     ----------
@@ -28,6 +28,14 @@ def truth(settings: TrialSettings, depth: float) -> dict[str, Any]:
         Settings of the trial.
     depth
         Greatest displacement in the trial [m], at which the stiffness `k_deepest` is computed.
+
+    Returns
+    -------
+    Dictionary with the keys `b`, `k_surface` and `k_deepest` (see `known`), `force_lag_s` (lag of
+    the force channel) and `lost_motion_m` (lost motion of the transmission). Damping and stiffness
+    are valid for slow motion and, if the body changes during the trial, before the change. If the
+    body has other values for fast motion or after the change, the key `further_laws` contains these
+    values by name.
     """
     setup = settings.setup
     further = {name: known(setup, law, depth) for name, law in setup.cube.further_laws.items()}
@@ -40,16 +48,22 @@ def truth(settings: TrialSettings, depth: float) -> dict[str, Any]:
 
 
 def known(setup: Setup, law: Law, depth: float) -> dict[str, float]:
-    """Return damping and stiffness of body and transmission, for one force law of the body.
+    """Return the true damping and stiffness of a simulated body in series with the transmission.
 
     Parameters
     ----------
     setup
-        Body and transmission.
+        Properties of the simulated rig, with its transmission.
     law
-        Law from which the force of the body is computed.
+        Force of the body as a function of displacement and velocity.
     depth
         Greatest displacement [m].
+
+    Returns
+    -------
+    Dictionary with three values: the damping `b` of the body [N s/m], the stiffness at small
+    displacement `k_surface` [N/m], and the static force at `depth` divided by `depth`, `k_deepest`
+    [N/m].
     """
     return {
         "b": law.b,
@@ -59,7 +73,10 @@ def known(setup: Setup, law: Law, depth: float) -> dict[str, float]:
 
 
 def recorded_truth(recording: Recording) -> dict[str, Any] | None:
-    """Return the true values for a recorded trial on the simulated rig; None for a hardware rig."""
+    """Return the true damping and stiffness in a recorded trial on the simulated rig, see `truth`.
+
+    The result is None for a hardware rig, or if the settings in the recording are not valid.
+    """
     if not recording.settings or recording.session.get("rig") != "simulated":
         return None
     try:

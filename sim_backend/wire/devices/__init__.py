@@ -1,1 +1,1 @@
-"""Emulated devices, one per file, for the drivers in `drivers.devices`."""
+"""Emulated devices. Each module emulates the device of the driver in `drivers.devices`."""

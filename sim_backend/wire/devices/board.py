@@ -1,4 +1,4 @@
-"""Emulated microcontroller board with the protocol of docs/serial-protocol.md."""
+"""Emulated microcontroller board. docs/serial-protocol.md describes board and protocol."""
 
 from __future__ import annotations
 
@@ -19,24 +19,30 @@ LENGTHS = {HELLO: 0, CONFIGURE: 4, ENABLE: 1, COMMAND: 8, DISABLE: 0}
 """Length of the payload [bytes] of each kind of frame that the host sends."""
 IDLE, ENABLED, WATCHDOG, EMERGENCY_STOP, DRIVE_FAULT = range(5)
 LONGEST = 32
+"""Largest length of an encoded frame of the host [bytes]."""
 BACKLOG = 5
 """Largest number of overdue samples that are sent at once; older samples are omitted."""
 WIDEST = (1 << 31) - 1
 
 
 class EmulatedBoard(EmulatedSerialDevice):
-    """A microcontroller board. It has the inputs and axes that have a scale in the rig file.
+    """A microcontroller board that measures signals and moves axes, on a serial port.
+
+    The board has only the inputs and axes for which the rig file (TOML file that describes the
+    telemanipulator) contains a scale. A scale converts transmitted integers to physical values.
 
     Attributes
     ----------
     version
-        Version of the protocol.
+        Version of the protocol between board and host.
     boot
-        Number that is different after each start.
+        Number that changes at each start of the board. With this number, the host detects a start.
     started
-        Time at which the clock of the board started [s].
-    emergency_stop, drive_fault
-        States of the two digital inputs, which the caller may set.
+        Time at which the board was started [s]. At this time, the clock of the board is 0.
+    emergency_stop
+        Whether the emergency-stop circuit is open. A test may set this attribute.
+    drive_fault
+        Whether a drive reports a fault. A test may set this attribute.
     """
 
     def __init__(self, name: str, settings: BoardSettings, mount: Mount) -> None:
@@ -59,7 +65,7 @@ class EmulatedBoard(EmulatedSerialDevice):
         self.reset(0.0)
 
     def reset(self, now: float) -> None:
-        """Restart the board, as after a loss of power."""
+        """Restart the board at time `now` [s], as after an interruption of its power supply."""
         self.boot = (self.boot + 1) & 0xFFFFFFFF
         self.started = now
         self._begun = b""
@@ -81,7 +87,10 @@ class EmulatedBoard(EmulatedSerialDevice):
             self.mount.brake(f"axis_{i}")
 
     def receive(self, data: bytes, now: float) -> None:
-        """Process frames of the host. Malformed, late and repeated frames are only counted."""
+        """Process bytes from the host at time `now` [s].
+
+        Malformed, delayed and repeated frames have no effect, but are counted.
+        """
         *frames, self._begun = (self._begun + data).split(b"\0")
         self._begun = self._begun[: LONGEST + 1]
         for frame in frames:
@@ -146,7 +155,7 @@ class EmulatedBoard(EmulatedSerialDevice):
             self.mount.drive(f"axis_{i}", counts[i] * scale)
 
     def _watch(self, now: float) -> None:
-        """Stop the axes if there is an emergency stop, a drive fault or an expired watchdog."""
+        """Disable all axes at an emergency stop, a drive fault or an expired watchdog."""
         if self._state != ENABLED:
             return
         if self.emergency_stop:
@@ -157,11 +166,11 @@ class EmulatedBoard(EmulatedSerialDevice):
             self._halt(WATCHDOG)
 
     def due(self) -> float:
-        """Return the time of the next sample [s]; infinite before the configuration."""
+        """Return the time of the next sample [s]; infinite until the host configures the board."""
         return self._sample_due if self._configured else math.inf
 
     def emit(self, now: float) -> list[bytes]:
-        """Return the answers, followed by the samples to be sent at time `now` [s]."""
+        """Return the answers to the host, followed by all samples that are due at `now` [s]."""
         self._watch(now)
         frames = []
         if IDENTITY in self._due:
@@ -216,21 +225,28 @@ MIRROR = bytes(sum((b >> i & 1) << 7 - i for i in range(8)) for b in range(256))
 
 
 def check_sum(data: bytes) -> int:
-    """Return the check sum CRC-16/IBM-SDLC, computed as CRC-CCITT with all bits reversed."""
+    """Return the check sum CRC-16/IBM-SDLC (also called CRC-16/X.25) of the bytes `data`.
+
+    The function `crc_hqx` of Python uses the same polynomial, but processes the bits of a byte in
+    the opposite order. The order of the bits is therefore reversed before and after its call.
+    """
     high, low = (crc_hqx(data.translate(MIRROR), 0xFFFF) ^ 0xFFFF).to_bytes(2, "big")
     return MIRROR[low] << 8 | MIRROR[high]
 
 
 def stuffed(data: bytes) -> bytes:
-    """Return data, encoded by COBS (consistent overhead byte stuffing).
+    """Return the COBS encoding of `data` (consistent overhead byte stuffing).
 
-    The data must have fewer than 254 bytes.
+    The result contains no zero byte. `data` must have fewer than 254 bytes.
     """
     return b"".join(bytes((len(run) + 1,)) + run for run in data.split(b"\0"))
 
 
 def unstuffed(frame: bytes) -> bytes:
-    """Return the bytes of a frame that is encoded by COBS; no bytes if the frame is malformed."""
+    """Return the decoded bytes of a frame that is encoded by COBS; the inverse of `stuffed`.
+
+    The result is empty if the frame is malformed or longer than `LONGEST` bytes.
+    """
     if len(frame) > LONGEST:
         return b""
     runs = []

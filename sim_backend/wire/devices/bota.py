@@ -2,7 +2,7 @@
 
 Sources: the Python example of Bota Systems and their driver `rokubimini_serial`. The sensor sends a
 message at power-up, and then frames with measured values. The command `C` starts the configuration
-mode, the command `R` ends it.
+mode, in which the sensor sends no frames. The command `R` ends this mode.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from drivers.devices.bota import BotaSettings
 
 FASTEST = 51200 / 64
-"""Largest sample rate [Hz]: one sample per 64 conversions."""
+"""Largest sample rate [Hz]: one sample per 64 analogue-to-digital conversions."""
 BACKLOG = 5
 """Largest number of overdue frames that are sent at once; older frames are omitted."""
 RANGES = {"fx": 500.0, "fy": 500.0, "fz": 1200.0, "mx": 15.0, "my": 15.0, "mz": 12.0}
-"""Measuring ranges of a Rokubi sensor [N, N m]. Values outside of the range are limited."""
+"""Measuring ranges of a Rokubi sensor [N, N m]. Larger values are limited to the range."""
 OVERRANGE = 2
 """Status of a frame with a value outside of its measuring range."""
 
@@ -29,7 +29,8 @@ OVERRANGE = 2
 class EmulatedBota(EmulatedSerialDevice):
     """A force-torque sensor with the signals `fx`, `fy`, `fz`, `mx`, `my`, `mz` and `temperature`.
 
-    Only the start and the end of the configuration mode are emulated, not its commands.
+    The configuration mode, in which the sensor sends no frames, can be started and ended. The
+    commands that change a configuration are not emulated.
     """
 
     def __init__(self, name: str, settings: BotaSettings, mount: Mount) -> None:
@@ -41,7 +42,7 @@ class EmulatedBota(EmulatedSerialDevice):
         self._answers: list[bytes] = []
 
     def receive(self, data: bytes, now: float) -> None:
-        """Process the commands `C` and `R`."""
+        """Start the configuration mode at the command `C`, and end it at the command `R`."""
         for letter in data:
             if letter in b"CR":
                 self._configuring = letter == ord("C")
@@ -49,13 +50,14 @@ class EmulatedBota(EmulatedSerialDevice):
                 self._due = now + self._period
 
     def due(self) -> float:
-        """Return the time of the next frame [s]; infinite in configuration mode."""
+        """Return the time of the next frame [s]. It is infinite in the configuration mode."""
         return math.inf if self._configuring else self._due
 
     def emit(self, now: float) -> list[bytes]:
         """Return the bytes that the sensor sends at time `now` [s].
 
-        These are the message at power-up (once), the answers to commands, and frames of samples.
+        The first call returns the message at power-up. Later calls return answers to commands, and
+        frames with measured values.
         """
         if math.isnan(self._power_up):
             self._power_up, self._due = now, now
@@ -82,7 +84,10 @@ class EmulatedBota(EmulatedSerialDevice):
 
 
 def shifted(byte: int) -> int:
-    """Return the CRC-16/X.25 register after one byte. Before this byte, the register is 0."""
+    """Return the value of the CRC-16/X.25 shift register after the input of one byte.
+
+    The value before the byte is 0.
+    """
     for _ in range(8):
         byte = byte >> 1 ^ 0x8408 * (byte & 1)
     return byte
@@ -92,7 +97,7 @@ TABLE = [shifted(byte) for byte in range(256)]
 
 
 def crc(data: bytes) -> int:
-    """Return the CRC-16/X.25 check sum of data."""
+    """Return the check sum CRC-16/X.25 of the bytes `data`."""
     register = 0xFFFF
     for byte in data:
         register = register >> 8 ^ TABLE[(register ^ byte) & 0xFF]

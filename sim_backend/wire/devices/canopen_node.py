@@ -1,4 +1,4 @@
-"""Emulated CANopen node with network management, heartbeat, EMCY, SDO and PDO of CiA 301."""
+"""Emulated CANopen node: network management, heartbeat, error messages, SDO, PDO (CiA 301)."""
 
 from __future__ import annotations
 
@@ -36,18 +36,16 @@ COMMUNICATION_ERROR = 0x11
 
 
 class CanopenNode(EmulatedCanDevice):
-    """A CANopen node with four PDOs in each direction. It sends PDOs after a SYNC message.
+    """A CANopen node with four PDOs in each direction.
+
+    A PDO (process data object) is a CAN frame with values. The node sends PDOs only after a SYNC.
 
     Parameters
     ----------
-    name
-        Name of the device in the rig file.
-    settings
-        Section of the device in the rig file.
-    mount
-        Interface to the simulated telemanipulator.
+    name, settings, mount
+        Name and section of the device in the rig file, and interface to the simulation.
     objects
-        Objects of the application, which are added to those of CiA 301.
+        Objects of the device, for example of a drive. The objects of CiA 301 are added to them.
     """
 
     def __init__(self, name: str, settings: Any, mount: Mount, objects: ObjectDictionary) -> None:
@@ -69,19 +67,19 @@ class CanopenNode(EmulatedCanDevice):
 
     @abstractmethod
     def run(self, now: float) -> None:
-        """Advance the emulated device to time `now` [s], and update the measured values."""
+        """Advance the device to time `now` [s], and update the objects with measured values."""
 
     @abstractmethod
     def written(self, index: int) -> None:
-        """Apply the new value of an object with an index of 2000h or higher."""
+        """React to the new value of an object of the device, which has an index >= 2000h."""
 
     @abstractmethod
     def connection_lost(self) -> None:
-        """React to a missing heartbeat or PDO, or to the end of the operational state."""
+        """React to the end of the state operational, or to a missing heartbeat or PDO."""
 
     @abstractmethod
     def reset(self) -> None:
-        """Reset the application to its state at power-up."""
+        """Reset the device, for example a drive, to its state at power-up."""
 
     def __getitem__(self, at: tuple[int, int]) -> int:
         value = self.objects[at].value
@@ -89,7 +87,7 @@ class CanopenNode(EmulatedCanDevice):
         return value
 
     def write(self, index: int, sub: int, value: int) -> None:
-        """Write an entry of the object dictionary; raise Abort if the value is refused."""
+        """Write `value` to the object `index`, sub-index `sub`; raise Abort if it is refused."""
         self.check(index, sub, value)
         self.objects[index, sub].value = value
         if index == 0x1017:
@@ -100,7 +98,7 @@ class CanopenNode(EmulatedCanDevice):
             self.written(index)
 
     def check(self, index: int, sub: int, value: int) -> None:
-        """Raise Abort if CiA 301 (7.5.2.35 to 38) forbids this change of a PDO setting."""
+        """Raise Abort if CiA 301 (7.5.2.35 to 38) forbids writing `value` to a PDO setting."""
         kind = index & 0xFE00
         if kind not in (0x1400, 0x1600, 0x1800, 0x1A00):
             return
@@ -135,7 +133,7 @@ class CanopenNode(EmulatedCanDevice):
         return entry
 
     def receive(self, frame: can.Message, now: float) -> None:
-        """Process a frame from the bus."""
+        """Process a CAN frame from the bus at time `now` [s]."""
         self._advance(now)
         identifier, data = frame.arbitration_id, bytes(frame.data)
         if frame.is_extended_id or frame.is_remote_frame or self.nmt == INITIALISING:
@@ -157,7 +155,7 @@ class CanopenNode(EmulatedCanDevice):
                 self._process_pdo(identifier, data)
 
     def emit(self, now: float) -> list[can.Message]:
-        """Return the frames that are due at time `now` [s]."""
+        """Return the CAN frames that the node sends at time `now` [s]."""
         self._advance(now)
         out, self._out = self._out, []
         return out
@@ -193,7 +191,7 @@ class CanopenNode(EmulatedCanDevice):
         self.run(now)
 
     def _command(self, command: int) -> None:
-        """Execute an NMT command, CiA 301 7.2.8.2."""
+        """Execute a network management command (CiA 301, 7.2.8.2), for example a reset."""
         commands = {0x01: OPERATIONAL, 0x02: STOPPED, 0x80: PRE_OPERATIONAL, 0x81: 0, 0x82: 0}
         before, self.nmt = self.nmt, commands.get(command, self.nmt)
         if before == OPERATIONAL != self.nmt:
@@ -211,7 +209,10 @@ class CanopenNode(EmulatedCanDevice):
             self._errors.clear()
 
     def emergency(self, code: int, register: int) -> None:
-        """Send EMCY unless the node boots or is stopped. Code 0 means the end of all errors."""
+        """Set the error register (object 1001h), and send an error message (EMCY) with the code.
+
+        Code 0 means that all errors have ended. A node that boots or is stopped sends no message.
+        """
         self.objects[0x1001, 0].value = register
         if self.nmt in (PRE_OPERATIONAL, OPERATIONAL):
             self._send(
@@ -231,7 +232,7 @@ class CanopenNode(EmulatedCanDevice):
             self.emergency(0, 0)
 
     def _pdos(self, first: int) -> Iterator[tuple[int, int, list[tuple[int, int]]]]:
-        """Yield number (from 0), CAN identifier and mapped entries of each valid PDO."""
+        """Yield number (0 to 3), CAN identifier and mapped objects of each enabled PDO."""
         for n in range(4):
             if not (identifier := self[first + n, 1]) & INVALID:
                 mapping = first + 0x200 + n
@@ -271,7 +272,7 @@ class CanopenNode(EmulatedCanDevice):
 
 
 def communication_objects(node: int) -> ObjectDictionary:
-    """Return the objects of CiA 301 with their values at power-up."""
+    """Return the objects of CiA 301 with their values at power-up, for the node id `node`."""
     objects: ObjectDictionary = {
         (0x1001, 0): Entry("B"),
         (0x1005, 0): Entry("I", 0x80),

@@ -1,7 +1,10 @@
-"""SDO server and object dictionary of an emulated CANopen node, CiA 301 7.2.4.
+"""SDO server and object dictionary of an emulated CANopen node (CiA 301, section 7.2.4).
 
-Downloads must be expedited. Uploads are expedited or segmented. Block transfer and segmented
-download are refused; small drives refuse them too.
+The object dictionary contains the values of the node. With an SDO (service data object), the host
+reads or writes one entry. In an expedited transfer, the value is in the request or in the answer.
+In a segmented transfer, a longer value is transmitted in several messages. The host can write with
+expedited transfers, and read with expedited and segmented transfers. All other transfers are
+refused, as by real small drives.
 """
 
 from __future__ import annotations
@@ -25,12 +28,12 @@ PRESENT_STATE = 0x08000022
 
 
 class Abort(Exception):
-    """Exception: the server refuses a request.
+    """Exception: the SDO server refuses to read or write an object.
 
     Parameters
     ----------
     code
-        Abort code, CiA 301 table 22.
+        Abort code, which states the reason (CiA 301, table 22). The host receives this code.
     """
 
     def __init__(self, code: int) -> None:
@@ -40,7 +43,7 @@ class Abort(Exception):
 
 @dataclass
 class Entry:
-    """An entry of the object dictionary."""
+    """An entry of the object dictionary of a CANopen node: a value that the host can read."""
 
     kind: str
     """Format character of the value for the module `struct`; `s` for a string."""
@@ -49,38 +52,39 @@ class Entry:
     writable: bool = False
     """Whether the host may write the entry."""
     mappable: bool = False
-    """Whether the entry can be mapped into a PDO."""
+    """Whether a PDO (process data object) can contain the value."""
 
     def pack(self) -> bytes:
-        """Return the value as the bytes of a CANopen message."""
+        """Return the value as bytes, as they are transmitted in a CANopen message."""
         if isinstance(self.value, bytes):
             return self.value
         return struct.pack(f"<{self.kind}", self.value)
 
     def unpack(self, data: bytes) -> int:
-        """Return the integer that the bytes of a CANopen message represent."""
+        """Return the integer that `data`, the bytes of a value in a CANopen message, represent."""
         number: int = struct.unpack(f"<{self.kind}", data)[0]
         return number
 
     @property
     def size(self) -> int:
-        """Length of the value [bytes]."""
+        """Length of the value in a CANopen message [bytes]."""
         return len(self.pack())
 
 
 ObjectDictionary = dict[tuple[int, int], Entry]
-"""Entries by index and sub-index."""
+"""Entries of a CANopen node, by index and sub-index."""
 
 
 class SdoServer:
-    """SDO server: reads and writes an object dictionary for the host.
+    """SDO server of a CANopen node. It answers requests of the host to read or write an object.
 
     Parameters
     ----------
     objects
-        The object dictionary.
+        Object dictionary of the node.
     write
-        Function of index, sub-index and value that writes an entry, or raises `Abort`.
+        Function that writes an entry, or raises `Abort` if it refuses the value. Its arguments are
+        index, sub-index and value.
     """
 
     def __init__(self, objects: ObjectDictionary, write: Callable[[int, int, int], None]) -> None:
@@ -90,7 +94,7 @@ class SdoServer:
         self._toggle = 0
 
     def answer(self, request: bytes) -> bytes | None:
-        """Return the answer to a request of 8 bytes; None if the request needs no answer."""
+        """Execute an SDO request of 8 bytes; return the answer, or None if there is no answer."""
         command, index, sub = HEADER.unpack_from(request)
         try:
             match command >> 5:

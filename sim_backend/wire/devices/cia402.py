@@ -1,4 +1,8 @@
-"""Emulated CiA 402 drive in the mode cyclic synchronous velocity, with quick stop and faults."""
+"""Emulated CiA 402 drive (servo drive on a CANopen bus), with quick stop and faults.
+
+The drive moves only in the operating mode cyclic synchronous velocity. In this mode, the host sends
+the velocity periodically.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +31,10 @@ COUNTS_PER_SECOND, RPM = 0x00B50300, 0x00B44700
 
 
 class State(Enum):
-    """States of the drive. The value of a state is its bit pattern in the statusword."""
+    """States of a CiA 402 drive.
+
+    The value of a state is the bit pattern by which the statusword (object 6041h) reports it.
+    """
 
     SWITCH_ON_DISABLED = 0b100_0000
     READY_TO_SWITCH_ON = 0b010_0001
@@ -44,12 +51,12 @@ VOLTAGE_ENABLED, REMOTE, FOLLOWS_COMMAND = 1 << 4, 1 << 9, 1 << 12
 
 
 class EmulatedCia402(CanopenNode):
-    """A drive whose motor follows the commanded velocity without delay.
+    """A CiA 402 drive (CANopen) whose motor follows the commanded velocity without delay.
 
     Attributes
     ----------
     state
-        State of the power drive system.
+        State of the drive, which the host changes with the controlword (object 6040h).
     """
 
     settings: Cia402Settings
@@ -64,19 +71,32 @@ class EmulatedCia402(CanopenNode):
         self._ran = math.inf
 
     def fault(self, code: int) -> None:
-        """Apply the reaction of the drive to a fault with this error code."""
+        """Change to the state fault, and send an error message.
+
+        If the motor is powered, it is first decelerated to standstill. If the drive already has a
+        fault, nothing changes.
+
+        Parameters
+        ----------
+        code
+            Error code of the fault in the error message.
+        """
         if self.state not in (State.FAULT, State.FAULT_REACTION_ACTIVE):
             powered = self.state in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
             self.state = State.FAULT_REACTION_ACTIVE if powered else State.FAULT
             self.emergency(code, 0x01)
 
     def reset(self) -> None:
-        """Reset to the state at power-up, with the power stage off."""
+        """Reset the drive to its state at power-up: switch-on disabled, and the motor at rest."""
         self.state, self._controlword = State.SWITCH_ON_DISABLED, 0
         self._hold()
 
     def connection_lost(self) -> None:
-        """Apply the reaction that object 6007h (abort connection option code) requires."""
+        """React to a lost connection with the host, as the object 6007h requires.
+
+        Its value (abort connection option code) means: 0 no reaction, 1 fault, 2 disable the
+        voltage, 3 quick stop.
+        """
         match self[0x6007, 0]:
             case 1:
                 self.fault(0x8100)
@@ -86,7 +106,10 @@ class EmulatedCia402(CanopenNode):
                 self._obey(0x02)
 
     def check(self, index: int, sub: int, value: int) -> None:
-        """Raise Abort for values that the drive does not support."""
+        """Raise Abort if `value` may not be written to the object `index`.
+
+        This is the case if the drive does not support the value, or not in its present state.
+        """
         super().check(index, sub, value)
         allowed = {
             0x6007: (0, 1, 2, 3),
@@ -100,14 +123,14 @@ class EmulatedCia402(CanopenNode):
             raise Abort(UNSUPPORTED_ACCESS)
 
     def written(self, index: int) -> None:
-        """Change the state of the drive if the written object is the controlword (6040h)."""
+        """If the object `index` is the controlword (6040h), change the state of the drive."""
         if index == 0x6040:
             self._obey(self[0x6040, 0])
 
     def _obey(self, controlword: int) -> None:
-        """Change the state of the drive as the controlword commands.
+        """Change the state of the drive as the bits of the controlword command.
 
-        The commands are in table 26 and the transitions in figure 3 of CiA 402-2.
+        Table 26 of CiA 402-2 defines the commands, and figure 3 the changes of the state.
         """
         rising = controlword & ~self._controlword
         self._controlword = controlword
@@ -138,7 +161,7 @@ class EmulatedCia402(CanopenNode):
             self.state = State.SWITCHED_ON
 
     def run(self, now: float) -> None:
-        """Move the motor according to the state, and update the objects with measured values."""
+        """Move the motor as its state requires, and update the objects with measured values."""
         elapsed = max(0.0, now - self._ran)
         self._ran = now
         if self.state is State.OPERATION_ENABLED:
@@ -171,7 +194,7 @@ class EmulatedCia402(CanopenNode):
 
     @property
     def _velocity_units(self) -> float:
-        """Value of the object 60FFh (target velocity) for 1 m/s."""
+        """Value of the object 60FFh (target velocity) that corresponds to 1 m/s of the axis."""
         if self[0x60A9, 0] == RPM:
             return 60.0 * self._turns_per_metre
         return self._counts_per_metre
@@ -194,13 +217,23 @@ class EmulatedCia402(CanopenNode):
 
 
 def wrapped(value: float, bits: int) -> int:
-    """Return the nearest integer, wrapped to the range of a signed integer with `bits` bits."""
+    """Round `value`, and wrap it to the range of a signed integer with `bits` bits."""
     half = 1 << bits - 1
     return (round(value) + half) % (2 * half) - half
 
 
 def drive_objects(settings: Cia402Settings, counts_per_metre: float) -> ObjectDictionary:
-    """Return the objects of CiA 402 and the identity objects, with their values at power-up."""
+    """Return the CANopen objects of the drive with their values at power-up.
+
+    Those are the objects of CiA 402, the identity of the device, and the settings of its PDOs.
+
+    Parameters
+    ----------
+    settings
+        Section of the drive in the rig file.
+    counts_per_metre
+        Position increments of the motor's encoder per metre of the axis [1/m].
+    """
     unit = {"counts_per_s": COUNTS_PER_SECOND, "rpm": RPM}[settings.velocity_unit]
     return {
         (0x1000, 0): Entry("I", 0x0002_0192),

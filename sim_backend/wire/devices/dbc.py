@@ -1,4 +1,4 @@
-"""Emulated CAN device that sends the messages described in a DBC file."""
+"""Emulated CAN device that sends the messages of a DBC file (description of CAN messages)."""
 
 from __future__ import annotations
 
@@ -19,17 +19,21 @@ if TYPE_CHECKING:
 CYCLE = 1e-3
 """Period of a message without `GenMsgCycleTime` in the DBC file [s]."""
 BACKLOG = 5
-"""Largest number of overdue frames of a message that are sent at once; older ones are omitted."""
+"""Largest number of overdue frames of a message that are sent at once; the others are omitted."""
 
 Selection = dict[str, int]
-"""Value of each multiplexer in a frame, by name."""
+"""Value of each multiplexer in a frame, by the name of the multiplexer.
+
+A multiplexer is a signal whose value determines which other signals the frame contains.
+"""
 
 
 class EmulatedDbcDevice(EmulatedCanDevice):
-    """A device that sends the messages of a DBC file periodically.
+    """A CAN device that sends the messages of a DBC file periodically.
 
-    The values of the signals come from the simulated telemanipulator. In the successive frames of a
-    multiplexed message, the multiplexers take all their values, one after the other.
+    The values of the signals come from the simulated telemanipulator. A message can contain a
+    multiplexer, a signal whose value determines which other signals a frame contains. In successive
+    frames, the multiplexer takes all its values, so that all signals are sent.
     """
 
     def __init__(self, name: str, settings: DbcSettings, mount: Mount) -> None:
@@ -42,14 +46,14 @@ class EmulatedDbcDevice(EmulatedCanDevice):
         self._senders = [Sender(message, every) for message in messages]
 
     def receive(self, frame: can.Message, now: float) -> None:
-        """Do nothing: the device ignores all CAN frames."""
+        """Do nothing, because the device only sends CAN frames."""
 
     def due(self) -> float:
-        """Return the time of the next message [s]."""
+        """Return the time at which the device sends its next CAN frame [s]."""
         return min(sender.next for sender in self._senders)
 
     def emit(self, now: float) -> list[can.Message]:
-        """Return the CAN frames to be sent at time `now` [s]."""
+        """Return the CAN frames that the device sends at time `now` [s]."""
         return [frame for sender in self._senders for frame in sender.due(now, self.mount)]
 
 
@@ -61,8 +65,9 @@ class Sender:
     message
         The message.
     every
-        Names of the signals in all messages of the device. If a name occurs more than once, the
-        rig file uses the name MESSAGE.SIGNAL for this signal.
+        Names of all signals that the device sends, from all its messages. If two messages contain a
+        signal of the same name, the rig file calls the signal MESSAGE.SIGNAL, with the name of the
+        message first.
     """
 
     def __init__(self, message: Message, every: Sequence[str]) -> None:
@@ -75,7 +80,17 @@ class Sender:
         """Time of the next frame [s]."""
 
     def due(self, now: float, mount: Mount) -> Iterator[can.Message]:
-        """Yield the frames that are due at time `now` [s], but at most `BACKLOG` frames."""
+        """Yield the CAN frames of the message that are due at time `now` [s].
+
+        If more than `BACKLOG` frames are due, only `BACKLOG` frames are sent.
+
+        Parameters
+        ----------
+        now
+            Present time [s].
+        mount
+            Interface to the simulated telemanipulator, which gives the values of the signals.
+        """
         if math.isnan(self.next):
             self.next = now
         count = max(0, math.ceil((now - self.next) / self._period))
@@ -102,14 +117,16 @@ class Sender:
 def selections(tree: Sequence[Any]) -> Iterator[Selection]:
     """Yield all combinations of values that the multiplexers of a message can have.
 
-    A message without multiplexers has one combination, which is empty.
+    A multiplexer is a signal whose value determines which other signals a frame contains. A message
+    without multiplexers has one combination, which is empty.
 
     Parameters
     ----------
     tree
-        The list `signal_tree` of a cantools message. Each element is the name of a signal, or a
-        dictionary for a multiplexer. For each value of the multiplexer, the dictionary contains a
-        list of the same form.
+        The attribute `signal_tree` of a message of the library cantools. This list contains the
+        names of the signals. Instead of the name of a multiplexer, it contains a dictionary from
+        this name to a second dictionary. The second dictionary gives a list for each value of the
+        multiplexer. This list has the same form as `tree`, and contains the further signals.
     """
     ways = [
         [
@@ -126,7 +143,7 @@ def selections(tree: Sequence[Any]) -> Iterator[Selection]:
 
 
 def within(signal: Signal, value: float) -> float:
-    """Return the value, limited to the range that the bits of the signal can represent."""
+    """Return the physical value, limited to the range that the bits of the signal represent."""
     if signal.is_float:
         return value
     half = 1 << signal.length - 1

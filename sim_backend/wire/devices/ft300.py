@@ -1,7 +1,8 @@
 """Emulated FT 300 force-torque sensor of Robotiq.
 
-Source: instruction manual of the sensor, section 4.4. The sensor is a Modbus RTU slave. A write of
-0x0200 to register 410 starts the stream of frames, and bytes of 0xFF end the stream.
+Source: instruction manual of the sensor, section 4.4. The sensor is a Modbus RTU slave. When the
+host writes 0x0200 to register 410, the sensor starts to send frames with measured values
+periodically (the stream). When the host sends a sequence of bytes 0xFF, the stream ends.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ PERIOD = 10e-3
 BACKLOG = 5
 """Largest number of overdue frames that are sent at once; older frames are omitted."""
 RANGES = {"fx": 300.0, "fy": 300.0, "fz": 300.0, "mx": 30.0, "my": 30.0, "mz": 30.0}
-"""Measuring ranges, at which the sensor saturates [N, N m]."""
+"""Measuring ranges [N, N m]. Larger values are limited to the range."""
 COUNTS = {"f": 100, "m": 1000}
-"""Counts per newton and per newton metre."""
+"""Transmitted number per newton, and per newton metre."""
 SLAVE, WRITE_REGISTERS = 9, 0x10
 REQUEST = bytes((SLAVE, WRITE_REGISTERS, 0x01, 0x9A, 0, 1, 2, 0x02, 0x00))
 INTERRUPTION = 10
@@ -32,8 +33,9 @@ INTERRUPTION = 10
 class EmulatedFt300(EmulatedSerialDevice):
     """A force-torque sensor with the signals `fx`, `fy`, `fz`, `mx`, `my` and `mz`.
 
-    The request that starts the stream is the only Modbus request that is emulated. During a stream,
-    this request is ignored.
+    On request, the sensor sends frames with measured values periodically (the stream). The request
+    that starts the stream is the only Modbus request that is emulated. While the stream is active,
+    it has no effect.
     """
 
     def __init__(self, name: str, settings: Ft300Settings, mount: Mount) -> None:
@@ -44,7 +46,7 @@ class EmulatedFt300(EmulatedSerialDevice):
         self._answers: list[bytes] = []
 
     def receive(self, data: bytes, now: float) -> None:
-        """Start or end the stream of frames if the host requests it."""
+        """Start or end the stream (periodic frames) if bytes from the host request this."""
         request = REQUEST + pack("<H", crc(REQUEST))
         for byte in data:
             self._received = (self._received + bytes((byte,)))[-len(request) :]
@@ -56,11 +58,11 @@ class EmulatedFt300(EmulatedSerialDevice):
                 self._answers.append(answer + pack("<H", crc(answer)))
 
     def due(self) -> float:
-        """Return the time of the next frame [s]; infinite while there is no stream."""
+        """Return the time of the next frame [s]; infinite while no periodic frames are sent."""
         return self._due if self._streaming else math.inf
 
     def emit(self, now: float) -> list[bytes]:
-        """Return the answer to a request, followed by the frames to be sent at time `now` [s]."""
+        """Return the answers to requests, followed by the periodic frames up to time `now` [s]."""
         out, self._answers = self._answers, []
         if self._streaming:
             count = max(0, math.ceil((now - self._due) / PERIOD))
@@ -78,7 +80,7 @@ class EmulatedFt300(EmulatedSerialDevice):
 
 
 def crc(data: bytes) -> int:
-    """Return the CRC-16/MODBUS of data, computed bit by bit."""
+    """Return the check sum CRC-16/MODBUS of the bytes `data`, computed bit by bit."""
     register = 0xFFFF
     for byte in data:
         register ^= byte

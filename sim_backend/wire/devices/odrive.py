@@ -2,7 +2,8 @@
 
 Sources: ODrive's documentation ("CAN Protocol") and, for 0.5, `can_simple.cpp` and `axis.cpp` of
 the firmware. With firmware 0.5, every frame to the axis resets the watchdog timer, and the watchdog
-is active in every state. With firmware 0.6, only set-points reset the watchdog timer.
+is active in every state. With firmware 0.6, only set-points of position, velocity or torque reset
+the watchdog timer.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 HEARTBEAT_PERIOD = 10e-3
 BACKLOG = 5
-"""Largest number of overdue frames of a kind that are sent at once; older ones are omitted."""
+"""Largest number of overdue frames of one kind that are sent at once; older ones are omitted."""
 BOOT = 0.3
 """Time after a reset during which the axis neither sends nor receives frames [s]."""
 
@@ -35,9 +36,10 @@ SET_POINTS = (0x0C, 0x0D, 0x0E)
 
 
 class EmulatedODrive(EmulatedCanDevice):
-    """Emulated axis of an ODrive controller, which moves one drive of the simulated rig.
+    """Emulated axis of an ODrive controller, which moves one axis of the telemanipulator.
 
-    The drive moves only in closed-loop velocity control with the input mode passthrough.
+    The axis moves only in the state closed-loop control, with the control mode velocity control and
+    the input mode passthrough. In this input mode, a commanded velocity is applied without delay.
 
     Parameters
     ----------
@@ -60,10 +62,10 @@ class EmulatedODrive(EmulatedCanDevice):
         self._reset()
 
     def _reset(self) -> None:
-        """Reset the axis to its state at power-up."""
+        """Reset the ODrive axis to its state at power-up."""
         self._state, self._result = IDLE, SUCCESS
         self._errors = 0
-        """Bits of all errors (firmware 0.5), or of the errors that disarmed the axis (0.6)."""
+        """Error bits: of all errors (firmware 0.5), or of errors that disarmed the axis (0.6)."""
         self._mode = (3, PASSTHROUGH)
         self._input_vel, self._vel_limit = 0.0, 2.0
         self._fed = math.nan
@@ -71,7 +73,7 @@ class EmulatedODrive(EmulatedCanDevice):
         self._answers: list[can.Message] = []
 
     def receive(self, frame: can.Message, now: float) -> None:
-        """Process a frame to this node; other frames are ignored."""
+        """Process a CAN frame at time `now` [s]. Frames for other nodes are ignored."""
         node, command = frame.arbitration_id >> 5, frame.arbitration_id & 0x1F
         if frame.is_extended_id or node != self.settings.node or now < self._awake:
             return
@@ -103,7 +105,12 @@ class EmulatedODrive(EmulatedCanDevice):
             self._vel_limit = unpack("<f4x", data)[0]
 
     def _enter(self, state: int, now: float) -> None:
-        """Enter the requested state: idle, or closed-loop control if there is no error."""
+        """Change to the state that the host requests.
+
+        Only the states idle and closed-loop control are emulated. The axis changes to closed-loop
+        control only if it has no error. If the host requests another state, the axis changes to
+        idle, and reports that the request was invalid.
+        """
         if state == IDLE:
             self._state, self._result = IDLE, CANCELLED
         elif state != CLOSED_LOOP:
@@ -122,23 +129,23 @@ class EmulatedODrive(EmulatedCanDevice):
         return now - self._fed > self.settings.watchdog_ms * 1e-3
 
     def _shown_errors(self, now: float) -> int:
-        """Return the error bits in the heartbeat.
+        """Return the error bits that the heartbeat frame contains.
 
-        With firmware 0.6, the axis stores the error of an expired watchdog only if the watchdog
-        expires in closed-loop control. In other states, the bit of this error is set until the axis
-        receives the next set-point.
+        With firmware 0.6, the state determines how long the heartbeat reports an expired watchdog.
+        If the watchdog expires in closed-loop control, the error is reported until the host has
+        sent a set-point and cleared the errors. In another state, a set-point is sufficient.
         """
         active = WATCHDOG_EXPIRED["0.6"] if not self._old and self._expired(now) else 0
         return self._errors | active
 
     def due(self) -> float:
-        """Return the time of the next periodic frame [s]."""
+        """Return the time at which the axis sends its next periodic frame [s]."""
         return max(self._awake, min(self._due.values(), default=-math.inf))
 
     def emit(self, now: float) -> list[can.Message]:
-        """Check the watchdog, move the motor, and return the frames to be sent at `now` [s].
+        """Check the watchdog, move the motor, and return the CAN frames to be sent at `now` [s].
 
-        The frames are answers to requests, and periodic frames.
+        The frames are answers to requests of the host, and periodic frames.
         """
         if now < self._awake:
             self.mount.brake("axis")
@@ -173,7 +180,10 @@ class EmulatedODrive(EmulatedCanDevice):
         self.mount.drive("axis", turns * self._travel)
 
     def _reported_data(self, command: int, now: float) -> bytes:
-        """Return the data that the axis sends for a command; empty if the firmware sends none."""
+        """Return the data of the CAN frame with this command number, which the axis sends.
+
+        The data are empty if the firmware does not send a frame with this command number.
+        """
         if command == 0x01:
             errors = self._shown_errors(now)
             if self._old:

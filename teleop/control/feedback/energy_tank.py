@@ -1,9 +1,10 @@
-"""Energy tank, which limits how much energy a change of the displayed model can add to the model.
+"""Energy tank: a store of energy that limits how much energy a change of a model can add.
 
-The energy that the damping of the admittance dissipates fills the tank. A change of the model may
-add at most the energy in the tank to the energy that the model stores. The energy that the hand
-extracts is therefore never larger than the sum of two energies: the energy that the hand has put
-in, and the initial energy of the tank.
+The model is the model of the environment that the hand feels. The energy that the damping of the
+admittance dissipates fills the tank. If a change of the model increases the energy that the model
+stores, the same energy is taken from the tank. The increase is therefore limited to the energy in
+the tank. The energy that the hand extracts is then never larger than the sum of two energies: the
+energy that the hand has put in, and the initial energy of the tank.
 
 Source: F. Ferraguti, C. Secchi, C. Fantuzzi, "A tank-based approach to impedance control with
 variable stiffness", ICRA 2013.
@@ -18,12 +19,16 @@ TANK_MAX = 50e-3
 
 
 class EnergyTank:
-    """Virtual store of energy with a limited capacity.
+    """Virtual store of energy, which limits the energy that changes of a model can add.
+
+    The model is the model of the environment that the hand feels.
 
     Parameters
     ----------
-    start, capacity
-        Energy in the tank at the start [J], and largest energy in the tank [J].
+    start
+        Energy in the tank at the start [J].
+    capacity
+        Largest energy in the tank [J].
 
     Raises
     ------
@@ -39,24 +44,45 @@ class EnergyTank:
         """Energy in the tank [J]."""
 
     def fill(self, energy: float) -> None:
-        """Add dissipated energy [J], >= 0. Energy above the capacity is not stored."""
+        """Add energy to the tank, up to its capacity.
+
+        Parameters
+        ----------
+        energy
+            Energy that the damping has dissipated [J], >= 0. Energy above the capacity is not
+            stored.
+        """
         energy += self.energy
         self.energy = energy if energy < self._capacity else self._capacity
 
     def affordable(self, cost: float) -> float:
-        """Return the largest fraction of a change, 0 to 1, that the energy in the tank permits.
+        """Return the largest fraction of a model change for which the tank has enough energy.
 
-        `cost` is the energy that the whole change needs [J].
+        Parameters
+        ----------
+        cost
+            Energy that the whole change adds to the model [J]; negative if the change removes
+            energy.
+
+        Returns
+        -------
+        fraction
+            Fraction, 0 to 1. It is 1 if the tank contains at least `cost`.
         """
         return 1.0 if cost <= self.energy else self.energy / cost
 
     def pay(self, cost: float) -> None:
-        """Subtract the energy [J] that a change needs. A negative `cost` does not fill the tank.
+        """Take from the tank the energy that a change of the model needs.
+
+        Parameters
+        ----------
+        cost
+            Energy that is taken [J]. If it is negative, the energy in the tank stays the same.
 
         Raises
         ------
         ValueError
-            `cost` is larger than the energy in the tank, by more than rounding errors.
+            `cost` is larger than the energy in the tank. A difference due to rounding is accepted.
         """
         if cost > self.energy * (1.0 + 1e-9) + 1e-15:
             raise ValueError(f"a tank with {self.energy:g} J cannot pay {cost:g} J")

@@ -1,10 +1,16 @@
 """Base classes of the two halves of a force-feedback law, and the packets that they exchange.
 
-The slave half computes a `Report` for the master from its measurements. It also computes the
-desired velocity of the slave from the `Motion` that the master half sends. This motion is that of
-the virtual mass. The master half computes it from the report and the force of the hand. The two
-halves share no variable. The classes `Master` and `Slave` are also the law `none`, with which the
-hand feels only the virtual mass.
+A force-feedback law computes the displayed force, which is the force that the hand feels from the
+environment. The law consists of a master half and a slave half, which share no variable. At each
+tick (period of the control loop):
+
+- The slave half computes a `Report` from the measurements and sends it to the master half.
+- The master half computes the motion of the virtual mass from the force of the hand and the newest
+  `Report`. It sends this motion to the slave half as a `Motion`.
+- The slave half computes the desired velocity of the slave from the newest `Motion`.
+
+The classes `Master` and `Slave` are also the law `none`, for which the displayed force is zero. The
+hand then feels only the virtual mass.
 """
 
 from __future__ import annotations
@@ -21,59 +27,62 @@ STIFF_PRIOR = 20e3
 """Stiffness that is assumed for an unknown environment [N/m]. Soft tissue is less stiff."""
 
 PASSIVE = 6e-3
-"""Energy [J] that a passive law may give out before the drives are stopped.
+"""Energy [J] that the displayed environment of a passive law may generate before the drives are
+stopped.
 
-It is the energy in the energy tank at the start, plus 1 mJ.
-"""
+It is the initial energy of the energy tank (`energy_tank.TANK_START`) plus a tolerance of 1 mJ."""
 
 
 PRIOR = Environment(STIFF_PRIOR)
 """Model of an unknown environment."""
 NO_BODY = Environment(math.nan, math.nan, math.nan)
-"""Model that is recorded if the hand feels no model."""
+"""Model that is recorded if the law uses no model of the environment; its values are NaN."""
 
 
 class Report(NamedTuple):
-    """Packet from the slave to the master."""
+    """Packet that the slave half of a force-feedback law sends to the master half."""
 
     force: float = 0.0
     """Contact force [N]."""
     model: Environment = PRIOR
-    """Estimated environment. Its force is a function of the displacement of the slave."""
+    """Model of the environment. Its force is a function of the displacement of the slave."""
     energy: float = 0.0
-    """Energy that the environment has given to the channel since arming [J]."""
+    """Energy that the environment has given to the channel since the drives were armed [J]."""
 
 
 class Motion(NamedTuple):
-    """Packet from the master to the slave."""
+    """Packet that the master half of a force-feedback law sends to the slave half."""
 
     position: float
     """Position of the virtual mass [m]."""
     velocity: float = 0.0
     """Velocity of the virtual mass [m/s]."""
     energy: float = 0.0
-    """Energy that the hand has given to the channel since arming [J]."""
+    """Energy that the hand has given to the channel since the drives were armed [J]."""
 
 
 class MasterState(NamedTuple):
-    """Recorded quantities of the master half after a tick."""
+    """Quantities of the master half of a force-feedback law that are recorded after each tick."""
 
     displayed: float = 0.0
     """Force that the hand feels from the environment [N]; positive if it opposes compression."""
     model: Environment = NO_BODY
-    """Environment that the hand feels, as a function of the master's displacement; NaN for no
-    body."""
+    """Model of the environment that the hand feels. Its force is a function of the displacement of
+    the master. The values are NaN if the law uses no model."""
     tank: float = math.nan
-    """Energy in the energy tank [J]; NaN if the law has no tank."""
+    """Energy in the energy tank [J]; NaN if the law has no energy tank."""
 
 
 class Master:
-    """Master half of the law `none`, and base class for the other laws.
+    """Base class of the part of a force-feedback law that runs at the master.
+
+    The class is also the master half of the law `none`, for which the displayed force is zero. The
+    displayed force is the force that the hand feels from the environment.
 
     Parameters
     ----------
     admittance
-        Virtual mass of the master.
+        Virtual mass, whose velocity is the desired velocity of the master.
     scale
         Ratio of the motion of the slave to the motion of the master.
     gain
@@ -94,31 +103,58 @@ class Master:
         """Stored energy that the law may give to the hand, such as the energy in the tank [J]."""
 
     def align(self) -> None:
-        """Reset the state of the law; called each time the drives are armed."""
+        """Reset the law to its initial state. This is done each time the drives are armed."""
         self.state = MasterState()
 
     def step(self, force: float, report: Report, dt: float) -> Motion:
-        """Advance the virtual mass by dt [s] under `force` [N] of the hand; return its motion."""
+        """Move the virtual mass under the force of the hand minus the displayed force.
+
+        Parameters
+        ----------
+        force
+            Force of the hand [N].
+        report
+            Newest packet that has arrived from the slave half.
+        dt
+            Duration for which the force acts: the time since the previous tick [s].
+
+        Returns
+        -------
+        motion
+            Packet for the slave half, with the motion of the virtual mass.
+        """
         displayed = self.started = self.display(report, dt)
         self.admittance.step(force - displayed, dt)
         self.state = new_tuple(MasterState, (displayed, NO_BODY, math.nan))
         return new_tuple(Motion, (self.admittance.position, self.admittance.velocity, 0.0))
 
     def display(self, report: Report, dt: float) -> float:
-        """Return the force [N] that is subtracted from the force of the hand."""
+        """Return the displayed force [N]: the force that the hand feels from the environment.
+
+        It is subtracted from the force of the hand on the virtual mass. In this class, it is zero.
+
+        Parameters
+        ----------
+        report
+            Newest packet that has arrived from the slave half.
+        dt
+            Time since the previous tick [s].
+        """
         return 0.0
 
 
 class Slave:
-    """Slave half of the law `none`, and base class for the other laws.
+    """Base class of the part of a force-feedback law that runs at the slave.
+
+    The class is also the slave half of the law `none`, without force feedback.
 
     Parameters
     ----------
     coupling
-        Maps the motion of the master to the motion of the slave.
+        Computes the desired velocity of the slave from the motion of the virtual mass.
     stiffness
-        Expected slope of the contact force [N/m]. The supervisor uses it to limit the speed of the
-        slave.
+        Expected slope of the contact force over the position of the slave [N/m]. The safety
+        supervisor uses it to limit the speed of the slave.
     """
 
     def __init__(self, coupling: Coupling, stiffness: float = STIFF_PRIOR) -> None:
@@ -126,19 +162,50 @@ class Slave:
         self._stiffness = stiffness
 
     def align(self) -> None:
-        """Reset the state of the law; called each time the drives are armed."""
+        """Reset the law to its initial state. This is done each time the drives are armed.
+
+        In this class there is no state.
+        """
 
     def observe(self, pair: Pair) -> None:
-        """Process a pair of position and contact force."""
+        """Process a slave position and a contact force that were measured at the same time.
+
+        A law can use them to estimate the stiffness of the environment. In this class, they are not
+        used.
+        """
 
     def report(self, measurement: Measurement, dt: float) -> Report:
-        """Return the packet for the master, computed from the measurement of the slave."""
+        """Return the packet that the slave half sends to the master half at this tick.
+
+        Parameters
+        ----------
+        measurement
+            Measurement of this tick.
+        dt
+            Time since the previous tick [s].
+        """
         return new_tuple(Report, (measurement.contact_force, PRIOR, 0.0))
 
     def velocity(self, motion: Motion, measurement: Measurement, dt: float) -> float:
-        """Return the desired velocity of the slave [m/s]."""
+        """Return the desired velocity of the slave [m/s].
+
+        Parameters
+        ----------
+        motion
+            Newest packet that has arrived from the master half.
+        measurement
+            Measurement of this tick.
+        dt
+            Time since the previous tick [s].
+        """
         return self._coupling.slave_velocity(motion, measurement)
 
     def stiffness(self, position: float) -> float:
-        """Return the expected slope of the contact force [N/m] at a position of the slave [m]."""
+        """Return the expected slope of the contact force over the position of the slave [N/m].
+
+        Parameters
+        ----------
+        position
+            Position of the slave [m]. In this class, the slope does not depend on it.
+        """
         return self._stiffness

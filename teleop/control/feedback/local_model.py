@@ -1,11 +1,17 @@
 """Estimate the environment at the slave, for model-mediated feedback.
 
 The estimator is recursive least squares with the stiffening model f = b v + k x + k3 x^3. Two
-conditions must be true for an estimate to be accepted. Its misfit must be small. The 95 % interval
-of the predicted force at the deepest recent position must be narrow.
+conditions must be true for an estimate to be accepted:
 
-The model begins as the stiff prior: a spring with the large stiffness `STIFF_PRIOR`. It is replaced
-by each accepted estimate. If the misfit becomes too large, the model is the stiff prior again.
+- Its misfit (the systematic part of the force error, see `estimation.misfit`) is small.
+- The 95 % interval of the predicted force at the deepest recent position is narrow.
+
+The deepest recent position is the largest displacement. It decreases with the time constant `REACH`
+while the displacement is smaller.
+
+At the start, the model is the stiff prior, a spring with the large stiffness `STIFF_PRIOR`. Each
+accepted estimate becomes the new model. If the misfit becomes too large, the stiff prior is used
+again.
 """
 
 from __future__ import annotations
@@ -25,47 +31,47 @@ from teleop.control.feedback.law import STIFF_PRIOR, Report, Slave
 
 WIDEST = 0.1
 """Largest half width of the 95 % interval of the predicted force for which an estimate is accepted,
-as a fraction of this force."""
+as a fraction of the predicted force."""
 WORST_MISFIT = 0.25
 """Largest misfit for which an estimate is accepted."""
 LEAST_FORCE = 0.2
-"""Force [N] above which a sample is used. Samples of the slave without contact are not used."""
+"""Force [N] above which a sample is used. Therefore samples without contact are not used."""
 LEAST_SPEED = 3e-4
 """Speed [m/s] above which a sample is used."""
 MEMORY = 1.0
 """Time constant of the forgetting factor of the estimator [s]."""
 REACH = 2.0
-"""Time constant with which the deepest recent position decreases to zero [s]."""
+"""Time constant with which the deepest recent position decreases [s]."""
 VARIANCE = (1e4, 1e9, 1e24)
 """Initial variances of b [N^2 s^2/m^2], k [N^2/m^2] and k3 [N^2/m^6] for a force noise with a
 variance of 1 N^2. The estimator multiplies them by the variance of the force noise [N^2] and by
-`DIFFUSE`, which is 1e4 (see `estimation.linear_gain`). With a noise of 2 mN, the initial standard
-deviation of k3 is 2e11 N/m^3, which is twice the k3 of the hard cube. If the initial variance were
-smaller and the motion too small to determine k3, the estimate of k3 would stay near 0, with an
-interval that is too narrow. A model without stiffening would then be accepted."""
+`estimation.linear_gain.DIFFUSE`. With a typical noise of 2 mN, the initial standard deviation of k3
+is larger than the k3 of the hard cube (the stiffest of the specimens). This is necessary, because
+the motion can be too small to determine k3. With a smaller initial variance, the estimate of k3
+would then stay near 0 with an interval that is too narrow. A model without stiffening would be
+accepted."""
 PERIOD = 10e-3
 """Time over which position and force are averaged to one sample of filter and estimator [s]. Both
-are averaged in the same way, so that the average causes no bias. A shorter time is not needed for
-signals that are filtered at 20 Hz, and an update at each tick would take a quarter of the computing
-time of a tick."""
+are averaged in the same way, so that the averages cause no bias. A shorter time is not needed,
+because the filter removes frequencies above `estimation.conditioning.BANDWIDTH`. An update at each
+tick would take a quarter of the computing time of a tick."""
 SHORTEST = PERIOD - 1e-6
 """Shortest time that is averaged to one sample, with a tolerance for rounding errors [s]."""
 CONFIRMED = 1.0
-"""Contact force [N] above which a measured force can confirm the model."""
+"""Contact force [N] above which a measured force can show that the model is correct."""
 DOUBT = 1.25
-"""The model is not confirmed if the measured force is more than this multiple of the predicted
-force."""
+"""Largest ratio of measured force to predicted force at which the model is treated as correct."""
 
 
 class LocalModel:
-    """Estimator of the environment at the slave.
+    """Estimates the parameters of the environment (the specimen) from data of the slave.
 
     Parameters
     ----------
     force_lag
-        Lag of the force channel that is compensated [s].
+        Lag of the signal of the contact force sensor [s], which is compensated.
     glued
-        Whether the specimen is glued, so that it also pulls.
+        Whether the specimen is glued to the slave, so that the model also pulls.
     """
 
     def __init__(self, force_lag: float = 0.0, glued: bool = True) -> None:
@@ -83,17 +89,18 @@ class LocalModel:
         self.reset()
 
     def reset(self) -> None:
-        """Discard all samples and the estimate."""
+        """Discard samples and estimate. The model becomes the stiff prior (a stiff spring)."""
         self._estimator.reset()
         self._conditioner.reset()
         self._misfit.reset()
         self._reach = 0.0
         self._position = self._force = self._span = 0.0
         self.model = self._prior
-        """The latest accepted estimate; the stiff prior at the start and after a large misfit."""
+        """The latest accepted estimate. At the start and after a large misfit, it is the stiff
+        prior."""
 
     def update(self, pair: Pair) -> None:
-        """Update the estimate with a pair of position and force."""
+        """Update the estimate with a slave position and a contact force of the same time."""
         position, force, dt = pair
         self._position += position * dt
         self._force += force * dt
@@ -110,14 +117,22 @@ class LocalModel:
         self.model = self._accepted(estimate, misfit)
 
     def _accepted(self, estimate: Estimate, misfit: float) -> Environment:
-        """Return the new estimate if it is accepted.
+        """Return the new model of the environment, which is the estimate if it is accepted.
 
-        If the misfit is too large, return the stiff prior. If the 95 % interval is too wide, return
-        the present model.
+        The estimate is not accepted in two cases. If the misfit is too large, the stiff prior (a
+        stiff spring) is returned. If the 95 % interval of the predicted force is too wide, the
+        previous model is returned.
 
-        In an accepted estimate, negative parameters are replaced by 0. If k is negative, k3 is
-        changed so that the force at the deepest recent position stays the same. If k3 is negative,
-        k is changed in the same way.
+        In an accepted estimate, a negative parameter is replaced by 0. If k is negative, k3 is also
+        changed, so that the elastic force at the deepest recent position stays the same. If k3 is
+        negative, k is changed for the same reason.
+
+        Parameters
+        ----------
+        estimate
+            Newest estimate of b, k and k3.
+        misfit
+            Misfit of the estimate: the systematic part of the force error.
         """
         x, k, k3 = self._reach, estimate.k, estimate.further[0]
         if misfit > WORST_MISFIT:
@@ -132,7 +147,10 @@ class LocalModel:
         return Environment(k, k3, max(estimate.b, 0.0), self._prior.glued)
 
     def _half_interval(self, x: float) -> float:
-        """Return half of the width [N] of the 95 % interval of the predicted force at x [m]."""
+        """Return half of the width [N] of the 95 % interval of the predicted force at x [m].
+
+        Only the elastic force k x + k3 x^3 is predicted. `x` is the position of the slave.
+        """
         state, cube = self._estimator.state, x * x * x
         of_k, of_k3 = state.C[1], state.C[2]
         variance = (of_k[1] * x + 2.0 * of_k[2] * cube) * x + of_k3[2] * cube * cube
@@ -145,7 +163,7 @@ class ModelMediatedSlave(Slave):
     Parameters
     ----------
     coupling
-        Converts the motion of the master to the desired velocity of the slave.
+        Computes the desired velocity of the slave from the motion of the virtual mass.
     model
         The estimator of the environment.
     """
@@ -156,12 +174,21 @@ class ModelMediatedSlave(Slave):
         self._confirmed = False
 
     def align(self) -> None:
-        """Discard the estimate; called each time the drives are armed."""
+        """Discard the estimate. This is done each time the drives are armed."""
         self._local.reset()
         self._confirmed = False
 
     def observe(self, pair: Pair) -> None:
-        """Update the estimate, and compare the measured contact force with the predicted force."""
+        """Update the estimate, and check the model with the measured contact force.
+
+        The model is confirmed if the measured force is large enough, and is not much larger than
+        the predicted force. `stiffness` uses the result of this check.
+
+        Parameters
+        ----------
+        pair
+            Slave position and contact force at the same time.
+        """
         local = self._local
         local.update(pair)
         force = abs(pair.force)
@@ -170,15 +197,29 @@ class ModelMediatedSlave(Slave):
         )
 
     def report(self, measurement: Measurement, dt: float) -> Report:
-        """Return the packet for the master: contact force and model."""
+        """Return the packet for the master half: contact force and model of the environment.
+
+        Parameters
+        ----------
+        measurement
+            Measurement of this tick.
+        dt
+            Time since the previous tick [s]. It is not used.
+        """
         return new_tuple(Report, (measurement.contact_force, self._local.model, 0.0))
 
     def stiffness(self, position: float) -> float:
-        """Return the expected slope of the contact force [N/m] at a position of the slave [m].
+        """Return the expected slope of the contact force over the position of the slave [N/m].
 
-        The slope is at least that of the stiff prior in two cases: at the beginning of a contact,
-        and while the measured force is larger than the predicted force. In both cases, the specimen
-        may be stiffer than the model.
+        The slope is that of the model, k + 3 k3 x^2. It is at least `STIFF_PRIOR` (a large
+        stiffness) while the measured contact force is below `CONFIRMED`, for example at the
+        beginning of a contact, or is more than `DOUBT` times the predicted force. In both cases,
+        the specimen may be stiffer than the model.
+
+        Parameters
+        ----------
+        position
+            Position x of the slave [m].
         """
         k, k3, _, _ = self._local.model
         tangent = k + 3.0 * k3 * position * position

@@ -1,19 +1,28 @@
 """Model-mediated feedback: the hand feels a local model of the environment, without delay.
 
-The dynamics at the master are m v' + (d + b) v + k x + k3 x^3 = f_h. f_h is the force of the hand,
-and x is the position of the master. The slave estimates k, k3 and b (see `local_model`) and sends
-only these parameters through the channel, so that a delay cannot cause an oscillation. A change of
-the parameters by dk and dk3 adds the energy
+The dynamics that the hand feels at the master are
+
+    m v' + (d + b) v + k x + k3 x^3 = f_h
+
+f_h is the force of the hand. x and v are the position and the velocity of the master. m is the
+virtual mass and d its damping. k, k3 and b are the parameters of the model. The slave estimates
+them (see `local_model`) and sends them through the communication channel. The displayed force
+depends only on the model, and not on a delayed force. Therefore a delay cannot cause an
+oscillation. If the parameters change by dk and dk3, the energy that is stored in the model
+increases by
 
     dU = 1/2 dk x^2 + 1/4 dk3 x^4
 
-If this energy is taken from an energy tank, a passive model remains passive while it changes. The
-energy that the damping d of the admittance dissipates fills the tank. A change to a stiffer model
-needs energy, but a change to a softer model does not. For this reason, the model begins with a
-large stiffness, the stiff prior. At each tick, the parameters change by a fraction of the
-difference between estimated and present parameters. The fraction is limited for two reasons: dU
-must not exceed the energy in the tank, and the force must not change too fast. Both dU and the
-change of the force, dk x + dk3 x^3, are proportional to the fraction.
+If this energy is taken from an energy tank, the model remains passive while it changes. The energy
+that the damping d dissipates fills the tank. A change to a stiffer model needs energy, but a change
+to a softer model does not. For this reason, the model begins with a large stiffness, the stiff
+prior.
+
+At each tick (period of the control loop), the parameters change by a fraction of the difference
+between the estimated parameters and the parameters of the model. The fraction is limited for two
+reasons: dU must not exceed the energy in the tank, and the displayed force must not change too
+fast. The limits are easy to compute, because dU and the change of the force,
+dk x + dk3 x^3 + db v, are proportional to the fraction.
 
 Sources: P. Mitra, G. Niemeyer, "Model-mediated telemanipulation", Int. J. Robotics Research 27(2),
 2008; X. Xu, B. Cizmeci, C. Schuwerk, E. Steinbach, "Model-mediated teleoperation: toward stable and
@@ -32,14 +41,18 @@ FORCE_RATE = 50.0
 
 
 class ModelMediatedMaster(Master):
-    """Master half of model-mediated feedback.
+    """Master half of model-mediated feedback: the hand feels a model of the environment.
 
     Parameters
     ----------
-    admittance, scale, gain
-        As for the class `Master`.
+    admittance
+        Virtual mass, whose velocity is the desired velocity of the master.
+    scale
+        Ratio of the motion of the slave to the motion of the master.
+    gain
+        Ratio of the force that the hand feels to the force of the environment.
     glued
-        Whether the specimen is glued, so that it also pulls.
+        Whether the specimen is glued to the slave, so that the model also pulls.
     """
 
     def __init__(
@@ -53,7 +66,10 @@ class ModelMediatedMaster(Master):
         self.align()
 
     def align(self) -> None:
-        """Return to the initial state: stiff prior, and initial energy of the tank."""
+        """Reset the model and the energy tank. This is done each time the drives are armed.
+
+        The model becomes the stiff prior (a stiff spring). The tank gets its initial energy.
+        """
         self._tank = EnergyTank()
         self._reached: Environment | None = None
         self._before = self._dt = 0.0
@@ -61,7 +77,24 @@ class ModelMediatedMaster(Master):
         self.state = MasterState(0.0, self._model, self._tank.energy)
 
     def step(self, force: float, report: Report, dt: float) -> Motion:
-        """Move the model towards the estimate, and advance the virtual mass against the model."""
+        """Change the model towards the estimate of the slave, and move the virtual mass.
+
+        The force of the hand and the force of the model act on the virtual mass.
+
+        Parameters
+        ----------
+        force
+            Force of the hand [N].
+        report
+            Newest packet that has arrived from the slave half. It contains the estimate.
+        dt
+            Duration for which the forces act: the time since the previous tick [s].
+
+        Returns
+        -------
+        motion
+            Packet for the slave half, with the motion of the virtual mass.
+        """
         admittance = self.admittance
         start, before = admittance.position, admittance.velocity
         # If a velocity changes linearly, its mean square is at least the square of its mean. The
@@ -81,10 +114,11 @@ class ModelMediatedMaster(Master):
         return new_tuple(Motion, (position, velocity, 0.0))
 
     def _approach(self, estimate: Environment, x: float, dt: float) -> None:
-        """Change the model towards the estimate of the slave.
+        """Change the model that the hand feels towards the estimate of the slave.
 
-        Two limits can reduce the change: the largest rate of change of the displayed force, and the
-        energy in the tank.
+        Two limits can reduce the change: the largest rate of change of the displayed force
+        (`FORCE_RATE`), and the energy in the energy tank. `x` is the position of the virtual mass
+        [m].
         """
         k, k3, b, glued = self._model
         ratio, cubic_ratio = self._ratios

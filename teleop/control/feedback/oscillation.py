@@ -1,29 +1,32 @@
-"""Observe during a trial whether the loop sustains an oscillation at the hand.
+"""Observe during a trial whether the control loop sustains an oscillation of the hand.
 
-Tremor and an oscillation of the loop have similar frequencies. They differ in the direction of the
-energy (see `teleop.evaluation.loop_oscillation`). With the force f of the hand, the velocity v of
-the virtual mass and the displayed impedance Z, the mean power from the hand at one frequency is
-Re{Z} |V|^2 / 2, where V is the amplitude of v. In tremor, the hand causes the motion, and the power
-is positive if Z is passive. In an oscillation of the loop, the loop moves the arm, and the arm
-dissipates energy. The power from the hand is then negative.
+Tremor of the hand and an oscillation of the loop have similar frequencies. They differ in the
+direction of the energy (see `teleop.evaluation.loop_oscillation`). Let f be the force of the hand
+and v the velocity of the virtual mass. Let Z be the displayed impedance, which the hand feels. At
+one frequency, the mean power from the hand is Re{Z} |V|^2 / 2, where V is the amplitude of v. In
+tremor, the hand causes the motion, and the power is positive if Z is passive. In an oscillation of
+the loop, the loop moves the arm, and the arm dissipates energy. The power from the hand is then
+negative.
 
-In this file, f and v pass the same filters. The filters do not change the sign of the power at a
-frequency. A high-pass filter removes the voluntary motion. A second filter then divides the motion
-into two bands, below and above the frequency `SPLIT`. In contact with a stiff body, the tremor can
-have more power than a faster oscillation. With two bands, the faster oscillation is still detected.
-A band oscillates while the mean of
+The same filters are applied to f and v. Therefore the filters do not change the sign of the power
+at a frequency. A high-pass filter removes the voluntary motion. A second filter then divides the
+motion into two frequency bands, below and above `SPLIT`. In contact with a stiff body, the tremor
+can have more power than a faster oscillation. With two bands, the faster oscillation is still
+detected. The motion in a band is an oscillation of the loop while the mean of
 
     (f + c v) v
 
-is negative. Here c is the smallest damping that an arm can have. If the displayed environment gives
-out less power than c |V|^2 / 2, it amplifies the tremor, but cannot sustain an oscillation. The
-result is the mean square velocity of the oscillating bands, divided by the mean square velocity of
-the whole motion. Both means are exponential averages with the time constant `MEMORY`.
+is negative. Here c is the smallest damping that an arm can have. The power that the arm dissipates
+is at least c |V|^2 / 2. If the displayed environment supplies less power to the arm, it can amplify
+the tremor, but it cannot sustain an oscillation.
 
-The observer in `port_energy` detects a large oscillation within a fraction of a second, because a
-large oscillation gives out much energy. The observer in this file detects an oscillation with an
-amplitude that stays small, for example because the body stiffens. A small oscillation gives out
-little energy.
+The result is the mean square velocity in the bands that oscillate, divided by the mean square
+velocity of the whole motion. Both means are exponential averages with the time constant `MEMORY`.
+
+The observer in `port_energy` detects an oscillation with a large amplitude within a fraction of a
+second, because the displayed environment then generates much energy. The observer in this file
+detects an oscillation whose amplitude stays small, for example because the body stiffens. The
+generated energy is then small.
 
 Source of the filter: V. Zavalishin, "The Art of VA Filter Design", 2012, chapter 4 (state-variable
 filter with the trapezoidal rule).
@@ -36,26 +39,26 @@ import math
 SLOWEST = 4.0
 """Frequency above which motion is not voluntary, but tremor or an oscillation of the loop [Hz]."""
 SPLIT = 14.0
-"""Frequency between the two bands [Hz]. The tremor of the hand, at 8 to 12 Hz, is in the lower
-band."""
+"""Frequency between the two frequency bands [Hz]. The tremor of the hand, at 8 to 12 Hz, is in the
+lower band."""
 LEAST_DAMPING = 2.0
-"""Damping c that any arm has at least [N s/m]. The simulated arms, with stiffnesses of 150 to
-1500 N/m, have a damping of 7 to 23 N s/m. The lag of the handle reduces this damping, but at least
-3 N s/m remain at the frequencies of the oscillations."""
+"""Damping c that any arm has at least [N s/m]. The simulated arms have a larger damping, although
+the lag of the handle reduces their damping at the frequencies of the oscillations."""
 AVERAGING = 0.08
-"""Time constant of each of the two averages that give the mean power of a band [s]. After only
-one average, the mean power would still have a ripple. For a stiff spring, it would then be negative
+"""Time constant of each of the two averages that give the mean power in a band [s]. After only one
+average, the mean power would still have a ripple. For a stiff spring, it would then be negative
 half of the time, although a spring generates no energy."""
 MEMORY = 4.0
 """Time constant of the mean square velocities, and time after arming without a result [s]. It is
 longer than several presses on the body, so that an oscillation that pauses between the presses is
 also detected."""
 LEAST_SPEED = 1e-3
-"""Root mean square velocity of an oscillation below which the result is 0 [m/s]. At 40 Hz, it is an
-amplitude of 6 um."""
+"""Root mean square velocity of an oscillation below which the result is 0 [m/s]. At 40 Hz, this is
+an amplitude of some micrometres."""
 MOST_SHARE = 0.75
 """Largest share of the mean square velocity that the loop may sustain. After the trial, the share
-is computed from spectra, with the threshold 0.8 (`teleop.evaluation.loop_oscillation`)."""
+is computed again from spectra, with the limit `MOST_SUSTAINED` of
+`teleop.evaluation.loop_oscillation`."""
 PERIOD = 5e-3
 """Time over which force and velocity are averaged to one sample [s]."""
 ROUNDING = 1e-6
@@ -68,9 +71,11 @@ ROOT_2 = math.sqrt(2.0)
 
 
 class Split:
-    """Butterworth filter of second order, with a high-pass and a low-pass output.
+    """Butterworth filter of second order, which splits a signal at a corner frequency.
 
-    A sample is a complex number. Its real and its imaginary part pass the filter separately.
+    The high-pass output contains the signal above this frequency, and the low-pass output the
+    signal below this frequency. A sample is a complex number. Its real part and its imaginary part
+    are filtered separately.
 
     Parameters
     ----------
@@ -84,12 +89,12 @@ class Split:
         self.tune(PERIOD)
 
     def tune(self, dt: float) -> None:
-        """Set the time between two samples [s]."""
+        """Compute the coefficients of the filter for a time `dt` between two samples [s]."""
         self._g = g = math.tan(math.pi * min(self._frequency * dt, HIGHEST))
         self._scale = 1.0 / (1.0 + g * (g + ROOT_2))
 
     def update(self, value: complex) -> tuple[complex, complex]:
-        """Return the high-pass and the low-pass output for the next sample."""
+        """Filter the next sample; return the high-pass output and the low-pass output."""
         g, first, second = self._g, self._first, self._second
         high = (value - (ROOT_2 + g) * first - second) * self._scale
         step = g * high
@@ -102,22 +107,28 @@ class Split:
 
 
 class Band:
-    """Frequency band in which the loop may sustain the motion of the hand."""
+    """One frequency band of the motion of the virtual mass, which the hand holds.
+
+    The class detects whether the control loop sustains the motion in this band.
+    """
 
     def __init__(self) -> None:
         self._first = self._power = 0.0
 
     def update(self, motion: complex, weight: float) -> float:
-        """Return the square of the velocity [m^2/s^2] if the band oscillates; otherwise 0.
+        """Return the squared velocity [m^2/s^2] if the loop sustains the motion, and 0 otherwise.
+
+        The loop sustains the motion if the mean of (f + c v) v is negative. f is the force of the
+        hand, v is the velocity of the virtual mass, and c is `LEAST_DAMPING`.
 
         Parameters
         ----------
         motion
-            Complex number for this band. Its real part is the velocity [m/s], and its imaginary
-            part is the force [N].
+            Next sample, after the filter for this band. The real part of this complex number is v
+            [m/s], and the imaginary part is f [N].
         weight
-            Weight of a new value in each of two exponential averages. The power is averaged, and
-            the average is then averaged once more.
+            Weight of the newest value in an exponential average. (f + c v) v is averaged twice: the
+            result of a first average is averaged again.
         """
         velocity = motion.real
         first, power = self._first, self._power
@@ -128,15 +139,22 @@ class Band:
 
 
 class Oscillation:
-    """Observer of an oscillation that the loop sustains at the port of the hand."""
+    """Observer of an oscillation of the hand that the control loop sustains."""
 
     def __init__(self) -> None:
         self.reset(0.0)
 
     def reset(self, position: float) -> None:
-        """Discard all samples, and begin at a position [m] of the virtual mass."""
+        """Discard all samples.
+
+        Parameters
+        ----------
+        position
+            Present position of the virtual mass [m].
+        """
         self.share = 0.0
-        """Share of the mean square velocity that the loop sustains, 0 to about 1."""
+        """Mean square velocity that the loop sustains, divided by that of the whole motion, 0 to
+        about 1."""
         self._position = position
         self._impulse = self._span = self._age = 0.0
         self._high_pass, self._split = Split(SLOWEST), Split(SPLIT)
@@ -145,9 +163,11 @@ class Oscillation:
         self._sustained = self._motion = 0.0
 
     def update(self, force: float, position: float, dt: float) -> float:
-        """Process the motion of one tick, and return `share`.
+        """Process the motion of one tick (period of the control loop), and return `share`.
 
-        `share` is the fraction of the mean square velocity of the hand that the loop sustains.
+        `share` is the mean square velocity of the motion that the loop sustains, divided by the
+        mean square velocity of the whole motion. It is 0 in the first `MEMORY` seconds, and if the
+        oscillation is small (see `LEAST_SPEED`).
 
         Parameters
         ----------
@@ -168,14 +188,24 @@ class Oscillation:
         return self.share
 
     def _tune(self, dt: float) -> None:
-        """Set the time between two samples [s]."""
+        """Compute the coefficients of all filters for a time `dt` between two samples [s]."""
         self._dt = dt
         self._high_pass.tune(dt)
         self._split.tune(dt)
         self._weight, self._slow_weight = dt / (AVERAGING + dt), dt / (MEMORY + dt)
 
     def _sample(self, force: float, velocity: float, dt: float) -> None:
-        """Process the mean force [N] and the mean velocity [m/s] of the last dt [s]."""
+        """Filter one sample of the motion, and update `share`.
+
+        Parameters
+        ----------
+        force
+            Mean force of the hand during the last `dt` seconds [N].
+        velocity
+            Mean velocity of the virtual mass during the last `dt` seconds [m/s].
+        dt
+            Time since the previous sample [s].
+        """
         if abs(dt - self._dt) > ROUNDING:
             self._tune(dt)
         motion, _ = self._high_pass.update(complex(velocity, force))

@@ -1,33 +1,37 @@
 """Position-force feedback with a time-domain passivity observer and controller.
 
-The channel has a port at the master and a port at the slave. The power into the channel and the
-power out of the channel are integrated separately at each port. E_in is the energy that has entered
-the channel at a port. E_out is the energy that has left the channel at the same port. Each side
-sends its E_in to the other side. T is the delay of the channel. The channel generates no energy if
-two conditions are true:
+The hand feels the delayed contact force. The communication channel between master and slave has one
+port at the master and one port at the slave. The delay of the channel can generate energy. A
+passivity observer measures this energy, and passivity controllers dissipate it.
+
+At each port, E_in is the energy that has entered the channel since the drives were armed: the
+integral of the power into the channel. E_out is the energy that has left the channel: the integral
+of the power out of the channel. Each side sends its E_in to the other side. T is the delay of the
+channel. The channel generates no energy if two conditions are true:
 
     E_out at the master (t) <= E_in at the slave (t - T)
     E_out at the slave (t) <= E_in at the master (t - T)
 
 In these conditions, the energies at the slave are multiplied by the force gain divided by the
-motion scale. If a condition is violated, a passivity controller dissipates the difference between
-the two sides of the condition. The controller at the master adds a damping force, which is
-proportional to the velocity. The controller at the slave adds a velocity, which is proportional to
-the contact force.
+motion scale. If a condition is violated, a passivity controller dissipates the excess energy, which
+is the left side minus the right side of the condition. The controller at the master adds a damping
+force, which is proportional to the velocity. The controller at the slave adds a velocity, which is
+proportional to the contact force.
 
 In this file, the ports are at the hand and at the environment. Therefore E_in and E_out contain the
 energy that the passivity controllers dissipate. In the paper of Ryu et al., the ports are at the
 communication network, and the energy of the controllers is added separately. Both methods are
 valid.
 
-The damping at the master is limited to `MOST_DAMPING`. At a speed below |f| / MOST_DAMPING, which
-is 5 mm/s for a force f of 10 N, the damping cannot dissipate the power |f v| that leaves the port.
-E_out is then too large, by up to about 30 mJ in simulated trials. With a limit of 1e5 N s/m, this
-error was smaller, but some simulated trials were unstable.
+The damping that the controller adds at the master is limited to `MOST_DAMPING`. With the displayed
+force f and the velocity v of the master, the power |f v| leaves the port. If |v| is below
+|f| / MOST_DAMPING, the damping cannot dissipate this power. E_out is then too large, by up to about
+30 mJ in simulated trials. With a limit of 1e5 N s/m, this error was smaller, but some simulated
+trials were unstable.
 
-The hand feels a stiffness that is too low. The main cause is the passivity controller at the slave.
-It reduces the velocity of the slave, so that the difference between the positions of master and
-slave increases. This is a known property of the method.
+With this law, the hand feels a stiffness that is too low. The main cause is the passivity
+controller at the slave. It reduces the velocity of the slave, so that the difference between the
+positions of master and slave increases. This is a known property of the method.
 
 Source: J.-H. Ryu, J. Artigas, C. Preusche, "A passive bilateral control scheme for a teleoperator
 with time-varying communication delay", Mechatronics 20(7), 2010.
@@ -53,12 +57,11 @@ from teleop.control.feedback.law import (
 )
 
 MOST_DAMPING = 2000.0
-"""Largest damping of the passivity controller at the master [N s/m]. This damping is part of the
-admittance. The discretisation of the admittance is exact, so that it stays stable with large
-damping."""
+"""Largest damping that the passivity controller adds at the master [N s/m]. The admittance contains
+this damping. It stays stable with a large damping, because its discretisation is exact."""
 MOST_ADMITTANCE = 5e-3
-"""Largest ratio of velocity to force of the passivity controller at the slave [m/(s N)]. The
-controller may always use the velocity that stops the slave, even if this ratio is then larger."""
+"""Largest ratio of added velocity to contact force of the passivity controller at the slave
+[m/(s N)]. The controller may always stop the slave, even if the ratio is then larger."""
 LEAST_SPEED = 1e-5
 """Speed below which the passivity controller at the master does not act [m/s]."""
 LEAST_FORCE = 0.05
@@ -66,23 +69,43 @@ LEAST_FORCE = 0.05
 
 
 class PassivityMaster(Master):
-    """Master half: adds damping if too much energy leaves the channel at the hand's port."""
+    """Master half of the law `passivity`, with the passivity controller at the master.
+
+    If more energy leaves the communication channel at the hand than has entered the channel at the
+    slave, the controller adds damping to the virtual mass.
+    """
 
     allowance = TANK_MAX
     """Energy [J] that the displayed environment may generate before the drives are stopped. It is
-    larger than for a passive law, because the damping at the master is limited."""
+    larger than for a passive law, because the damping of the controller is limited."""
 
     def __init__(self, admittance: Admittance, scale: float = 1.0, gain: float = 1.0) -> None:
         super().__init__(admittance, scale, gain)
         self.align()
 
     def align(self) -> None:
-        """Set all energies to zero; called each time the drives are armed."""
+        """Set all energies to zero. This is done each time the drives are armed."""
         super().align()
         self._in = self._out = 0.0
 
     def step(self, force: float, report: Report, dt: float) -> Motion:
-        """Advance the virtual mass by dt [s], with the damping of the passivity controller."""
+        """Move the virtual mass, with the damping of the passivity controller.
+
+        Parameters
+        ----------
+        force
+            Force of the hand [N].
+        report
+            Newest packet that has arrived from the slave half.
+        dt
+            Duration for which the force acts: the time since the previous tick [s].
+
+        Returns
+        -------
+        motion
+            Packet for the slave half, with the motion of the virtual mass and the energy from the
+            hand.
+        """
         admittance = self.admittance
         displayed, v, d = self.gain * report.force, admittance.velocity, 0.0
         excess = self._out - min(displayed * v, 0.0) * dt - self.gain / self.scale * report.energy
@@ -103,14 +126,17 @@ class PassivityMaster(Master):
 
 
 class PassivitySlave(Slave):
-    """Slave half: reduces the velocity if the slave would give too much energy to the environment.
+    """Slave half of the law `passivity`, with the passivity controller at the slave.
+
+    If the slave would give more energy to the environment than the hand has given to the
+    communication channel, the controller reduces the velocity of the slave.
 
     Parameters
     ----------
     coupling
-        Maps the motion of the master to the motion of the slave.
+        Computes the desired velocity of the slave from the motion of the virtual mass.
     stiffness
-        Expected slope of the contact force [N/m].
+        Expected slope of the contact force over the position of the slave [N/m].
     gain
         Ratio alpha of the displayed force to the contact force.
     """
@@ -123,11 +149,22 @@ class PassivitySlave(Slave):
         self.align()
 
     def align(self) -> None:
-        """Set all energies to zero; called each time the drives are armed."""
+        """Set all energies to zero. This is done each time the drives are armed."""
         self._in = self._out = self._velocity = 0.0
 
     def report(self, measurement: Measurement, dt: float) -> Report:
-        """Return the packet: contact force, and energy from the environment since arming."""
+        """Return the packet for the master half: contact force and energy from the environment.
+
+        The energy is the energy that the environment has given to the slave since the drives were
+        armed.
+
+        Parameters
+        ----------
+        measurement
+            Measurement of this tick.
+        dt
+            Time since the previous tick [s].
+        """
         work = measurement.contact_force * self._velocity * dt
         if work > 0.0:
             self._out += work
@@ -136,7 +173,17 @@ class PassivitySlave(Slave):
         return new_tuple(Report, (measurement.contact_force, PRIOR, self._in))
 
     def velocity(self, motion: Motion, measurement: Measurement, dt: float) -> float:
-        """Return the desired velocity [m/s], reduced so that the channel generates no energy."""
+        """Return the desired velocity of the slave [m/s], so that the channel generates no energy.
+
+        Parameters
+        ----------
+        motion
+            Newest packet that has arrived from the master half.
+        measurement
+            Measurement of this tick.
+        dt
+            Time since the previous tick [s].
+        """
         wanted, f = super().velocity(motion, measurement, dt), measurement.contact_force
         excess = self._out + max(f * wanted, 0.0) * dt - self._share * motion.energy
         if excess > 0.0 and abs(f) > LEAST_FORCE:

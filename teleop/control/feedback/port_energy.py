@@ -1,25 +1,28 @@
 """Observe during a trial whether the displayed environment generates energy.
 
-The hand gives energy to the displayed dynamics: to the environment, to the damping d and to the
-virtual mass m. With the displayed force f_d and the velocity v, the sum of these energies is
+The displayed environment is the environment that the hand feels, with the force f_d. The hand also
+feels the virtual mass m and its damping d. The displayed dynamics consist of the displayed
+environment, the virtual mass and its damping. With the velocity v of the virtual mass, the energy
+that the hand gives to the displayed dynamics is
 
     E = integral of (f_d + d v) v dt + 1/2 m v^2
 
-f_h is the force of the hand. E is the integral of f_h v dt, unless the supervisor limits the
-velocity of the master. Such a limit acts like an additional force, and E differs from this integral
-by the work of this force. The observer therefore also detects an oscillation that reaches the
-limits.
+If the supervisor does not limit the velocity of the master, E is the integral of f_h v dt, where
+f_h is the force of the hand. A limit acts like an additional force, and its work is also included
+in E. The observer therefore also detects an oscillation that reaches the limits.
 
-If the displayed dynamics are passive, E never decreases by more than the energy that they can
-store. After some seconds of damped motion, E is large. An observer that only integrates the power
-would then detect an oscillation too late. Therefore E is limited at each tick to an upper bound of
-the stored energy:
+If the displayed dynamics are passive, the hand can only take back the stored energy, and E never
+decreases by more than this energy. The damping d dissipates energy during motion. After some
+seconds, E is therefore much larger than the stored energy. If the displayed environment then starts
+to generate energy, it takes long until E is negative. Therefore E is limited at each tick (period
+of the control loop) to an upper bound of the stored energy:
 
     E <- min(E + dE, 1/2 m max v^2 + max |f_d| max |x| + tank)
 
-dE is the change of E during one tick. Each maximum is the largest value since the drives were
-armed. The term `tank` is the energy in the tank of the law (see `energy_tank`). It is part of the
-bound because a change of the model may give this energy to the hand.
+dE is the change of E during one tick, and x is the position of the virtual mass. Each maximum is
+the largest value since the drives were armed. The term `tank` is the energy in the energy tank of
+the force-feedback law (see `energy_tank`). It is part of the bound because a change of the model
+may give this energy to the hand.
 
 If the displayed dynamics are passive, the limited E is never smaller than the stored energy, and
 therefore never negative. A negative E means that the displayed dynamics have generated energy.
@@ -39,12 +42,15 @@ from teleop.control.admittance import Admittance
 
 
 class PortEnergy:
-    """Observer of the energy that the hand gives to the displayed dynamics.
+    """Observes the energy that the hand gives to the virtual mass and to the displayed environment.
+
+    The displayed environment is the environment that the hand feels. A negative energy means that
+    the displayed environment has generated energy.
 
     Parameters
     ----------
     admittance
-        Virtual mass of the master.
+        Virtual mass, whose velocity is the desired velocity of the master.
     """
 
     def __init__(self, admittance: Admittance) -> None:
@@ -54,23 +60,31 @@ class PortEnergy:
         self.reset()
 
     def reset(self) -> None:
-        """Set the energy to zero, and start from the present state of the virtual mass."""
+        """Set the energy to zero, and discard the largest values of velocity, force and position.
+
+        The next motion starts at the present position of the virtual mass.
+        """
         self.energy = 0.0
-        """Energy from the hand, limited to the upper bound of the stored energy [J]."""
+        """Energy from the hand, limited to an upper bound of the stored energy [J]."""
         self._position, self._velocity = self._admittance.position, self._admittance.velocity
         self._displayed = self._force = self._reach = self._square = 0.0
 
     def update(self, start: float, end: float, dt: float, tank: float = 0.0) -> float:
-        """Add the energy of the motion since the last update; return the total energy [J].
+        """Add the energy of the last motion, and return the energy from the hand [J].
+
+        The motion is that of the virtual mass since the last call of this method. The result
+        is limited to an upper bound of the stored energy (see the module docstring).
 
         Parameters
         ----------
-        start, end
-            Displayed force at the start and at the end of the motion [N].
+        start
+            Force that the hand feels from the environment at the start of the motion [N].
+        end
+            The same force at the end of the motion [N].
         dt
             Duration of the motion [s].
         tank
-            Energy in the energy tank of the law [J].
+            Energy in the energy tank of the force-feedback law [J].
         """
         x, v = self._admittance.position, self._admittance.velocity
         half_mass = self._half_mass

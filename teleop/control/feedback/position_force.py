@@ -1,9 +1,10 @@
 """Position-force feedback: the delayed contact force is subtracted from the force of the hand.
 
-The law is m v' + d v = f_h - alpha f_e(t - T), with the force of the hand f_h, the contact force
-f_e and the delay T. In steady contact, the hand feels the correct force. During motion, the delay
-of the force acts as a damping of about -alpha k T, which is negative. k is the stiffness of the
-environment. See `stability`.
+The law is m v' + d v = f_h - alpha f_e(t - T). m, d and v are mass, damping and velocity of the
+virtual mass. f_h is the force of the hand, f_e the contact force, T the delay, and alpha the force
+gain. If the slave is at rest in contact, the hand feels the correct force alpha f_e. During motion,
+the delay acts as an additional damping of about -alpha k T, which is negative. k is the stiffness
+of the environment. See `stability`.
 """
 
 from __future__ import annotations
@@ -13,12 +14,22 @@ from teleop.control.feedback.law import Master, Report
 
 
 class PositionForceMaster(Master):
-    """Master half of position-force feedback."""
+    """Master half of position-force feedback: the hand feels the delayed contact force."""
 
     allowance = TANK_MAX
     """Energy [J] that the displayed environment may generate before the drives are stopped. It is
     larger than for a passive law, because this law is not passive."""
 
     def display(self, report: Report, dt: float) -> float:
-        """Return alpha f_e [N], where f_e is the newest contact force that has arrived."""
+        """Return the displayed force alpha f_e [N], which the hand feels.
+
+        alpha is the force gain. f_e is the newest contact force that has arrived at the master.
+
+        Parameters
+        ----------
+        report
+            Newest packet that has arrived from the slave half. It contains f_e.
+        dt
+            Time since the previous tick [s]. It is not used.
+        """
         return self.gain * report.force

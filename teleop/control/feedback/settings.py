@@ -1,4 +1,7 @@
-"""Settings of the force feedback. They create the two halves of the force-feedback law."""
+"""Settings of the force feedback, from which the two halves of the force-feedback law are created.
+
+One half of the law runs at the master, and the other half at the slave.
+"""
 
 from __future__ import annotations
 
@@ -19,26 +22,27 @@ from teleop.names import ConditionName, FeedbackName
 
 @dataclass(frozen=True)
 class FeedbackSettings:
-    """Settings of the force feedback.
+    """Settings of the force feedback, by which the hand feels the contact force.
 
     Raises
     ------
     ValueError
-        A value is out of its range.
+        `stiffness` or `gain` is not positive and finite.
     """
 
     law: FeedbackName = "none"
-    """Name of the law: none, position-force, model-mediated or passivity."""
+    """Name of the force-feedback law: none, position-force, model-mediated or passivity."""
     gain: float = 1.0
-    """Ratio of the displayed force to the contact force, > 0."""
+    """Ratio of the force that the hand feels to the contact force, > 0."""
     glued: bool | None = None
-    """Whether the specimen is glued to the slave's plate, so that it also pulls. By default, this
-    is the setting of the simulated body. On a hardware rig, the default is glued."""
+    """Whether the specimen is glued to the slave's plate, so that it also pulls the slave. If None,
+    the setting of the simulated body is used, or True on a hardware rig."""
 
     stiffness: float | None = None
     """Largest expected stiffness of the specimen [N/m]. It is used to check the stability of the
-    law position-force, and to limit the approach speed of the slave if the law has no model. By
-    default, it is the stiffness of the simulated body. On a hardware rig, it is unknown."""
+    law position-force. It is also used to limit the approach speed of the slave if the law has no
+    model. If None, the stiffness of the simulated body is used. On a hardware rig, None means that
+    the stability is not checked and that `STIFF_PRIOR` limits the speed."""
 
     def __post_init__(self) -> None:
         if self.stiffness is not None and not 0.0 < self.stiffness < math.inf:
@@ -47,14 +51,14 @@ class FeedbackSettings:
             raise ValueError(f"gain of the feedback must be positive, got {self.gain}")
 
     def problems(self, condition: ConditionName, rig: RigFile | None) -> Iterator[str]:
-        """Yield the reasons why a trial cannot use these feedback settings.
+        """Yield a message for each reason why a trial cannot use these feedback settings.
 
         Parameters
         ----------
         condition
-            Control condition.
+            Control condition of the trial.
         rig
-            Hardware rig; None for the simulated rig.
+            Content of the rig file of the hardware rig; None for the simulated rig.
         """
         if self.law != "none" and condition == "autonomous":
             yield (
@@ -75,20 +79,28 @@ class FeedbackSettings:
         glued: bool,
         stiffness: float = STIFF_PRIOR,
     ) -> tuple[Master, Slave]:
-        """Return the two halves of the force-feedback law, at the master and at the slave.
+        """Create the two halves of the force-feedback law, for the master and for the slave.
 
         Parameters
         ----------
-        admittance, coupling
-            Virtual mass of the master, and map from the motion of the master to the motion of the
-            slave.
+        admittance
+            Virtual mass, whose velocity is the desired velocity of the master.
+        coupling
+            Computes the desired velocity of the slave from the motion of the virtual mass.
         force_lag
-            Lag of the force channel that the estimator compensates [s].
+            Lag of the signal of the contact force sensor [s]. Only the law model-mediated uses it,
+            to correct the estimate of the damping.
         glued
-            Whether the specimen is glued.
+            Whether the specimen is glued, so that it also pulls the slave. Only the law
+            model-mediated uses it.
         stiffness
-            Expected slope of the contact force [N/m]. The law model-mediated does not use it, but
-            estimates it.
+            Expected slope of the contact force over the position of the slave [N/m]. The law
+            model-mediated does not use it, because it estimates the stiffness.
+
+        Returns
+        -------
+        master, slave
+            The two halves of the law.
         """
         master = admittance, coupling.scale, self.gain
         match self.law:

@@ -1,1 +1,1 @@
-"""Reproduce Table I and the figures of the paper, and analyse the results."""
+"""Reproduce Table I and the figures of the paper (Yamamoto et al., BioRob 2008) in simulation."""

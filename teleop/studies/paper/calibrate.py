@@ -1,28 +1,30 @@
-"""Calibrate the simulated rig from Table I: `python -m teleop.studies.paper.calibrate`.
+"""Calibrate the simulated rig to the paper's Table I: `python -m teleop.studies.paper.calibrate`.
 
-The calibration uses the values of b and k that Table I states for RLS under the conditions `free`
-and `autonomous`. These are twelve numbers. The calibration finds eight unknowns: k1 and k3 of each
-of the three cubes, the lag of the force channel, and the lost motion of the slave. The force of a
-cube at the displacement x is k1 x + k3 x^3. All other cells of Table I are predictions. The
-calibration depends on four assumptions.
+The calibration uses the values of b and k that Table I states for recursive least squares (RLS)
+under the conditions `free` and `autonomous`. These are twelve numbers. The calibration finds eight
+unknowns: k1 and k3 of each of the three cubes, the lag of the force channel, and the lost motion of
+the slave. The elastic force of a cube at the displacement x is k1 x + k3 x^3. All other cells of
+Table I are predictions. The calibration depends on four assumptions, which are constants in
+`sim_backend`.
 
-- Depths. Table I determines only the product of k3 and the squared depth. The depths were chosen by
-  trial and error such that the force errors are about equal to those of the paper. The force errors
-  increase with the depth. They are therefore not independent predictions. The paper states that the
-  depths are smaller under `autonomous`. These smaller depths, and the frequency of 2 Hz, were
-  chosen such that the rise time of adaptive identification (`ai`) with the paper's gains is about
-  0.6 s, as in the paper. The rise time of `ai` is therefore not an independent prediction. The
-  paper does not state the depths under `mimic`. The depths of `free` are used there.
-- Tremor. The tremor of the operator (`sim_backend/operators.py`) was also chosen to match the force
-  errors. In the paper, the force errors on the soft and the medium cube are larger under `free` and
-  `mimic` than under `autonomous`.
-- Compliance. The compliance of the transmission is 7 um/N, which is typical of a cable or belt
+- Depths of palpation (`DEPTH`). Table I determines only the product of k3 and the squared depth.
+  The depths were chosen by trial and error such that the force errors are about equal to those of
+  the paper. The force errors increase with the depth. They are therefore not independent
+  predictions. The paper states that the depths are smaller under `autonomous`. The depths and the
+  frequency under `autonomous` were chosen such that the rise time of adaptive identification (`ai`)
+  with the paper's gains is about equal to that in the paper. The rise time of `ai` is therefore not
+  an independent prediction. The paper does not state the depths under `mimic`. They are assumed to
+  be equal to those under `free`.
+- Tremor of the operator (`sim_backend/operators.py`). The tremor was also chosen such that the
+  force errors are about equal to those of the paper. In the paper, the force errors on the soft and
+  the medium cube are larger under `free` and `mimic` than under `autonomous`.
+- Compliance of the slave's transmission (`TRANSMISSION`). The value is typical of a cable or belt
   drive. The transmission is in series with the cube, and reduces the estimated stiffness. For the
-  hard cube, the estimate is therefore within the grid of the multi-estimator. The friction of the
-  transmission follows from its compliance and its lost motion. It is about 17 N.
-- Damping. The true damping is 1.5 ms times k1. This gives a loss factor of 0.02 at 2 Hz, as for
-  silicone rubber with little damping. To first order, damping and lag have the same effect on the
-  force, and cannot be determined separately.
+  hard cube, the estimate is therefore within the grid of the candidates of the multi-estimator. The
+  friction of the transmission is its lost motion divided by its compliance.
+- Damping of the cubes. The true damping is `LOSS_TIME` times k1. This gives a low loss factor, as
+  for silicone rubber with little damping. To first order, damping and lag have the same effect on
+  the force, and cannot be determined separately.
 """
 
 from __future__ import annotations
@@ -43,9 +45,9 @@ from teleop.studies.workers import workers
 from teleop.trial.run import run_trial
 
 K_TOLERANCE = 0.02
-"""Relative error of k that adds 1 to the sum of squares."""
+"""Relative error of k that adds 1 to the sum of the squared residuals of the calibration."""
 B_TOLERANCE = 0.3
-"""Error of the natural logarithm of b that adds 1 to the sum of squares."""
+"""Error of the natural logarithm of |b| that adds 1 to the sum of the squared residuals."""
 STEP = 0.03
 """Step of the numerical derivatives, as a fraction of the value."""
 EVALUATIONS = 5
@@ -53,17 +55,21 @@ EVALUATIONS = 5
 Vector = NDArray[np.float64]
 
 TRIALS = [(condition, cube) for cube in CUBES for condition in CALIBRATED]
+"""Condition and cube of each trial of the calibration."""
 
 
 def rls_averages(condition: ConditionName, cube: CubeName, setup: Setup) -> tuple[float, float]:
     """Run a trial of the paper, and return the averages of b [N s/m] and k [N/m] from RLS.
 
+    RLS is recursive least squares, one of the estimators of the paper.
+
     Parameters
     ----------
     condition, cube
-        Names of condition and cube.
+        Names of the control condition and of the cube.
     setup
-        Cube, force channel, depth and transmission that replace those of the simulated rig.
+        Cube, lag of the force channel, depth of palpation, and transmission of the slave in this
+        trial.
     """
     settings = replace(paper_trial(condition, cube), custom_setup=setup, estimators=("rls",))
     columns = run_trial(settings).columns
@@ -71,13 +77,18 @@ def rls_averages(condition: ConditionName, cube: CubeName, setup: Setup) -> tupl
 
 
 def setups(values: Vector) -> dict[tuple[str, str], Setup]:
-    """Return the simulated setup of each trial, by condition and cube.
+    """Return the properties of rig and cube in each trial of the calibration.
 
     Parameters
     ----------
     values
-        k1 of the three cubes [N/m], k3 of the three cubes [N/m^3], lag [s] and lost motion [m],
-        shape (8,).
+        The eight unknowns of the calibration, shape (8,): k1 of the three cubes [N/m], k3 of the
+        three cubes [N/m^3], the lag of the force channel [s], and the lost motion of the slave [m].
+        The elastic force of a cube at the displacement x is k1 x + k3 x^3.
+
+    Returns
+    -------
+    The properties, by (condition, cube).
     """
     k1, k3, (lag, lost_motion) = values[:3], values[3:6], values[6:].tolist()
     cubes = {
@@ -92,7 +103,19 @@ def setups(values: Vector) -> dict[tuple[str, str], Setup]:
 
 
 def averages(values: Vector, pool: Executor) -> Mapping[tuple[str, str], tuple[float, float]]:
-    """Return the averages of b [N s/m] and k [N/m] from RLS, by condition and cube of the trial."""
+    """Run the trials of the calibration, and return what recursive least squares estimates.
+
+    Parameters
+    ----------
+    values
+        The eight unknowns of the calibration, as in `setups`, shape (8,).
+    pool
+        Pool of processes that run the trials.
+
+    Returns
+    -------
+    The averages of b [N s/m] and k [N/m] in each trial, by (condition, cube).
+    """
     made = setups(values)
     conditions, cubes = zip(*TRIALS, strict=True)
     results = pool.map(rls_averages, conditions, cubes, [made[trial] for trial in TRIALS])
@@ -100,14 +123,16 @@ def averages(values: Vector, pool: Executor) -> Mapping[tuple[str, str], tuple[f
 
 
 def calibrate(start: Vector, pool: Executor) -> Vector:
-    """Return the eight unknowns for which the RLS averages are closest to those of the paper.
+    """Fit the eight unknowns of the simulated rig to the paper's Table I, and return them.
 
-    The unknowns are the parameter `values` of the function `setups`.
+    The docstring of `setups` lists the unknowns. They are fitted such that recursive least squares
+    (RLS) estimates the same averages of b and k in the simulated trials as in the paper. The fit is
+    a nonlinear least-squares fit.
 
     Parameters
     ----------
     start
-        Initial values of the unknowns, in the same order, shape (8,).
+        Initial values of the unknowns, in the order of `setups`, shape (8,).
     pool
         Pool of processes that run the trials.
     """
@@ -120,10 +145,12 @@ def calibrate(start: Vector, pool: Executor) -> Vector:
         return np.array(out)
 
     def slopes(logarithms: Vector) -> Vector:
-        """Return the Jacobian of the residuals.
+        """Return the Jacobian of the residuals with respect to the logarithms of the unknowns.
 
-        k1 and k3 of a cube affect only the trials on this cube. The values of all three cubes can
-        therefore be changed at the same time, and five evaluations of the residuals are sufficient.
+        The derivatives are difference quotients. k1 and k3 of a cube affect only the residuals of
+        the trials on this cube. Therefore, k1 is changed on all three cubes at the same time, and
+        so is k3. The residuals are then evaluated five times: without a change, and with a change
+        of k1, of k3, of the lag, and of the lost motion.
         """
         here = residuals(logarithms)
         out = np.zeros((len(here), len(start)))
@@ -147,8 +174,8 @@ def calibrate(start: Vector, pool: Executor) -> Vector:
 def main() -> None:
     """Calibrate the simulated rig, and print the calibrated values.
 
-    The values are intended for the file `sim_backend/paper_rig.py`. The averages of b and k from
-    RLS are also printed, for the simulated rig and for the paper.
+    A developer copies these values to the file `sim_backend/paper_rig.py`. The averages of b and k
+    from recursive least squares are also printed, for the simulated rig and for the paper.
     """
     start = np.array(
         [

@@ -1,4 +1,7 @@
-"""Run further estimators on the nine trials, and compare the estimates with the true values."""
+"""Run further estimators on the paper's nine trials, and compute the errors of the estimates.
+
+Further estimators are those that a user requests in addition to the three of the paper.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ from teleop.trial.result import Trial
 
 
 class MethodResult(NamedTuple):
-    """Errors of one estimator in one trial, or their averages over several trials."""
+    """Errors of one estimator in one trial, or averages of its errors over several trials."""
 
     k_error: float
     """Root mean square error of the stiffness, as a fraction of the true stiffness."""
@@ -31,30 +34,43 @@ class MethodResult(NamedTuple):
     e_f: float
     """Average force error [N]."""
     one_step_ratio: float
-    """Error of the force prediction one step ahead, divided by the same error of least squares over
-    the last second."""
+    """Root mean square error of the force that is predicted one sample ahead. It is divided by the
+    same error of batch least squares with a sliding window, see `Comparison.one_step_ratio`."""
     held: float
     """Fraction of the samples at which the estimate was held constant."""
 
 
 class Methods(NamedTuple):
-    """Further estimators that are compared on the trials."""
+    """Estimators that a user requests in addition to the three of the paper, and their model."""
 
     estimators: tuple[str, ...] = ()
-    """Names of the estimators."""
+    """Names of the estimators; empty if none are requested."""
     model: Model = KELVIN_VOIGT
-    """Model for the estimators that support several models."""
+    """Model of the environment for those of the estimators that support several models."""
 
 
 def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
-    """Run estimators on the measured position and force of a trial.
+    """Run estimators on the data of a simulated trial, and compute the errors of the estimates.
 
-    All estimators use the paper's settings and process the same signals. The lag of the force
-    channel is compensated. The estimators receive the position of the tip instead of the encoder
-    position, so that lost motion has no effect. The estimated damping is compared with the damping
-    of the cube. If an estimator has no parameter k3, its stiffness is compared with the secant
-    stiffness k1 + k3 x^2 of the cube at each sample. If it has this parameter, its stiffness is
-    compared with the stiffness k1 of the cube at the surface.
+    All estimators use the paper's settings and process the same signals: the measured force, and
+    the true position x of the slave's tip, so that lost motion has no effect. The lag of the force
+    channel is compensated.
+
+    The force of the cube is f = b v + k1 x + k3 x^3. The estimated damping is compared with b. The
+    stiffness from an estimator without the parameter k3 is compared with k1 + k3 x^2, the secant
+    stiffness of the cube at the x of each sample. The stiffness from an estimator that also
+    estimates k3 is compared with k1, the stiffness at the surface of the cube.
+
+    Parameters
+    ----------
+    trial
+        The simulated trial.
+    methods
+        The estimators, and their model.
+
+    Returns
+    -------
+    The errors of each estimator, by the name of the estimator.
     """
     settings, columns = trial.settings, trial.columns
     model = methods.model
@@ -91,14 +107,18 @@ def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
 
 
 def averages(results: Sequence[Mapping[str, MethodResult]]) -> dict[str, MethodResult]:
-    """Return the results of each estimator, averaged over trials.
+    """Average the results of each estimator over several trials.
 
-    The average of the stiffness error is the root mean square. All other averages are means.
+    The average of `k_error` is the root mean square. All other averages are arithmetic means.
 
     Parameters
     ----------
     results
-        For each trial, the results by the name of the estimator.
+        One dictionary for each trial: the results in this trial, by the name of the estimator.
+
+    Returns
+    -------
+    The averages, by the name of the estimator.
     """
     found = {}
     for name in results[0]:

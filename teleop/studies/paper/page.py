@@ -31,10 +31,21 @@ METHOD_HEADINGS = (
     RMS_RATIO,
     "held",
 )
+"""Column headings of the table of further estimators. The first column contains the names of the
+estimators."""
 
 
 def method_cells(methods: Mapping[str, MethodResult]) -> list[list[str]]:
-    """Return the cells of the table of further estimators, with the columns `METHOD_HEADINGS`."""
+    """Return the cells of the table of further estimators as texts, one row for each estimator.
+
+    Further estimators are those that a user requested in addition to the three of the paper. The
+    headings of the columns are `METHOD_HEADINGS`.
+
+    Parameters
+    ----------
+    methods
+        Results of the further estimators, by the name of the estimator.
+    """
 
     def percent(value: float, digits: int = 0) -> str:
         return f"{value:.{digits}%}" if math.isfinite(value) else "-"
@@ -56,7 +67,18 @@ def method_cells(methods: Mapping[str, MethodResult]) -> list[list[str]]:
 
 
 def table_one(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, list[dict[str, object]]]]:
-    """Yield each row of Table I: its name, and cells with the simulated and the paper's values."""
+    """Yield each row of Table I: its name, and cells with the simulated and the paper's values.
+
+    A row contains the results of one estimator under one control condition. A cell is a dictionary.
+    Its entry `ours` is the simulated value, and its entry `paper` is the value in the paper. Its
+    entry `calibrated` states whether this value of the paper was used to calibrate the simulated
+    rig.
+
+    Parameters
+    ----------
+    outcomes
+        Results of the nine trials of one seed.
+    """
     by_trial = {(outcome.condition, outcome.cube): outcome for outcome in outcomes}
     for condition in CONDITIONS:
         for estimator in ESTIMATORS:
@@ -77,10 +99,12 @@ def table_one(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, list[dict[str,
 
 
 def damping_cells(outcomes: Sequence[Outcome]) -> list[list[str]]:
-    """Return the cells of the table of the damping, with one row for each trial.
+    """Return the cells of the table of the damping as texts, with one row for each trial.
 
-    A row contains the damping in the paper, the damping from RLS with all causes of bias, the
-    estimates after each cause of bias is removed, and the true damping.
+    A row contains the name of the trial, the damping in the paper, and the damping that recursive
+    least squares (RLS) estimates in the simulated trial. These two values are biased. The next
+    three values are estimates from which one, two and all three causes of bias are removed (see
+    `Damping`). The last value is the true damping.
     """
     return [
         [
@@ -97,9 +121,11 @@ def damping_cells(outcomes: Sequence[Outcome]) -> list[list[str]]:
 
 
 def slow_cells(slow: Sequence[SlowTrial]) -> list[list[str]]:
-    """Return the cells of the table of lag and damping, with one row for each frequency.
+    """Return the cells of the table of the slow trials as texts, with one row for each trial.
 
-    In each row, lag and damping were estimated together from one trial.
+    In a slow trial, the slave moves sinusoidally with a low frequency. The lag of the force channel
+    and the damping of the cube were both estimated from each trial. A row contains the frequency
+    [Hz], the lag and its 95 % interval [ms], and the damping and its 95 % interval [N s/m].
     """
     return [
         [
@@ -129,17 +155,19 @@ def reproduction_page(
     outcomes
         Results of the nine trials of one seed.
     claims
-        Claims of the paper, and whether they are true.
+        Claims of the paper, and whether they are true for the simulated trials.
     figures
         Figures as SVG elements, by caption.
     slow
-        Estimates of lag and damping, one pair for each frequency of the excitation.
+        Estimated lag of the force channel and estimated damping, for each frequency of the motion.
     study
-        Effects of the analysis of variance, by response; empty if there is only one seed.
+        Effects from an analysis of variance, by the name of the response (dependent variable);
+        empty if there is only one seed.
     seeds
-        Number of repetitions of the nine trials.
+        Number of repetitions of the nine trials, each with another seed.
     methods
-        Results of further estimators, averaged over the trials; empty if none were requested.
+        Results of estimators that were requested in addition to the three of the paper, averaged
+        over the trials; empty if none were requested.
     """
     return web_page(
         "reproduction.html",

@@ -1,4 +1,4 @@
-"""Reproduce the paper: run the trials, check the claims, and write the result files."""
+"""Reproduce the paper: simulate its trials, check its claims, and write the result files."""
 
 from __future__ import annotations
 
@@ -37,7 +37,8 @@ from teleop.studies.paper.trials import (
 from teleop.studies.workers import workers
 
 SLOW_FREQUENCIES = (0.1, 1.0)
-"""Frequencies of the additional trials from which lag and damping are estimated together [Hz]."""
+"""Frequencies of the motion in additional trials [Hz]. The lag of the force channel and the damping
+are both estimated from each of these trials."""
 TABLE, PAGE = "table1.csv", "index.html"
 """Names of the files with Table I and with the page."""
 CAPTIONS = {
@@ -46,38 +47,47 @@ CAPTIONS = {
     "figure4": "Figure 4. Estimated stiffness of the three cubes under free palpation.",
     "figure5": "Figure 5. Estimated stiffness of the soft cube under the three conditions.",
 }
+"""Captions of the figures, by the name of the figure."""
 
 
 @dataclass(frozen=True)
 class Reproduction:
-    """Results of the reproduction of the paper."""
+    """Results of the reproduction of the paper in simulation."""
 
     outcomes: list[Outcome]
     """Results of the nine trials for every seed."""
     slow: list[SlowTrial]
-    """Lag and damping, estimated together from one trial for each frequency."""
+    """Lag of the force channel and damping, both estimated from one trial for each frequency."""
     claims: list[Claim]
     """Claims of the paper, checked against the trials of the first seed."""
     study: dict[str, list[Effect]]
-    """Effects of the analysis of variance, by response; empty if there is only one seed."""
+    """Effects from an analysis of variance, by the name of the response (dependent variable); empty
+    if there is only one seed."""
 
     @property
     def first(self) -> list[Outcome]:
-        """Results of the nine trials of the first seed."""
+        """Results of the paper's nine trials with the first seed.
+
+        The nine trials are run once for each seed.
+        """
         return self.outcomes[: len(CONDITIONS) * len(CUBES)]
 
     @property
     def seeds(self) -> int:
-        """Number of repetitions of the nine trials."""
+        """Number of times that the paper's nine trials were run, each time with another seed."""
         return len(self.outcomes) // (len(CONDITIONS) * len(CUBES))
 
     @property
     def methods(self) -> dict[str, MethodResult]:
-        """Results of further estimators, averaged over all trials; empty if none were requested."""
+        """Results of further estimators, averaged over all trials, by the name of the estimator.
+
+        Further estimators are those that were requested in addition to the three of the paper. The
+        dictionary is empty if none were requested.
+        """
         return averages([outcome.methods for outcome in self.outcomes])
 
     def summary(self) -> dict[str, Any]:
-        """Return the results with the keys of `teleop reproduce --json`."""
+        """Return the results as a dictionary, for output as JSON by `teleop reproduce --json`."""
         return {
             "seeds": self.seeds,
             "trials": as_rows(self.first),
@@ -102,16 +112,16 @@ class Reproduction:
 def reproduce(
     seeds: int, methods: Methods = NO_METHODS, on_done: Callable[[], None] = lambda: None
 ) -> Reproduction:
-    """Run the nine trials for several seeds, on all processor cores.
+    """Run the paper's nine trials in simulation for several seeds, on all processor cores.
 
     Parameters
     ----------
     seeds
-        Number of repetitions of the nine trials, with the seeds 0, 1, ...
+        Number of times that the nine trials are run, with the seeds 0, 1, ...
     methods
-        Further estimators to compare on the trials.
+        Estimators that are run on the same trials, in addition to the three of the paper.
     on_done
-        Function that is called after each trial.
+        Function that is called without arguments after each trial.
 
     Raises
     ------
@@ -192,7 +202,15 @@ def write(reproduction: Reproduction, folder: Path, overwrite: bool = False) -> 
 
 
 def csv_table(rows: Sequence[dict[str, Any]]) -> str:
-    """Return the simulated and the paper's Table I as CSV, a row for each trial and estimator."""
+    """Return a CSV text with the simulated Table I and the paper's Table I.
+
+    The table has one row for each trial and estimator.
+
+    Parameters
+    ----------
+    rows
+        The results, from `as_rows`.
+    """
     text = StringIO(newline="")
     writer = csv.writer(text)
     ours = ["condition", "cube", "estimator", "b", "k", "e_f", "rise_time_s"]
@@ -203,12 +221,14 @@ def csv_table(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def draw(name: str, outcomes: Sequence[Outcome], folder: Path, overwrite: bool) -> Markup:
-    """Draw Figure 3, 4 or 5 of the paper, write PNG and SVG files, and return the SVG element.
+    """Draw a figure of the paper with simulated results, and write it to a PNG and an SVG file.
+
+    The figure is returned as an SVG element.
 
     Parameters
     ----------
     name
-        Key of `CAPTIONS`.
+        Name of the figure, a key of `CAPTIONS`: `figure3`, `figure4` or `figure5`.
     outcomes
         Results of the nine trials of one seed.
     folder

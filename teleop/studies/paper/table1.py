@@ -1,4 +1,4 @@
-"""Read the numbers of the paper's Table I."""
+"""Read the numbers of the paper's Table I: estimated damping and stiffness, and force errors."""
 
 from __future__ import annotations
 
@@ -8,10 +8,14 @@ from importlib.resources import files
 from typing import NamedTuple
 
 ESTIMATORS = ("rls", "ai", "me")
+"""Estimators of the paper: recursive least squares, adaptive identification, multi-estimator."""
 
 
 class Cell(NamedTuple):
-    """A cell of Table I: average estimates and force error of one estimator in one trial."""
+    """A cell of the paper's Table I: results of one estimator in one trial.
+
+    A trial has one control condition and one cube. The estimates are averages over the trial.
+    """
 
     b: float
     """Damping [N s/m]."""
@@ -38,5 +42,9 @@ CALIBRATED = ("free", "autonomous")
 
 
 def is_calibrated(condition: str, estimator: str) -> bool:
-    """Return whether b and k of a cell were used to calibrate the simulated rig."""
+    """Return whether b and k of a cell of the paper's Table I were used in the calibration.
+
+    The simulated rig is calibrated such that its results agree with these b and k. A cell has one
+    control condition, one cube and one estimator. The result is the same for all cubes.
+    """
     return estimator == "rls" and condition in CALIBRATED

@@ -1,4 +1,4 @@
-"""Print Table I beside the paper's numbers, and whether each claim of the paper is confirmed."""
+"""Print the simulated Table I beside the paper's, and whether the paper's claims are confirmed."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ from teleop.output.console import TrimmedTable, number, plain_console
 
 
 def print_reproduction(summary: Mapping[str, Any]) -> None:
-    """Print Table I beside the paper's numbers, one table per cube, and the check of each claim.
+    """Print the simulated Table I beside the paper's, and whether each claim is true.
+
+    One table is printed for each cube. A claim is a statement of the paper about its results, or a
+    statement about the agreement with the paper.
 
     Parameters
     ----------
     summary
-        Results that `Reproduction.summary` returned.
+        Results of the reproduction, from `Reproduction.summary`.
     """
     console = plain_console()
     for cube in ("soft", "medium", "hard"):

@@ -1,7 +1,9 @@
-"""Run the paper's nine trials with the paper's settings.
+"""Run the paper's nine trials in simulation, with the paper's settings.
 
-The estimated damping in these trials is biased. The module also estimates the damping without the
-causes of this bias.
+The paper is Yamamoto et al., BioRob 2008. Its nine trials are all combinations of three control
+conditions and three cubes. With the paper's settings, the estimated damping is biased. The bias has
+three causes: the lag of the force channel, the lost motion of the slave, and the stiffening of the
+cube. This module also estimates the damping without these causes.
 """
 
 from __future__ import annotations
@@ -29,15 +31,18 @@ BANDWIDTH = 50.0
 """Bandwidth of the filtered difference that gives the velocity [Hz]. The paper does not state this
 bandwidth."""
 NO_METHODS = Methods()
-"""Value for a reproduction without further estimators."""
+"""Value of a parameter `methods`: no estimator is run in addition to the three of the paper."""
 DRAWN = 10
-"""Distance between two ticks that the figures show [ticks]."""
+"""Number of ticks (periods of the control loop) from one point of a figure to the next point."""
 
 
 class Damping(NamedTuple):
-    """True damping in one trial, and its estimates [N s/m].
+    """True damping of the cube in one trial, and several estimates of it [N s/m].
 
-    In the estimates from `rls` to `stiffening`, the causes of bias are removed one after the other.
+    The estimates `paper` and `rls` are those of recursive least squares (RLS). They are biased by
+    three causes: the lag of the force channel, the lost motion of the slave, and the stiffening of
+    the cube. The first cause is removed in `matched`, the first two in `tip`, and all three in
+    `stiffening`.
     """
 
     true: float
@@ -47,16 +52,17 @@ class Damping(NamedTuple):
     rls: float
     """Average of the damping from RLS in the simulated trial, with the paper's settings."""
     matched: float
-    """Damping from a Kelvin-Voigt fit, with compensated lag and the same filter for force and
-    position."""
+    """Damping from a fit of the Kelvin-Voigt model f = b v + k x. The lag of the force channel is
+    compensated, and force and position are filtered by the same filter."""
     tip: float
-    """As `matched`, but with the position of the tip instead of the encoder position."""
+    """As `matched`, but with the true position of the slave's tip instead of the position that its
+    encoder measures."""
     stiffening: float
-    """As `tip`, but with x^3 as an additional regressor."""
+    """As `tip`, but with the additional term k3 x^3 in the model."""
 
 
 class Outcome(NamedTuple):
-    """Results of one trial."""
+    """Results of one simulated trial of the paper."""
 
     condition: str
     """Name of the control condition."""
@@ -65,11 +71,11 @@ class Outcome(NamedTuple):
     seed: int
     """Seed of the trial."""
     estimates: dict[str, dict[str, Any]]
-    """Summary of the estimates, by the name of the estimator."""
+    """Results of each estimator, such as the averages of b and k, by the name of the estimator."""
     damping: Damping
-    """Damping, with the causes of bias removed one after the other."""
+    """True damping, estimates with bias, and estimates without causes of bias."""
     t: Floats
-    """Time of every tenth tick [s], shape (n,)."""
+    """Time of the ticks that the figures show [s], shape (n,), see `DRAWN`."""
     x: Floats
     """Displacement at the ticks of `t` [m], shape (n,)."""
     v: Floats
@@ -77,26 +83,30 @@ class Outcome(NamedTuple):
     series: dict[str, Estimates]
     """Estimates at the ticks of `t`, by the name of the estimator."""
     methods: dict[str, MethodResult]
-    """Results of further estimators on the same trial; empty if none were requested."""
+    """Results of the estimators that were requested in addition to those of the paper, by their
+    names; empty if none were requested."""
 
 
 class SlowTrial(NamedTuple):
-    """Estimates of two quantities from one trial: lag of the force channel, and damping."""
+    """Lag of the force channel and damping of the cube, both estimated from one slow trial.
+
+    The trial is called slow because the slave moves sinusoidally with a low frequency.
+    """
 
     frequency: float
-    """Frequency of the excitation [Hz]."""
+    """Frequency of the sinusoidal motion [Hz]."""
     lag: Interval
-    """Estimated lag with its 95 % interval [s]."""
+    """Estimated time constant of the lag, with its 95 % interval [s]."""
     b: Interval
     """Estimated damping with its 95 % interval [N s/m]."""
     true_lag: float
-    """True lag [s]."""
+    """True time constant of the lag of the simulated force channel [s]."""
     true_b: float
-    """True damping [N s/m]."""
+    """True damping of the simulated cube [N s/m]."""
 
 
 def paper_trial(condition: ConditionName, cube: CubeName, seed: int = 0) -> TrialSettings:
-    """Return the settings of one of the nine trials.
+    """Return the settings of one of the paper's nine trials, for one condition and one cube.
 
     As in the paper, the force is not filtered, the velocity is a filtered difference of the encoder
     position, and the estimators have the paper's settings.
@@ -113,16 +123,17 @@ def paper_trial(condition: ConditionName, cube: CubeName, seed: int = 0) -> Tria
 
 
 def damping_steps(trial: Trial, rls: float) -> Damping:
-    """Return estimates of the damping from which the causes of bias are removed one by one.
+    """Return the true damping in a trial, and estimates with fewer and fewer causes of bias.
 
-    The first estimate is that of the paper's method.
+    The docstring of `Damping` explains the causes of bias and the estimates.
 
     Parameters
     ----------
     trial
         The simulated trial.
     rls
-        Average of the damping from RLS in this trial, which is the first estimate [N s/m].
+        Average of the damping that recursive least squares (RLS) estimated in this trial
+        [N s/m]. This estimate is biased by all causes.
     """
     settings, columns = trial.settings, trial.columns
     force, dt = columns["contact_force"], columns["dt"]
@@ -140,14 +151,14 @@ def damping_steps(trial: Trial, rls: float) -> Damping:
 
 
 def palpate(trial: tuple[ConditionName, CubeName, int], methods: Methods = NO_METHODS) -> Outcome:
-    """Run one trial, and run further estimators on the data of this trial.
+    """Run one of the paper's trials, and run further estimators on the data of this trial.
 
     Parameters
     ----------
     trial
         Condition, cube and seed.
     methods
-        Further estimators.
+        The further estimators, which were requested in addition to the three of the paper.
     """
     condition, cube, seed = trial
     run = run_trial(paper_trial(condition, cube, seed))
@@ -168,15 +179,17 @@ def palpate(trial: tuple[ConditionName, CubeName, int], methods: Methods = NO_ME
 
 
 def lag_and_damping(frequency: float) -> SlowTrial:
-    """Estimate lag and damping together from an autonomous trial on the medium cube.
+    """Estimate the lag of the force channel and the damping of the cube from one simulated trial.
 
-    The ramps at the start and the end of the trial are not used. The position of the tip is used
-    instead of the encoder position, so that lost motion has no effect.
+    In this trial, the slave moves sinusoidally (condition `autonomous`) on the medium cube. The
+    start and the end of the trial, where the displacement increases from zero and decreases to
+    zero, are not used. The true position of the slave's tip is used instead of the position that
+    its encoder measures. Therefore, lost motion between encoder and tip has no effect.
 
     Parameters
     ----------
     frequency
-        Frequency of the excitation [Hz].
+        Frequency of the sinusoidal motion [Hz].
     """
     settings = replace(
         paper_trial("autonomous", "medium"),
@@ -205,7 +218,11 @@ def lag_and_damping(frequency: float) -> SlowTrial:
 
 
 def as_rows(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
-    """Return one row for each trial and estimator, with the values in the paper's Table I."""
+    """Return the results as table rows, one row for each trial and each of the three estimators.
+
+    Each row is a dictionary. Its entry `paper` contains the values that Table I of the paper states
+    for the same trial and estimator. The other entries are the simulated results.
+    """
     return [
         {
             "condition": outcome.condition,

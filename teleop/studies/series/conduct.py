@@ -1,4 +1,4 @@
-"""Run and record the trials of a plan, and repeat failed trials, until all trials are done."""
+"""Run and record the trials of a series, and repeat failed trials until all trials are done."""
 
 from __future__ import annotations
 
@@ -30,35 +30,47 @@ there is no note."""
 Run = Callable[[TrialSettings, Path], Trial]
 """Function that runs and records a trial."""
 ATTEMPTS = 3
-"""Number of failed attempts of one trial after which an unattended series ends with an error."""
+"""Number of failed attempts of one trial after which an unattended series ends with an error. In an
+unattended series, no person is asked before a trial."""
 
 
 def unattended(question: Question) -> tuple[Answer, str]:
-    """Return the answer "run" and no note, without asking a person."""
+    """Answer "run" to the question whether to run a trial, without asking a person.
+
+    In an unattended series, this function is the argument `ask` of `conduct`. The returned note is
+    empty.
+    """
     return "run", ""
 
 
 def no_note(trial: PlannedTrial) -> str:
-    """Return an empty note, without asking a person."""
+    """Return an empty note on a trial that has ended, without asking a person for a note.
+
+    In an unattended series, this function is the argument `ask_note` of `conduct`.
+    """
     return ""
 
 
 def open_journal(folder: Path, plan: Plan, trials: Sequence[PlannedTrial]) -> Journal:
     """Open the journal of a new series, or of a series that is resumed.
 
+    The journal is a file with a line for each event of the series, such as the start of a trial.
+    The plan is written to the journal of a new series.
+
     Parameters
     ----------
     folder
         Folder of the series, which must exist.
     plan
-        The plan.
+        The plan of the series.
     trials
         The trials of the plan, in the order in which they are run.
 
     Raises
     ------
     InputError
-        The folder contains other files, or a series of another plan.
+        The folder contains other files, or a series of another plan, or the journal cannot be read
+        or written.
     """
     journal = Journal(folder)
     document = plan.model_dump(mode="json")
@@ -81,7 +93,7 @@ def conduct(
     run: Run = run_trial,
     report: Callable[[str], None] = print,
 ) -> Journal:
-    """Run the trials of a series that are not done yet.
+    """Run the trials of a series that are not done yet, and return the journal of the series.
 
     A trial is repeated if it was stopped for safety, interrupted, or recorded incompletely. The
     recording of the failed attempt is kept. Sometimes a trial cannot be run at all, for example
@@ -94,11 +106,11 @@ def conduct(
     folder
         Folder of the series.
     plan
-        The plan.
+        The plan of the series.
     trials
         The trials of the plan, in the order in which they are run.
     ask
-        Function that asks a person before each trial.
+        Function that asks a person before each trial whether to run it.
     ask_note
         Function that asks a person for a note after each trial.
     run
@@ -175,6 +187,21 @@ def conduct(
 def attempt(folder: Path, journal: Journal, trial: PlannedTrial, run: Run, note: str) -> str:
     """Run a trial once, and return the reason why it must be repeated; empty after success.
 
+    The start and the result are written to the journal, a file with a line for each event.
+
+    Parameters
+    ----------
+    folder
+        Folder of the series.
+    journal
+        Journal of the series.
+    trial
+        The trial.
+    run
+        Function that runs and records a trial.
+    note
+        Note that a person wrote before the trial; empty if there is none.
+
     Raises
     ------
     InputError, RigError
@@ -199,7 +226,10 @@ def attempt(folder: Path, journal: Journal, trial: PlannedTrial, run: Run, note:
 
 
 def spoilt(trial: Trial) -> str:
-    """Return the reason why a trial must be repeated; empty if the trial was successful."""
+    """Return the reason why a trial that has ended must be repeated; empty after success.
+
+    It must be repeated if it was stopped for safety, interrupted, or recorded incompletely.
+    """
     if trial.fault:
         return f"stopped {time_text(trial.fault['time'])}: {trial.fault['text']}"
     if trial.interrupted:
@@ -208,7 +238,11 @@ def spoilt(trial: Trial) -> str:
 
 
 def resumed_text(folder: Path, trials: Sequence[PlannedTrial], journal: Journal) -> str:
-    """Return a text on an existing series: how many trials are done, and which are repeated."""
+    """Return a text on the state of a series that is resumed.
+
+    The text states how many trials are done or skipped, and which trials failed and must be
+    repeated. If no trial remains, it states that the series is complete.
+    """
     found = counts(journal, trials)
     if not found["pending"]:
         return f"{folder}: the series is complete, no trial is run"
@@ -235,7 +269,10 @@ def is_complete(folder: Path, plan: Plan, trials: Sequence[PlannedTrial]) -> boo
 
 
 def counts(journal: Journal, trials: Sequence[PlannedTrial]) -> dict[str, Any]:
-    """Return the numbers of trials that are done, skipped, and not yet run."""
+    """Return the numbers of trials with the state `done`, `skipped` and `pending`.
+
+    A trial is pending if it was not run yet, or if it failed and must be repeated.
+    """
     last = [journal.last(trial.number) for trial in trials]
     done = sum(entry is not None and entry["entry"] == "done" for entry in last)
     skipped = sum(entry is not None and entry["entry"] == "skipped" for entry in last)

@@ -18,13 +18,17 @@ from teleop.json_documents import dumps, loads
 from teleop.studies.json_lines import JsonLines
 
 NAME, RECORDINGS = "journal.jsonl", "recordings"
+"""Names of the journal, and of the folder of the recordings, in the folder of a series."""
 INTERRUPTED = "interrupted"
-"""Problem of a trial that was interrupted."""
+"""Reason why an interrupted trial must be repeated."""
 Entry = Literal["plan", "started", "done", "spoilt", "skipped", "note"]
+"""Kind of an entry of the journal. An attempt of a trial that is spoilt has failed."""
 
 
 class Journal:
-    """The journal in the folder of a series.
+    """Journal of a series of trials: a file with a line for each event of the series.
+
+    A line is called an entry. An event is, for example, that a trial was started or is done.
 
     Parameters
     ----------
@@ -48,11 +52,11 @@ class Journal:
         Parameters
         ----------
         entry
-            Kind of the entry.
+            Kind of the entry, for example `started`.
         trial
             Number of the trial, from 1; 0 for an entry about the whole series.
         values
-            Further values of the entry. JSON must be able to represent them.
+            Further values of the entry, by name. JSON must be able to represent them.
 
         Raises
         ------
@@ -65,7 +69,10 @@ class Journal:
         self._add(loads(dumps(record)))
 
     def last(self, trial: int) -> dict[str, Any] | None:
-        """Return the last entry of a trial, notes excluded; None if there is no entry."""
+        """Return the last entry of the journal on a trial; None if there is no entry.
+
+        Entries that are notes of a person are ignored. `trial` is the number of the trial, from 1.
+        """
         return self._last.get(trial)
 
     def attempts(self, trial: int) -> int:
@@ -75,8 +82,9 @@ class Journal:
     def problem(self, trial: int) -> str:
         """Return the reason why the last attempt of a trial must be repeated.
 
-        If the program was killed directly after a safety stop, the journal does not contain the
-        reason. The returned text then names the fault report that was written at the stop.
+        If the program was killed during the attempt, the journal does not contain the reason. The
+        returned reason is then that the trial was interrupted. If there was a safety stop before
+        the program was killed, the text also names the fault report that was written at this stop.
         """
         last = self._last[trial]
         report = (self._folder / RECORDINGS / last.get("file", "")).with_suffix(FAULT_REPORT)
@@ -84,16 +92,25 @@ class Journal:
         return str(last.get("problem", f"{INTERRUPTED}{after}"))
 
     def note(self, trial: int, attempt: int) -> str:
-        """Return all notes on one attempt of a trial, separated by semicolons."""
+        """Return all notes of a person on one attempt of a trial, separated by semicolons.
+
+        `trial` is the number of the trial, and `attempt` the number of the attempt, both from 1.
+        """
         return "; ".join(self._notes[trial, attempt])
 
     def is_finished(self, trial: int) -> bool:
-        """Return whether a trial is done or skipped."""
+        """Return whether a trial is done, or was skipped by a person.
+
+        `trial` is the number of the trial, from 1.
+        """
         last = self.last(trial)
         return last is not None and last["entry"] in ("done", "skipped")
 
     def results(self) -> Iterator[dict[str, Any]]:
-        """Yield the last entry of each trial that is done, in the order of the trials."""
+        """Yield the journal entry with the result of each trial that is done.
+
+        The order is that of the numbers of the trials.
+        """
         for _, last in sorted(self._last.items()):
             if last["entry"] == "done":
                 yield last

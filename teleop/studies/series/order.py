@@ -9,21 +9,22 @@ OrderName = Literal["listed", "random", "latin-square"]
 
 
 def ordered(count: int, order: OrderName, seed: int, block: int) -> list[int]:
-    """Return the order in which the cells of a block are run, as a list of cell indices.
+    """Return the order in which the trials of a block are run, as a list of indices.
 
-    A cell is one trial of a block: a combination of levels of the factors, and the number of the
-    repetition.
+    A block is a group of trials that are run one after the other, for example all trials of one
+    subject. Every block contains the same combinations of levels and repetitions. The index of a
+    trial is its position, from 0, in the order in which the plan lists the trials of a block.
 
     Parameters
     ----------
     count
-        Number of cells in the block.
+        Number of trials in the block.
     order
-        `listed`: the order of the plan. `random`: a random permutation for each block.
-        `latin-square`: the order in a block is a row of a Williams square. The numbers in the
-        square are assigned to the cells at random. This assignment is the same for all blocks.
+        `listed`: the order of the plan. `random`: a random permutation, different for each block.
+        `latin-square`: the order in a block is given by a row of a Williams square. The numbers in
+        the square are assigned to the trials at random. This assignment is the same for all blocks.
     seed
-        Seed of the random permutation or assignment.
+        Seed of the random permutation or of the random assignment.
     block
         Number of the block, from 0.
     """
@@ -41,17 +42,19 @@ def ordered(count: int, order: OrderName, seed: int, block: int) -> list[int]:
 def williams_row(count: int, row: int) -> list[int]:
     """Return a row of a Williams square, a Latin square balanced for first-order carry-over.
 
-    Each row contains each cell once. If the number of cells is even, the square has `count` rows,
-    and each cell directly follows every other cell in exactly one row. If the number of cells is
-    odd, the square has `2 count` rows, and each cell directly follows every other cell in exactly
-    two rows. In this case, every second row is the previous row in reversed order.
+    First-order carry-over is the effect of a trial on the next trial. A row is the order of the
+    trials in one block, and contains each of the numbers 0 to `count` - 1 once. If `count` is even,
+    the square has `count` rows, and each number directly follows every other number in exactly one
+    row. If `count` is odd, the square has 2 `count` rows, and each number directly follows every
+    other number in exactly two rows. In this case, every second row is the previous row in reversed
+    order.
 
     Parameters
     ----------
     count
-        Number of cells in the block.
+        Number of trials in a block.
     row
-        Number of the row, from 0.
+        Number of the row, from 0. After the last row, the rows of the square are repeated.
 
     References
     ----------

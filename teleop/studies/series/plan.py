@@ -20,8 +20,9 @@ from teleop.studies.series.order import OrderName
 from teleop.trial.configuration import read_toml
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,40}$")]
-"""Name of a factor or a level, which is used in file names."""
+"""Name of a series, a factor or a level. Names of levels are parts of file names."""
 MOST_TRIALS = 10_000
+"""Largest permitted number of trials of a plan."""
 PLACEHOLDER = re.compile(r"\{([^{}]*)\}")
 """Pattern of a placeholder in a prompt."""
 SETTINGS: dict[str, Collection[str]] = {
@@ -31,14 +32,17 @@ SETTINGS: dict[str, Collection[str]] = {
     "operator": (),
 }
 """Factors that set the setting of the same name, each with the permitted values of this setting. If
-no values are listed, any name is permitted. A level for which the plan states settings in `levels`
-need not be a permitted value. If it is not, it does not set the setting of the same name."""
+no values are listed, any name is permitted. If a plan states settings for a level in `levels`, the
+level can also be a value that is not permitted. A level that is not permitted does not set the
+setting of the same name."""
 
 
 class Plan(BaseModel):
     """Plan of a series of trials.
 
-    Every combination of the levels of the factors is one trial, repeated `repetitions` times.
+    A factor is a property in which the trials differ, for example the cube. A level is a value of a
+    factor, for example `soft`. Each combination of the levels of all factors is run in
+    `repetitions` trials.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -72,16 +76,16 @@ class Plan(BaseModel):
 
 
 def on_rig(plan: Plan, rig: Path, tare: Path | None = None) -> Plan:
-    """Return a copy of a plan whose trials run on a hardware rig.
+    """Return a copy of a plan in which all trials run on a given hardware rig.
 
     Parameters
     ----------
     plan
         The plan.
     rig
-        The rig file.
+        The rig file, which describes the hardware rig.
     tare
-        File with the zero offsets of the channels; None for the zero offsets that the plan states.
+        File with the zero offsets of the sensor channels; None for the setting in the plan.
     """
     settings = plan.settings | {"rig": str(rig.resolve()), "clock": "real"}
     if tare:
@@ -90,7 +94,7 @@ def on_rig(plan: Plan, rig: Path, tare: Path | None = None) -> Plan:
 
 
 def plan_document(path: Path) -> dict[str, Any]:
-    """Return the contents of the file of a plan.
+    """Return the contents of the file of a plan, without checking whether the plan is valid.
 
     Parameters
     ----------
@@ -132,9 +136,16 @@ def checked_plan(document: dict[str, Any]) -> tuple[Plan, list[str]]:
 
 
 def remove(document: Any, place: Sequence[str | int]) -> None:
-    """Remove an item from a document. If the item does not exist, do nothing.
+    """Remove an item from a document, which consists of nested dictionaries and lists.
 
-    `place` contains the keys and the list indices that lead to the item.
+    If the item does not exist, the document is not changed.
+
+    Parameters
+    ----------
+    document
+        The document.
+    place
+        The keys and list indices that lead to the item, the outermost first.
     """
     *outer, last = place
     with contextlib.suppress(KeyError, IndexError, TypeError):
@@ -144,14 +155,15 @@ def remove(document: Any, place: Sequence[str | int]) -> None:
 
 
 def inconsistencies(plan: Plan, stated: object) -> Iterator[str]:
-    """Yield a message for each inconsistency of a plan.
+    """Yield a message for each inconsistency of a plan, such as a block that is not a factor.
 
     Parameters
     ----------
     plan
-        The plan.
+        The plan, without its invalid items.
     stated
-        The factors in the file of the plan, including those that are invalid.
+        The factors as in the file of the plan, including invalid items. Without these items, an
+        invalid factor would also be reported as an unknown factor.
     """
     trials = plan.repetitions * prod(map(len, plan.factors.values()))
     if trials > MOST_TRIALS:

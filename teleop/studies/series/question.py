@@ -18,17 +18,19 @@ EFFECTS = {
     "done": ("runs it again", "keeps its result"),
     "skipped": ("runs it", "leaves it skipped"),
 }
-"""Effects of the answers "run" and "skip", by the last entry of the trial in the journal."""
+"""Effects of the answers "run" and "skip" if the trial is already done, or was skipped before."""
 EFFECTS_ON_PENDING = ("runs it", "skips it")
+"""Effects of the answers "run" and "skip" if the trial is neither done nor skipped."""
 
 
 @dataclass(frozen=True)
 class Question:
-    """Question whether to run a trial."""
+    """Question to a person whether to run a trial of a series, with the effects of the answers."""
 
     trial: PlannedTrial
+    """The trial that the answer "run" starts."""
     prompt: str
-    """Number of the trial, and the prompt of the plan."""
+    """Number of the trial, and the text that the plan contains for the person."""
     state: str
     """Sentence that states what was done in this trial before; empty if it was never run."""
     running: str
@@ -40,25 +42,25 @@ class Question:
 
     @property
     def text(self) -> str:
-        """Text that is shown to the person: the prompt, then `state` unless it is empty."""
+        """Text that is shown to the person: `prompt`, and what was done in this trial before."""
         return f"{self.prompt}\n{self.state}" if self.state else self.prompt
 
 
 def question_on(
     trial: PlannedTrial, plan: Plan, trials: Sequence[PlannedTrial], journal: Journal
 ) -> Question:
-    """Return the question whether to run a trial.
+    """Return the question whether to run a trial of a series.
 
     Parameters
     ----------
     trial
         The trial.
     plan
-        The plan, which contains the prompt.
+        Plan of the series, which contains a text for the person.
     trials
-        The trials of the plan, in the order in which they are run.
+        All trials of the plan, in the order in which they are run.
     journal
-        The journal of the series.
+        Journal of the series, which states what was done in this trial before.
     """
     last = journal.last(trial.number)
     running, skipping = EFFECTS.get(last["entry"] if last else "", EFFECTS_ON_PENDING)
@@ -73,9 +75,20 @@ def question_on(
 
 
 def prompt_of(plan: Plan, trial: PlannedTrial, count: int) -> str:
-    """Return a text with the number of a trial and the prompt of the plan.
+    """Return a text with the number of a trial, and the prompt of the plan.
 
-    The placeholders in the prompt are replaced by the levels of the trial.
+    The prompt is a text for the person. It can contain placeholders: {trial} is replaced by the
+    name of the trial. The name of a factor in braces, such as {cube}, is replaced by the level of
+    this factor in the trial, such as soft.
+
+    Parameters
+    ----------
+    plan
+        Plan of the series.
+    trial
+        The trial.
+    count
+        Number of trials in the plan.
     """
     text = plan.prompt.replace("{trial}", trial.label)
     for name, level in trial.levels.items():
@@ -86,7 +99,14 @@ def prompt_of(plan: Plan, trial: PlannedTrial, count: int) -> str:
 def state_of(number: int, journal: Journal) -> str:
     """Return a sentence that states whether a trial is done, was skipped, or must be repeated.
 
-    The result is empty if the trial was never run or skipped.
+    The result is empty if the trial has neither been started nor skipped yet.
+
+    Parameters
+    ----------
+    number
+        Number of the trial, from 1.
+    journal
+        Journal of the series, which states what was done in each trial.
     """
     last, attempt = journal.last(number), journal.attempts(number)
     if last is None:

@@ -1,4 +1,4 @@
-"""Write the results of a series to a CSV file, with a row for each trial and estimator."""
+"""Write the results of a series to a CSV file, with a row for each estimator of each trial."""
 
 from __future__ import annotations
 
@@ -26,13 +26,21 @@ RESULTS = {
     "rise_time_s": "rise time [s]",
     "held": "held",
 }
-"""Column headings for the values in the summary of an estimator."""
+"""Headings of the columns with results, by the key of the result in the summary of a trial."""
 
 
 def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[dict[str, Any]]:
-    """Yield a row for each estimator of each trial that is done.
+    """Yield a row of the table of results for each estimator of each trial that is done.
 
-    A journal that an older version of the program wrote may lack a value. The value is then None.
+    A row contains the values by the heading of the column. If an older version of the program did
+    not write a value to the journal, this value is None.
+
+    Parameters
+    ----------
+    trials
+        All trials of the series.
+    journal
+        Journal of the series, which contains the results.
     """
     planned = {trial.number: trial for trial in trials}
     for result in journal.results():
@@ -55,7 +63,10 @@ def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[di
 
 
 def columns(trials: Sequence[PlannedTrial]) -> list[str]:
-    """Return the columns of the table of results, in their order."""
+    """Return the headings of the columns of the table of results, in their order.
+
+    The table has a column for each factor of `trials`, which are all trials of the series.
+    """
     return [
         "trial",
         *trials[0].levels,
@@ -66,14 +77,23 @@ def columns(trials: Sequence[PlannedTrial]) -> list[str]:
 
 
 def write_results(folder: Path, trials: Sequence[PlannedTrial], journal: Journal) -> None:
-    """Write a CSV file with the results of a series, which are read from its journal.
+    """Write the results of a series to the CSV file `NAME` in a folder.
 
-    The file is not written if it already has these contents.
+    If the file already exists with the same contents, it is not written again.
+
+    Parameters
+    ----------
+    folder
+        Folder of the series.
+    trials
+        All trials of the series.
+    journal
+        Journal of the series, which contains the results.
 
     Raises
     ------
     InputError
-        The file cannot be read or written.
+        The file cannot be written, or the existing file cannot be read.
     """
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, fieldnames=columns(trials))

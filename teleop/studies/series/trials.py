@@ -1,4 +1,8 @@
-"""List the trials of a plan in their order, with the settings of each trial."""
+"""List the trials of the plan of a series in their order, with the settings of each trial.
+
+The plan states factors, such as the cube, and the levels of each factor, such as soft and hard. A
+trial is run for each combination of levels, and can be repeated.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +27,12 @@ from teleop.trial.configuration import complete_settings
 from teleop.trial.settings import TrialSettings
 
 PLACES = "[settings] or [levels]"
-"""Places of a plan in which a setting can be set, for messages."""
+"""Parts of a plan in which a setting can be stated; used in error messages."""
 
 
 @dataclass(frozen=True)
 class PlannedTrial:
-    """One trial of a plan."""
+    """One trial of a plan: its number, the levels of its factors, and its settings."""
 
     number: int
     """Position of the trial in the series, from 1."""
@@ -40,7 +44,11 @@ class PlannedTrial:
 
     @property
     def label(self) -> str:
-        """Levels of the factors and number of the repetition, joined by hyphens, for file names."""
+        """Name of the trial for file names.
+
+        The name consists of the level of each factor and the number of the repetition, joined by
+        hyphens. For example, cube is a factor, and soft is one of its levels.
+        """
         return "-".join([*self.levels.values(), str(self.repetition)])
 
 
@@ -57,7 +65,15 @@ def read_series(
     rig
         Rig file of the hardware rig on which the trials run; None for the rig of the plan.
     tare
-        File with the zero offsets of the channels of `rig`; None for those of the plan.
+        File with the zero offsets of the sensors of `rig`; None for the zero offsets of the plan.
+        Not used if `rig` is None.
+
+    Returns
+    -------
+    plan
+        The plan.
+    trials
+        All trials of the plan, in the order in which they are run.
 
     Raises
     ------
@@ -83,7 +99,11 @@ def read_series(
 
 
 def acting_factors(plan: Plan) -> dict[str, list[str]]:
-    """Return the factors whose levels change the settings of a trial, with their levels."""
+    """Return the factors that change the settings of the trials, with the levels of each factor.
+
+    For example, the factor cube with the levels soft and hard changes the settings. Other factors,
+    such as the name of the subject, can describe a trial without changing its settings.
+    """
     return {
         name: levels
         for name, levels in plan.factors.items()
@@ -92,7 +112,11 @@ def acting_factors(plan: Plan) -> dict[str, list[str]]:
 
 
 def cells(plan: Plan) -> list[tuple[dict[str, str], int]]:
-    """Return levels and repetition of each trial of a plan, in the order of the trials."""
+    """Return the cells of a plan in the order in which they are run.
+
+    A cell describes one trial. It contains the level of each factor by the name of the factor, and
+    the number of the repetition, from 1.
+    """
     blocked = [plan.factors[name] for name in plan.blocks]
     inner = {name: levels for name, levels in plan.factors.items() if name not in plan.blocks}
     of_block = [
@@ -112,16 +136,25 @@ def cells(plan: Plan) -> list[tuple[dict[str, str], int]]:
 def chosen_settings(
     plan: Plan, acting: Mapping[str, Sequence[str]], folder: Path
 ) -> tuple[dict[tuple[str, ...], TrialSettings], list[str]]:
-    """Return the settings for each combination of levels, and a message for each problem.
+    """Return the settings for each combination of levels, and a message for each invalid setting.
+
+    A combination contains one level, such as soft, of each factor, such as cube.
 
     Parameters
     ----------
     plan
         The plan.
     acting
-        Factors whose levels are combined, see `acting_factors`.
+        Factors whose levels are combined, with the levels of each factor, see `acting_factors`.
     folder
         Folder to which the paths in the settings of the plan are relative.
+
+    Returns
+    -------
+    settings
+        Valid settings, by the combination of levels.
+    problems
+        Messages about invalid settings, with the combinations of levels that cause each problem.
     """
     settings: dict[tuple[str, ...], TrialSettings] = {}
     problems: dict[str, list[str]] = {}
@@ -134,7 +167,7 @@ def chosen_settings(
         except InputError as error:
             for line in str(error).splitlines():
                 if any(line.startswith(f"{name}: is missing") for name in unknown):
-                    continue  # its levels are invalid, which is another problem
+                    continue  # the levels of this factor are invalid: another message states this
                 problems.setdefault(line, []).append(", ".join(levels))
     return settings, [
         line if len(where) == len(combinations) else f"{'; '.join(where)}: {line}"
@@ -143,7 +176,19 @@ def chosen_settings(
 
 
 def document_of(plan: Plan, levels: Mapping[str, str]) -> dict[str, Any]:
-    """Return the settings for one combination of levels, with the keys of a configuration file."""
+    """Return the settings for one combination of levels, with the keys of a configuration file.
+
+    A combination contains one level, such as soft, of each factor, such as cube. On a hardware rig,
+    the factor cube sets the name of the specimen. This factor then also sets the depth, unless the
+    plan states a depth.
+
+    Parameters
+    ----------
+    plan
+        The plan.
+    levels
+        Level of each factor that changes the settings, by the name of the factor.
+    """
     document = dict(plan.settings)
     for name, level in levels.items():
         own = plan.levels.get(name, {}).get(level)

@@ -1,1 +1,1 @@
-"""Run sweeps: many trials or evaluations with different settings, in parallel."""
+"""Run sweeps: many trials, or many evaluations of a recording, with different settings."""

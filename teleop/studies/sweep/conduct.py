@@ -1,4 +1,8 @@
-"""Run the points of a sweep that are not done yet, and write the results."""
+"""Run the points of a sweep that are not done yet, and write the results.
+
+A sweep runs a task, such as a simulated trial, with different settings. A point is one combination
+of values of these settings.
+"""
 
 from __future__ import annotations
 
@@ -22,10 +26,12 @@ order in which the results were computed."""
 
 @dataclass
 class Progress:
-    """Progress of a sweep: numbers of points."""
+    """Progress of a sweep: how many of its points are done, and how many have failed."""
 
     total: int
+    """Number of points of the sweep."""
     done: int = 0
+    """Number of points that have a result. The result can be an error."""
     failed: int = 0
     """Number of points whose result is an error."""
     resumed: int = 0
@@ -45,8 +51,8 @@ def conduct(
     """Run the points of a sweep that are not done yet, and write the tables of results.
 
     Each result is written to the journal as soon as it is computed. The table results.csv contains
-    the results in the order of the points. A result is added as soon as all points before it are
-    done.
+    the results in the order of the points. The result of a point is added to this table as soon as
+    all points before this point are done.
 
     Parameters
     ----------
@@ -59,19 +65,21 @@ def conduct(
     points
         All points of the plan.
     execute
-        Function that runs the task at points.
+        Function that runs the task at the points that are not done. It yields the results of groups
+        of points (chunks).
     report
-        Function that is called at the start and after each chunk of points.
+        Function that is called with the progress at the start and after each chunk of points.
 
     Returns
     -------
-    The numbers of points that are done and that have failed.
+    The progress at the end: the numbers of points that are done and that have failed.
 
     Raises
     ------
     InputError
-        A file cannot be written, the folder contains a sweep of another plan, another series or
-        sweep is running in the folder, or the settings are invalid.
+        A file cannot be written, the folder contains other files or a sweep of another plan,
+        another series or sweep is running in the folder, or the settings of all checked points are
+        invalid (see `check`).
     """
     make_folder(folder / JOURNAL)
     with locked(folder):

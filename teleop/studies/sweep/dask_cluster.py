@@ -1,4 +1,8 @@
-"""Run the points of a sweep on a Dask cluster."""
+"""Run the points of a sweep on a Dask cluster, which can consist of several machines.
+
+A point is one combination of values of the settings. A worker is a process of the cluster. The
+scheduler is the process that assigns points to the workers.
+"""
 
 from __future__ import annotations
 
@@ -28,11 +32,12 @@ TIMEOUT = 30.0
 
 
 def on_dask(address: str, count: int | None = None) -> Execute:
-    """Return a function that runs points on a Dask cluster.
+    """Return a function that runs a task at the points of a sweep on a Dask cluster.
 
-    If several workers to which Dask assigned the same points are killed one after another, Dask
-    abandons these points. At the end, the abandoned points are run again one by one. If Dask
-    abandons a point `ATTEMPTS` more times, the result of the point is an error.
+    If a worker (process of the cluster) is killed, Dask assigns the points of this worker to
+    another worker. If several workers are killed with the same points, Dask abandons these points.
+    At the end, the abandoned points are run again one by one. If Dask abandons a point `ATTEMPTS`
+    more times, the result of the point is an error.
 
     Parameters
     ----------
@@ -40,7 +45,8 @@ def on_dask(address: str, count: int | None = None) -> Execute:
         Address of the scheduler, such as tcp://10.0.0.1:8786, or `local` for a cluster of
         processes on this machine.
     count
-        Number of processes of a cluster on this machine; None for one process per processor.
+        Number of processes if `address` is `local`; None for one process per processor. Not used
+        for another address.
 
     Raises
     ------
@@ -88,10 +94,23 @@ def on_dask(address: str, count: int | None = None) -> Execute:
 
 
 def alone(client: Any, task: Task, point: Point) -> Results:
-    """Run a single point while the cluster has no other work, and return its results.
+    """Run a single point of a sweep while the cluster has no other work, and return its result.
 
-    If Dask abandons the point `ATTEMPTS` times because its workers are killed, the result is an
-    error.
+    If Dask abandons the point because its workers are killed, the point is run again. After
+    `ATTEMPTS` attempts, the result is an error.
+
+    Parameters
+    ----------
+    client
+        Dask client that is connected to the cluster.
+    task
+        Task that is run at the point.
+    point
+        The point.
+
+    Returns
+    -------
+    A list with the result of this point.
     """
     from distributed import KilledWorker
 
@@ -104,15 +123,16 @@ def alone(client: Any, task: Task, point: Point) -> Results:
 
 @contextlib.contextmanager
 def cluster(address: str, count: int | None) -> Iterator[Any]:
-    """Provide a Dask client that is connected to a cluster, within the `with` block.
+    """Context manager that provides a Dask client, which is connected to a Dask cluster.
 
-    The parameters are those of `on_dask`.
+    A cluster that was started on this machine ends at the end of the `with` block. The parameters
+    are the same as for `on_dask`.
 
     Raises
     ------
     InputError
-        The scheduler cannot be reached, has no workers, or a worker has another version of this
-        package.
+        The scheduler cannot be reached, the scheduler has no workers, or a worker has another
+        version of teleop.
     """
     from distributed import Client, LocalCluster
 
@@ -145,5 +165,5 @@ def cluster(address: str, count: int | None) -> Iterator[Any]:
 
 
 def installed_version() -> str:
-    """Return the version of this package."""
+    """Return the version of teleop that is installed on the machine that calls this function."""
     return version("teleop")

@@ -1,4 +1,8 @@
-"""Run the points of a sweep in several processes of this machine."""
+"""Run the points of a sweep in several processes of this machine.
+
+A point is one combination of values of the settings. Points are sent to a process in groups, which
+are called chunks.
+"""
 
 from __future__ import annotations
 
@@ -14,17 +18,22 @@ from teleop.studies.sweep.tasks import Task, results
 from teleop.studies.workers import workers
 
 Results = list[dict[str, Any]]
+"""Results of several points, one dictionary for each point."""
 Execute = Callable[[Task, Sequence[Point]], Iterator[Results]]
 """Function that runs a task at points, and yields the results in the order of computation."""
 AHEAD = 4
-"""Number of chunks of points that are sent to a process before the first chunk is finished."""
+"""Largest number of chunks of points per process that are sent and not yet finished."""
 ATTEMPTS = 2
-"""Number of times that a point is run alone. If the process is killed each time, the result of the
-point is an error."""
+"""Largest number of times that a point is run alone. If the process is killed each time, the result
+of the point is an error."""
 
 
 def chunks_of(task: Task, points: Sequence[Point]) -> Iterator[Sequence[Point]]:
-    """Divide points into chunks, and yield the chunks. A chunk is sent to a process as a whole."""
+    """Divide points into chunks, and yield the chunks.
+
+    A chunk is a group of points that are sent to a process together. The task states how many
+    points are in a chunk.
+    """
     for start in range(0, len(points), task.chunk):
         yield points[start : start + task.chunk]
 
@@ -36,11 +45,12 @@ def processors() -> int:
 
 
 def in_processes(count: int | None = None) -> Execute:
-    """Return a function that runs points in processes of this machine.
+    """Return a function that runs a task at the points of a sweep in processes of this machine.
 
-    If a process is killed, all points that were already sent to the processes but are not finished
-    are run again, each in a separate process. If this separate process is killed in `ATTEMPTS`
-    attempts, the result of the point is an error.
+    If one of the processes is killed, all processes end. The points that were already sent to the
+    processes and have no result are then run again one by one, each in a separate process. If the
+    separate process of a point is killed in each of `ATTEMPTS` attempts, the result of this point
+    is an error. The remaining points are run in new processes.
 
     Parameters
     ----------
@@ -70,9 +80,10 @@ def in_processes(count: int | None = None) -> Execute:
 
 
 def alone(task: Task, point: Point) -> Results:
-    """Run a single point in a separate process, and return its results.
+    """Run a single point of a sweep in a separate process, and return a list with its result.
 
-    If the process is killed in `ATTEMPTS` attempts, the result is an error.
+    If the process is killed, the point is run again in a new process. If the process is killed in
+    each of `ATTEMPTS` attempts, the result is an error.
     """
     for _ in range(ATTEMPTS):
         try:
@@ -84,5 +95,8 @@ def alone(task: Task, point: Point) -> Results:
 
 
 def killed(point: Point) -> dict[str, Any]:
-    """Return the result of a point whose process was killed in each attempt."""
+    """Return the result of a point that could not be run because its process was always killed.
+
+    The result contains the number of the point and an error message.
+    """
     return {"point": point.number, "error": "its process was killed, for example for its memory"}

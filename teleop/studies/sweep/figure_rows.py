@@ -1,4 +1,4 @@
-"""Read the rows of a sweep's table that the figures show."""
+"""Read those rows of a sweep's table of results that are shown in a figure."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from teleop.studies.sweep.tasks import ESTIMATOR
 
 
 def read_rows(path: Path, factors: Sequence[str], response: str) -> SweepRows:
-    """Return the rows of a table that contain the result `response`.
+    """Return those rows of a table of results that contain a value of the result `response`.
 
     Parameters
     ----------
     path
         The table results.csv of a sweep.
     factors
-        Names of the factors.
+        Names of the factors (the settings that vary in the sweep).
     response
-        The result to show, a key of `RESULTS`.
+        The result that the figure shows: a key of `RESULTS`, such as `k`.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def read_rows(path: Path, factors: Sequence[str], response: str) -> SweepRows:
 
 
 def values_of(cells: Sequence[str]) -> Sequence[float] | Sequence[str]:
-    """Convert the values of a column to numbers. If one is not a number, return all as texts."""
+    """Return the values of a column as numbers, or as texts if one of them is not a number."""
     try:
         return [float(cell) for cell in cells]
     except ValueError:

@@ -1,4 +1,8 @@
-"""Read the plan of a sweep: the settings that vary, their values, and the task at each point."""
+"""Read the plan of a sweep: the settings that vary, their values, and the task at each point.
+
+A point is one combination of values of the settings. The task is to run a trial, or to compute
+estimates from a recording.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +34,7 @@ MOST_POINTS = 10_000_000
 
 
 class Range(BaseModel):
-    """A range of values of a setting."""
+    """Range of the values that a setting has in a sweep."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -39,7 +43,8 @@ class Range(BaseModel):
     high: float
     """Highest value."""
     steps: Annotated[int, Field(ge=2, le=MOST_POINTS)] | None = None
-    """Number of values, for the designs grid and list. Not used in a random design."""
+    """Number of values in the designs `grid` and `list`. Not used in the designs `random` and
+    `latin-hypercube`."""
     scale: Literal["linear", "log"] = "linear"
     """`linear` if the values are evenly distributed; `log` if their logarithms are evenly
     distributed."""
@@ -54,7 +59,10 @@ class Range(BaseModel):
 
 
 class Evaluated(BaseModel):
-    """A recording from which estimates are computed at each point; no trial is run."""
+    """Recording from which a sweep computes estimates with different settings.
+
+    Such a sweep runs no trials.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -63,7 +71,10 @@ class Evaluated(BaseModel):
 
 
 class SweepPlan(BaseModel):
-    """Plan of a sweep."""
+    """Plan of a sweep, which runs trials or computes estimates with different settings.
+
+    A point of the sweep is one combination of values of the settings that vary.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -77,12 +88,12 @@ class SweepPlan(BaseModel):
     setting, the second point the second values, and so on. `random` and `latin-hypercube`: random
     values."""
     points: Annotated[int, Field(ge=1, le=MOST_POINTS)] | None = None
-    """Number of points of a random design."""
+    """Number of combinations of values in the designs `random` and `latin-hypercube`."""
     seed: NonNegativeInt = 0
-    """Seed of a random design."""
+    """Seed of the random values in the designs `random` and `latin-hypercube`."""
     seeds: Annotated[int, Field(ge=1, le=MOST_POINTS)] = 1
-    """Number of repetitions of each point. The first has the seed in the settings, and each further
-    repetition the next larger seed."""
+    """Number of repetitions of each combination of values. The first repetition has the seed in the
+    settings. Each further repetition has the next larger seed."""
     settings: dict[str, Any] = {}
     """Settings of all trials, as in a configuration file."""
     estimate: Evaluated | None = None
@@ -91,12 +102,12 @@ class SweepPlan(BaseModel):
 
     @property
     def is_random(self) -> bool:
-        """Whether the design has random values of the settings."""
+        """Whether the values of the settings are random: `random` or `latin-hypercube` design."""
         return self.design in ("random", "latin-hypercube")
 
     @property
     def size(self) -> int:
-        """Number of points, including the repetitions with different seeds."""
+        """Number of points: combinations of values times repetitions with different seeds."""
         sizes = [
             (values.steps or 0) if isinstance(values, Range) else len(values)
             for values in self.factors.values()
@@ -119,7 +130,8 @@ def read_plan(path: Path, seeds: int | None = None) -> SweepPlan:
     path
         A TOML file, or the name of a plan that is part of this package, such as `paper`.
     seeds
-        Number of repetitions that replaces the number in the plan; None for the number in the plan.
+        Number of repetitions of each combination of values. It replaces the number in the plan,
+        unless it is None.
 
     Raises
     ------
@@ -146,7 +158,7 @@ def read_plan(path: Path, seeds: int | None = None) -> SweepPlan:
 
 
 def problems(plan: SweepPlan) -> Iterator[str]:
-    """Yield a message for each inconsistency of a plan."""
+    """Yield a message for each reason why the entries of a plan do not agree with each other."""
     for key, values in plan.factors.items():
         if isinstance(values, Range) and not values.steps and not plan.is_random:
             yield f"factors.{key}: expected steps, the number of values"

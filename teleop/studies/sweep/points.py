@@ -1,4 +1,8 @@
-"""Compute the points of a sweep from the plan. A point is a combination of values of settings."""
+"""Compute the points of a sweep from its plan.
+
+A point is one combination of values of the factors, and the number of the repetition. The factors
+are the settings that vary.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +30,8 @@ class Point(NamedTuple):
 def points_of(plan: SweepPlan) -> list[Point]:
     """Return the points of a plan, in the order in which they are run.
 
-    The repetitions of the same values directly follow each other.
+    Points that have the same values of the settings, and differ only in the number of the
+    repetition, directly follow each other.
     """
     cells = random_values(plan) if plan.is_random else listed_values(plan)
     every = ((values, i) for values in cells for i in range(plan.seeds))
@@ -34,7 +39,10 @@ def points_of(plan: SweepPlan) -> list[Point]:
 
 
 def listed_values(plan: SweepPlan) -> list[tuple[Any, ...]]:
-    """Return the values of the factors at the points of a grid or a list."""
+    """Return the combinations of values of the factors in the design `grid` or `list`.
+
+    The factors are the settings that vary. Each combination contains one value of each factor.
+    """
     values = [
         spaced(one, np.linspace(0.0, 1.0, one.steps or 0)) if isinstance(one, Range) else one
         for one in plan.factors.values()
@@ -43,10 +51,11 @@ def listed_values(plan: SweepPlan) -> list[tuple[Any, ...]]:
 
 
 def random_values(plan: SweepPlan) -> list[tuple[Any, ...]]:
-    """Return the values of the factors at the points of a random design.
+    """Return the combinations of values in the design `random` or `latin-hypercube`.
 
-    In a Latin hypercube of n points, each range is divided into n equal parts, and each part
-    contains one value.
+    Each combination contains one value of each factor (setting that varies). In a Latin hypercube
+    with n combinations, the range of each factor is divided into n equal parts. Each part contains
+    the value of exactly one combination.
     """
     count, size = plan.points or 0, len(plan.factors)
     generator = np.random.default_rng(plan.seed)
@@ -62,9 +71,15 @@ def random_values(plan: SweepPlan) -> list[tuple[Any, ...]]:
 
 
 def spaced(values: Range, shares: Sequence[float] | np.ndarray) -> list[float]:
-    """Return the values in a range at given fractions of the range.
+    """Return the values at given fractions of a range.
 
-    The fraction 0 is the lowest value, and the fraction 1 is the highest value.
+    Parameters
+    ----------
+    values
+        The range, with a linear or logarithmic scale.
+    shares
+        The fractions. The fraction 0 gives the lowest value of the range, and 1 gives the highest
+        value. The fraction 0.5 gives the middle of the range on its scale.
     """
     low, high = values.low, values.high
     inside = [float(share) for share in shares]
@@ -76,13 +91,23 @@ def spaced(values: Range, shares: Sequence[float] | np.ndarray) -> list[float]:
 
 
 def chosen(values: Sequence[Any], shares: np.ndarray) -> list[Any]:
-    """Return the items of a list at given fractions of the length of the list.
+    """Return the items at given fractions of the length of a list.
 
-    Each fraction is at least 0 and less than 1.
+    Parameters
+    ----------
+    values
+        The list.
+    shares
+        The fractions, at least 0 and less than 1, shape (n,). The fraction 0 gives the first item.
+        In a list of four items, each fraction of at least 0.75 gives the last item.
     """
     return [values[math.floor(share * len(values))] for share in shares.tolist()]
 
 
 def evenly(points: Sequence[Point], count: int) -> list[Point]:
-    """Return about `count` of the points, evenly distributed over a sweep."""
+    """Return some points of a sweep that are evenly distributed over all its points.
+
+    At least `count` and fewer than 2 `count` points are returned. If the sweep has fewer than
+    `count` points, all are returned.
+    """
     return [*islice(points, 0, None, max(1, len(points) // count))]

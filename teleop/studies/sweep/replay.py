@@ -1,6 +1,7 @@
-"""Condition the samples of a recorded trial for the points of a sweep.
+"""Filter the samples of a recorded trial for the points of a sweep.
 
-Points with the same settings of the conditioning share the conditioned samples.
+At each point, the estimators use the filtered samples. Points with the same settings of the filters
+use the same filtered samples, so that these are computed only once.
 """
 
 from __future__ import annotations
@@ -22,12 +23,12 @@ from teleop.trial.settings_json import DERIVED
 
 
 class RecordedTrial:
-    """A recorded trial from which estimates are computed with other settings.
+    """A recorded trial from which estimates are computed with other settings than in the trial.
 
     Parameters
     ----------
     path
-        The recording.
+        The recording (.mcap).
 
     Raises
     ------
@@ -52,7 +53,11 @@ class RecordedTrial:
         self._known: dict[tuple[str, float, float, Model], Conditioned] = {}
 
     def conditioned(self, settings: TrialSettings) -> Conditioned:
-        """Return the samples, conditioned with the settings. The caller must not change them."""
+        """Return the samples of the trial after the filters that the settings state.
+
+        The result is kept for later calls with the same settings of the filters. The caller must
+        therefore not change its arrays.
+        """
         preset = settings.estimation_preset
         key = (settings.conditioning, settings.bandwidth, settings.force_lag, preset.model)
         if key not in self._known:
@@ -63,16 +68,21 @@ class RecordedTrial:
 
 
 KEPT = 20
-"""Number of differently conditioned versions of a recording that are kept in memory."""
+"""Largest number of differently filtered versions of a recording that are kept in memory."""
 
 
 @cache
 def recorded_trial(path: Path) -> RecordedTrial:
     """Return a recorded trial. Each process reads the file only once.
 
+    Parameters
+    ----------
+    path
+        The recording (.mcap).
+
     Raises
     ------
     InputError
-        The same errors as for `RecordedTrial`.
+        The recording cannot be read, or has no settings.
     """
     return RecordedTrial(path)

@@ -1,7 +1,8 @@
 """Define the tasks at a point of a sweep: run a simulated trial, or evaluate a recording.
 
-A task can be sent to another process. The result of a task at a point depends only on the plan, not
-on the number of processes or the order in which the points are run.
+A point is one combination of values of the settings that vary. A task can be sent to another
+process. The result of a task at a point depends only on the plan. It does not depend on the number
+of processes or the order in which the points are run.
 """
 
 from __future__ import annotations
@@ -26,16 +27,20 @@ from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
 CHECKED = 100
-"""Largest number of points whose settings are checked before a sweep begins."""
+"""Approximate number of points that are checked before a sweep begins; see `evenly`."""
 TRUTH = {"k_deepest": "true k [N/m]", "b": "true b [N s/m]"}
-"""Headings of the true values of a simulated trial."""
+"""Headings of the columns with true values of a simulated trial, by the key in its summary."""
 SEED, ESTIMATOR = "seed", "estimator"
+"""Headings of the columns with the seed of the trial and the name of the estimator."""
 Row = dict[str, Any]
-"""Result of one estimator at a point, by the heading of the column."""
+"""One row of the table of results: values of one estimator at a point, by heading of the column."""
 
 
 class Task(Protocol):
-    """Interface of a task, which is run at each point of a sweep."""
+    """Interface of a task, which is run at each point of a sweep.
+
+    A point is one combination of values of the settings that vary.
+    """
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -44,7 +49,7 @@ class Task(Protocol):
 
     @property
     def chunk(self) -> int:
-        """Number of points in a chunk, which is sent to a process as a whole."""
+        """Number of points that are sent to a process together (in a chunk)."""
         ...
 
     @property
@@ -53,11 +58,17 @@ class Task(Protocol):
         ...
 
     def settings(self, point: Point) -> TrialSettings:
-        """Return the settings at a point; raise InputError if they are invalid."""
+        """Return the settings of the task at a point of the sweep.
+
+        Raises
+        ------
+        InputError
+            The settings are invalid.
+        """
         ...
 
     def rows(self, point: Point) -> list[Row]:
-        """Return the results at a point, with one row for each estimator."""
+        """Run the task at a point of the sweep, and return one row of results per estimator."""
         ...
 
 
@@ -75,7 +86,13 @@ class TrialTask:
     columns: ClassVar[tuple[str, ...]] = (SEED, *TRUTH.values(), ESTIMATOR, *RESULTS.values())
 
     def settings(self, point: Point) -> TrialSettings:
-        """Return the settings at a point; raise InputError if they are invalid."""
+        """Return the settings of the trial at a point of the sweep.
+
+        Raises
+        ------
+        InputError
+            The settings are invalid.
+        """
         document = with_values(self.common, self.keys, point.values)
         for key, expected in (("clock", "virtual"), ("rig", None)):
             if document.get(key, expected) != expected:
@@ -84,7 +101,13 @@ class TrialTask:
         return replace(settings, seed=settings.seed + point.repetition)
 
     def rows(self, point: Point) -> list[Row]:
-        """Run the trial, and return one row of results for each estimator."""
+        """Run the trial at a point of the sweep, and return one row of results per estimator.
+
+        Raises
+        ------
+        InputError
+            The settings are invalid, or the trial was stopped for safety.
+        """
         settings = self.settings(point)
         summary = run_trial(settings).summary()
         if fault := summary["safety"]["fault"]:
@@ -99,7 +122,11 @@ class TrialTask:
 
 @dataclass(frozen=True)
 class EstimateTask:
-    """Task that computes estimates from a recorded trial with the settings of the point."""
+    """Task that computes estimates from a recorded trial with different settings.
+
+    At each point of the sweep, the settings are those of the recording, in which the values of the
+    point replace the recorded values.
+    """
 
     keys: tuple[str, ...]
     """Names of the settings that vary (the factors)."""
@@ -110,16 +137,22 @@ class EstimateTask:
 
     @property
     def recorded(self) -> RecordedTrial:
-        """The recorded trial; it is read once in each process."""
+        """The recorded trial. Each process reads the recording only once."""
         return recorded_trial(self.path)
 
     def settings(self, point: Point) -> TrialSettings:
-        """Return the settings at a point; raise InputError if they are invalid."""
+        """Return the settings with which the estimates are computed at a point of the sweep.
+
+        Raises
+        ------
+        InputError
+            The settings are invalid, or the recording cannot be read.
+        """
         document = with_values(self.recorded.document, self.keys, point.values)
         return settings_from(document, self.path.parent)
 
     def rows(self, point: Point) -> list[Row]:
-        """Compute the estimates, and return one row of results for each estimator."""
+        """Compute the estimates at a point of the sweep, and return one row per estimator."""
         settings = self.settings(point)
         t, regression, *_ = self.recorded.conditioned(settings)
         bank = settings.estimation_preset.bank()
@@ -140,12 +173,12 @@ class EstimateTask:
 
 
 def task_of(plan: SweepPlan, folder: Path) -> Task:
-    """Return the task that a plan requires at each point.
+    """Return the task of a sweep: to run a trial at each point, or to evaluate a recording.
 
     Parameters
     ----------
     plan
-        The plan.
+        The plan of the sweep, which states the task.
     folder
         Folder to which the paths in the plan are relative.
     """
@@ -156,15 +189,16 @@ def task_of(plan: SweepPlan, folder: Path) -> Task:
 
 
 def check(task: Task, points: Sequence[Point]) -> None:
-    """Check, before a sweep begins, that at least one of some points has valid settings.
+    """Check, before a sweep begins, that its points do not all have invalid settings.
 
-    At most about `CHECKED` points, evenly distributed over the sweep, are checked.
+    About `CHECKED` points, evenly distributed over the sweep, are checked. One point with valid
+    settings is sufficient. The sweep then runs, and the result of each point with invalid settings
+    is an error.
 
     Raises
     ------
     InputError
-        The settings of all checked points are invalid. If only some points have invalid settings,
-        the sweep runs, and the result of these points is an error.
+        The settings of all checked points are invalid.
     """
     first: InputError | None = None
     for point in evenly(points, CHECKED):
@@ -178,10 +212,11 @@ def check(task: Task, points: Sequence[Point]) -> None:
 
 
 def results(task: Task, points: Sequence[Point]) -> list[dict[str, Any]]:
-    """Run a task at points, and return the result of each point: its rows, or its error.
+    """Run a task at points, and return a dictionary with the result of each point.
 
-    An exception other than InputError is an error in the program (a bug). Then the result also
-    contains the traceback.
+    The dictionary contains the number of the point, and either its rows of results or an error
+    message. An exception other than InputError is an error in the program (a bug). The dictionary
+    then also contains the traceback.
     """
     found = []
     for point in points:
@@ -200,7 +235,7 @@ def results(task: Task, points: Sequence[Point]) -> list[dict[str, Any]]:
 def with_values(
     document: Mapping[str, Any], keys: Sequence[str], values: Sequence[Any]
 ) -> dict[str, Any]:
-    """Return a copy of a document in which the given settings have new values.
+    """Return a copy of a document with settings, in which some settings have new values.
 
     Parameters
     ----------
