@@ -39,6 +39,12 @@ def trial(law, channel=None, **changes):
     )
 
 
+@pytest.fixture(scope="module")
+def unstable():
+    """A trial of position-force with a long delay."""
+    return trial("position-force", ChannelSettings(0.05))
+
+
 def test_model_mediated_feels_like_the_specimen_over_a_bad_channel():
     result = trial("model-mediated", ChannelSettings(0.05, 0.02, 0.05)).feedback()
     assert result["stable"]
@@ -67,21 +73,19 @@ def test_the_felt_force_does_not_contain_the_centring_spring():
     assert abs(result["rendered_k_error"]) < 0.02
 
 
-def test_position_force_with_a_long_delay_ends_in_a_named_stop_below_the_hard_limit():
-    result = trial("position-force", ChannelSettings(0.05))
-    assert result.fault["fault"] == Fault.PORT_ENERGY
-    assert not result.feedback()["stable"]
-    assert np.max(np.abs(result.recording["contact_force"])) < 40.0
+def test_position_force_with_a_long_delay_ends_in_a_named_stop_below_the_hard_limit(unstable):
+    assert unstable.fault["fault"] == Fault.PORT_ENERGY
+    assert not unstable.feedback()["stable"]
+    assert np.max(np.abs(unstable.recording["contact_force"])) < 40.0
 
 
-def test_passivity_control_gives_less_energy_than_position_force_over_the_same_delay():
+def test_passivity_control_gives_less_energy_than_position_force_over_the_same_delay(unstable):
     with_control = trial("passivity", ChannelSettings(0.05))
-    without = trial("position-force", ChannelSettings(0.05))
-    after = without.fault["time"]
+    after = unstable.fault["time"]
     t = with_control.recording["time"]
     energy = with_control.recording["port_energy"][t < after]
     assert np.nanmin(energy) > -25e-3
-    assert np.nanmin(without.recording["port_energy"]) < -50e-3
+    assert np.nanmin(unstable.recording["port_energy"]) < -50e-3
 
 
 @pytest.mark.parametrize("law", ["position-force", "model-mediated"])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from teleop.cli import main
+from teleop.control.excitation_signals import Sine
 from teleop.control.target import Target
 from teleop.errors import InputError
 from teleop.trial.configuration import read_configuration
@@ -43,14 +44,20 @@ def test_the_other_conditions_have_no_target(condition):
 
 
 @pytest.mark.parametrize("frequency", [0.5, 1.5])
-def test_the_simulated_operator_follows_the_frequency_of_the_target(frequency, capsys, tmp_path):
-    path = tmp_path / "a.mcap"
-    arguments = ["--condition", "mimic", "--clock", "virtual", "--estimators", "rls"]
-    assert main(["run", *arguments, "--frequency", str(frequency), "--record", str(path)]) == 0
-    tracking = run_trial(read_configuration(path)).summary()["tracking"]
+def test_the_simulated_operator_follows_the_frequency_of_the_target(frequency):
+    trial = run_trial(TrialSettings("mimic", signal=Sine(frequency), **QUICK))
+    tracking = trial.summary()["tracking"]
     assert tracking["target_hz"] == frequency
     assert tracking["frequency_hz"] == pytest.approx(frequency, rel=0.1)
-    assert f"of {frequency:g} Hz" in capsys.readouterr().out
+
+
+def test_the_frequency_of_the_target_is_an_option_and_is_recorded_and_printed(capsys, tmp_path):
+    path = tmp_path / "a.mcap"
+    arguments = ["--condition", "mimic", "--clock", "virtual", "--estimators", "rls"]
+    options = ["--frequency", "1.5", "--duration", "6", "--record", str(path)]
+    assert main(["run", *arguments, *options]) == 0
+    assert read_configuration(path).target.frequency == 1.5
+    assert "of 1.5 Hz" in capsys.readouterr().out
 
 
 def test_a_target_other_than_a_sine_is_refused(refused):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 
@@ -18,11 +19,11 @@ from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
 
-@pytest.fixture
-def with_fault(monkeypatch):
-    """Injects a fault at a time of the rig's clock."""
+@contextlib.contextmanager
+def fault_injected(fault, at):
+    """Inject a fault at a time of the rig's clock."""
+    with pytest.MonkeyPatch.context() as patch:
 
-    def inject(fault, at):
         def make(cube, now, **options):
             rig = FaultyRig(SimulatedRig(cube, now, **options))
             if at == 0.0:
@@ -37,24 +38,32 @@ def with_fault(monkeypatch):
             rig.rig.read = late
             return rig
 
-        monkeypatch.setattr("teleop.trial.assembly.SimulatedRig", make)
+        patch.setattr("teleop.trial.assembly.SimulatedRig", make)
+        yield
 
-    return inject
 
-
-@pytest.fixture
-def stopped(tmp_path, with_fault):
-    def run(fault, at=7.0, duration=9.0, condition="autonomous", **changes):
-        with_fault(fault, at)
-        path = tmp_path / "run.mcap"
-        settings = TrialSettings(condition, duration=duration, clock="virtual", **changes)
+def stopped(folder, fault, at, duration=9.0, condition="autonomous", **changes):
+    """Run a trial with a fault, and return it and its recording."""
+    path = folder / "run.mcap"
+    settings = TrialSettings(condition, duration=duration, clock="virtual", **changes)
+    with fault_injected(fault, at):
         return run_trial(settings, path), path
 
-    return run
+
+@pytest.fixture(scope="module")
+def overloaded(tmp_path_factory):
+    """A trial with a force beyond the hard limit and the range of the sensor at 7 s."""
+    return stopped(tmp_path_factory.mktemp("force"), Replaced("contact_force", 5000.0), 7.0)
 
 
-def test_the_box_holds_five_seconds_before_and_one_after_at_full_rate(stopped):
-    trial, path = stopped(Replaced("contact_force", float("nan")))
+@pytest.fixture(scope="module")
+def unmoved(tmp_path_factory):
+    """A trial that is stopped before any motion."""
+    return stopped(tmp_path_factory.mktemp("unmoved"), Replaced("master_force", 40.0), 0.0)
+
+
+def test_the_box_holds_five_seconds_before_and_one_after_at_full_rate(overloaded):
+    trial, path = overloaded
     box = load(trial.black_box / "ticks.mcap")
     fault = box.fault
     assert trial.black_box == path.with_suffix(".fault")
@@ -69,8 +78,8 @@ def test_the_box_holds_five_seconds_before_and_one_after_at_full_rate(stopped):
     assert (trial.black_box / "ticks.mcap").stat().st_size < 2_000_000
 
 
-def test_the_fault_report_names_cause_limit_value_time_and_timing(stopped):
-    trial, _ = stopped(Replaced("contact_force", 5000.0))
+def test_the_fault_report_names_cause_limit_value_time_and_timing(overloaded):
+    trial, _ = overloaded
     text = (trial.black_box / "cause.txt").read_text()
     most = trial.settings.limits.hard_force
     for line in (
@@ -94,8 +103,8 @@ def test_the_fault_report_names_cause_limit_value_time_and_timing(stopped):
     assert drawing.getroot().tag.endswith("svg")
 
 
-def test_the_fault_report_names_the_longest_time_between_two_ticks(stopped):
-    recording = stopped(Replaced("contact_force", 5000.0))[0].recording
+def test_the_fault_report_names_the_longest_time_between_two_ticks(overloaded):
+    recording = overloaded[0].recording
     fault = recording.fault
     late = (recording["time"] <= fault["time"]).nonzero()[0][-1]
     dt = recording["dt"].copy()
@@ -110,15 +119,15 @@ def test_a_fault_that_a_busy_machine_causes_mentions_other_programs(fault):
     assert "other programs" in describe(fault, "contact_force", 0.082, 0.02)
 
 
-def test_a_fault_before_any_motion_leaves_a_report_too(stopped):
-    trial, _ = stopped(Replaced("master_force", 40.0), at=0.0)
+def test_a_fault_before_any_motion_leaves_a_report_too(unmoved):
+    trial, _ = unmoved
     assert trial.fault["fault"] == "not at rest at the start"
     assert trial.summary()["ticks"] == 0
     assert "master force 40 N, at most 5 N" in (trial.black_box / "cause.txt").read_text()
 
 
-def test_the_report_of_a_run_without_motion_shows_only_the_stop(stopped, capsys):
-    _, path = stopped(Replaced("master_force", 40.0), at=0.0)
+def test_the_report_of_a_run_without_motion_shows_only_the_stop(unmoved, capsys):
+    _, path = unmoved
     assert main(["report", str(path)]) == 0
     page = path.with_suffix(".html").read_text()
     assert "not at rest at the start" in page
@@ -127,16 +136,16 @@ def test_the_report_of_a_run_without_motion_shows_only_the_stop(stopped, capsys)
     assert "the estimators received only 0 samples" in capsys.readouterr().err
 
 
-def test_the_report_of_a_run_that_was_stopped_in_the_count_in_shows_only_the_stop(stopped, capsys):
-    _, path = stopped(Unplugged(), at=2.0, condition="mimic", count_in=3.0)
+def test_the_report_of_a_run_that_was_stopped_in_the_count_in_shows_only_the_stop(tmp_path):
+    _, path = stopped(tmp_path, Unplugged(), at=2.0, condition="mimic", count_in=3.0)
     assert main(["report", str(path)]) == 0
     page = path.with_suffix(".html").read_text()
     assert "rig failure: RigError: master board: no answer" in page
     assert "Result" not in page
 
 
-def test_the_report_shows_what_stopped_the_run(stopped, capsys):
-    _, path = stopped(Unplugged(), at=2.0, duration=3.0)
+def test_the_report_shows_what_stopped_the_run(tmp_path):
+    _, path = stopped(tmp_path, Unplugged(), at=2.0, duration=3.0)
     assert main(["report", str(path)]) == 0
     page = path.with_suffix(".html").read_text()
     assert "Stopped for safety" in page
@@ -153,12 +162,10 @@ def test_the_report_of_a_run_in_real_time_shows_the_timing_of_the_loop(tmp_path,
     assert page.count("<svg") == 5
 
 
-def test_a_run_stopped_by_a_fault_reports_it_and_exits_with_3(
-    tmp_path, capsys, monkeypatch, with_fault
-):
+def test_a_run_stopped_by_a_fault_reports_it_and_exits_with_3(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with_fault(Replaced("slave_position", float("inf")), at=0.5)
-    assert main(["run", "--clock", "virtual", "--duration", "1"]) == 3
+    with fault_injected(Replaced("slave_position", float("inf")), at=0.5):
+        assert main(["run", "--clock", "virtual", "--duration", "1"]) == 3
     out, err = capsys.readouterr()
     assert err == "teleop: stopped at 0.450 s: slave position is inf: expected a number\n"
     stopped, _, title, *_ = out.splitlines()

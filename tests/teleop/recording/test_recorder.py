@@ -333,7 +333,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
-@pytest.mark.parametrize("ticks", [1, 79, 500, 1500])
+@pytest.mark.parametrize("ticks", [1, 79, 1500])
 def test_a_killed_controller_loses_no_tick_that_it_pushed(tmp_path, ticks):
     path = tmp_path / "a.mcap"
     (tmp_path / "tests_recorder.py").write_text(Path(__file__).read_text(encoding="utf-8"))

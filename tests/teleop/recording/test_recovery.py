@@ -21,15 +21,16 @@ from teleop.recording.recording import FIELD, from_messages, load
 RECORD = struct.Struct("<BQ")
 """Head of a record: opcode and length."""
 MAGIC = 8
+FLUSHED = 50
+"""Number of ticks in a chunk."""
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """Return a recording of a trial in many chunks, as a run in real time writes it."""
     folder = tmp_path_factory.mktemp("trial")
-    assert (
-        main(["run", "--clock", "virtual", "--duration", "1", "--record", f"{folder}/a.mcap"]) == 0
-    )
+    command = ["run", "--clock", "virtual", "--duration", "0.3"]
+    assert main([*command, "--record", f"{folder}/a.mcap"]) == 0
     contents = read_intact(folder / "a.mcap")
     path = folder / "whole.mcap"
     fields = FIELD.findall(contents.definition)
@@ -43,7 +44,7 @@ def whole(tmp_path_factory):
         while events and events[0]["time"] < t:
             file.event(events.pop(0))
         file.tick(message, t)
-        if number % 80 == 79:
+        if number % FLUSHED == FLUSHED - 1:
             file.flush()
     for event in events:
         file.event(event)
@@ -114,7 +115,7 @@ def bits(column):
 def assert_prefix(part, recording):
     assert list(part.columns) == list(recording.columns)
     for name, column in part.columns.items():
-        np.testing.assert_array_equal(bits(column), bits(recording[name][: len(part)]))
+        assert np.array_equal(bits(column), bits(recording[name][: len(part)])), name
     assert part.events == recording.events[: len(part.events)]
 
 
@@ -214,8 +215,8 @@ def test_json_is_one_document(recording, first_tick_chunk, cut, tmp_path, capsys
     assert json.loads(capsys.readouterr().out) == {
         "file": str(path),
         "out": str(out),
-        "ticks": 80,
-        "duration_s": recording["time"][79],
+        "ticks": FLUSHED,
+        "duration_s": recording["time"][FLUSHED - 1],
         "damage": "its end is missing",
         "missing_ticks": [],
     }
@@ -346,8 +347,8 @@ def test_a_recording_that_is_larger_than_the_memory_is_recovered(
 ):
     path, out = cut(whole.stat().st_size * 2 // 3), tmp_path / "out.mcap"
     with monkeypatch.context() as patch:
-        patch.setattr(bounded_file, "LARGEST_TICKS", 100)
+        patch.setattr(bounded_file, "LARGEST_TICKS", FLUSHED)
         assert main(["recover", str(path), "--out", str(out)]) == 0
     recovered = load(out)
     assert_prefix(recovered, recording)
-    assert len(recovered) > 100
+    assert len(recovered) > FLUSHED

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from dataclasses import replace
 
@@ -15,7 +16,25 @@ from teleop.trial.averaged import averaged_part, recorded_part
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
-SETTINGS = TrialSettings(clock="virtual", duration=4.0, estimators=("rls", "me"))
+SETTINGS = TrialSettings(clock="virtual", duration=5.0, estimators=("rls", "me"))
+
+
+@pytest.fixture(scope="module")
+def trial_of(tmp_path_factory):
+    """Return a function: a recorded trial of a condition with a count-in of 1 s."""
+
+    @functools.cache
+    def run(condition):
+        path = tmp_path_factory.mktemp("averaged") / "a.mcap"
+        return run_trial(replace(SETTINGS, condition=condition, count_in=1.0), path)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def ended_in_count_in(tmp_path_factory):
+    path = tmp_path_factory.mktemp("count-in") / "a.mcap"
+    return run_trial(replace(SETTINGS, condition="mimic", count_in=3.0, duration=1.0), path)
 
 
 def averages(trial, first, last):
@@ -26,20 +45,20 @@ def averages(trial, first, last):
     return k[known].mean(), k[-1]
 
 
-def test_the_estimates_of_an_autonomous_trial_end_before_the_excitation_ramps_to_zero():
-    trial = run_trial(replace(SETTINGS, condition="autonomous"))
+def test_the_estimates_of_an_autonomous_trial_end_before_the_excitation_ramps_to_zero(trial_of):
+    trial = trial_of("autonomous")
     row = trial.summary()["estimates"]["rls"]
-    assert (row["k"], row["k_end"]) == pytest.approx(averages(trial, -1.0, 3.5), rel=1e-12)
+    assert (row["k"], row["k_end"]) == pytest.approx(averages(trial, -1.0, 4.5), rel=1e-12)
     assert row["k_end"] != trial.estimates["rls"].k[-1]
 
 
-def test_the_averages_of_a_mimic_trial_leave_out_the_count_in():
-    trial = run_trial(replace(SETTINGS, condition="mimic", count_in=1.5))
+def test_the_averages_of_a_mimic_trial_leave_out_the_count_in(trial_of):
+    trial = trial_of("mimic")
     summary = trial.summary()
     row = summary["estimates"]["rls"]
-    assert (row["k"], row["k_end"]) == pytest.approx(averages(trial, 1.5, 9.0), rel=1e-12)
+    assert (row["k"], row["k_end"]) == pytest.approx(averages(trial, 1.0, 9.0), rel=1e-12)
     assert summary["excitation"]["mean"] == pytest.approx(
-        trial.columns["excitation"][trial.t >= 1.5].mean()
+        trial.columns["excitation"][trial.t >= 1.0].mean()
     )
     assert summary["pairs"] == len(trial.t)
 
@@ -51,37 +70,32 @@ def test_trials_without_count_in_and_ramp_are_averaged_as_a_whole(changes):
     assert trial.summary()["left_out"] == ""
 
 
-def test_the_part_begins_when_the_drives_are_armed():
-    settings = replace(SETTINGS, condition="autonomous")
-    trial = run_trial(settings)
+def test_the_part_begins_when_the_drives_are_armed(trial_of):
+    trial = trial_of("autonomous")
     late = replace(trial.recording, events=[{"mode": "active", "time": 0.25}])
-    assert averaged_part(late, settings)[:2] == (-np.inf, 3.75)
+    assert averaged_part(late, trial.settings)[:2] == (-np.inf, 4.75)
 
 
-def test_a_trial_that_ended_in_the_count_in_has_no_estimates(capsys):
-    settings = replace(SETTINGS, condition="mimic", count_in=3.0, duration=2.0)
-    summary = replace(run_trial(settings), interrupted=True).summary()
+def test_a_trial_that_ended_in_the_count_in_has_no_estimates(ended_in_count_in, capsys):
+    summary = replace(ended_in_count_in, interrupted=True).summary()
     assert summary["estimates"] == {}
-    assert summary["actual_duration_s"] == pytest.approx(2.0, abs=0.01)
+    assert summary["actual_duration_s"] == pytest.approx(1.0, abs=0.01)
     print_trial(summary)
     assert "no estimates: 0.00 s of contact" in capsys.readouterr().out
 
 
-def test_the_result_of_a_mimic_trial_leaves_out_the_count_in(tmp_path, capsys):
-    path = tmp_path / "a.mcap"
-    run_trial(replace(SETTINGS, condition="mimic", count_in=3.0, duration=7.0), path)
-    assert main(["estimate", str(path), "--json"]) == 0
+def test_the_result_of_a_mimic_trial_leaves_out_the_count_in(trial_of, capsys):
+    trial = trial_of("mimic")
+    assert main(["estimate", str(trial.outcome.path), "--json"]) == 0
     evaluated = json.loads(capsys.readouterr().out)
-    assert min(phase["from_s"] for phase in evaluated["phases"]) >= 3.0
+    assert min(phase["from_s"] for phase in evaluated["phases"]) >= 1.0
     assert evaluated["motion"]["frequency_hz"] > 0.9
     assert evaluated["as_online"]
-    assert evaluated["samples_used"] > 6900
+    assert evaluated["samples_used"] > 4900
 
 
-def test_a_recording_that_ends_in_the_count_in_is_refused(tmp_path, capsys):
-    path = tmp_path / "a.mcap"
-    run_trial(replace(SETTINGS, condition="mimic", count_in=3.0, duration=2.0), path)
-    assert main(["estimate", str(path)]) == 2
+def test_a_recording_that_ends_in_the_count_in_is_refused(ended_in_count_in, capsys):
+    assert main(["estimate", str(ended_in_count_in.outcome.path)]) == 2
     assert "only 0 samples without the count-in of 3 s" in capsys.readouterr().err
 
 
@@ -94,11 +108,10 @@ def test_settings_that_are_not_valid_average_the_whole_recording():
 
 @pytest.mark.parametrize("condition", ["mimic", "autonomous"])
 def test_the_evaluation_of_a_recording_averages_the_same_part_as_the_trial(
-    condition, tmp_path, capsys
+    condition, trial_of, capsys
 ):
-    path = tmp_path / "a.mcap"
-    settings = replace(SETTINGS, condition=condition, count_in=1.0)
-    summary = run_trial(settings, path).summary()
+    trial = trial_of(condition)
+    path, summary = trial.outcome.path, trial.summary()
     assert main(["estimate", str(path), "--json"]) == 0
     evaluated = json.loads(capsys.readouterr().out)
     assert evaluated["left_out"] == summary["left_out"] != ""

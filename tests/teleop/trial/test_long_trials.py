@@ -25,7 +25,7 @@ from teleop.trial.settings import TrialSettings
 from teleop.trial.tracked import tracked_ticks
 
 STIFFENING = MODELS["stiffening"]
-QUICK = TrialSettings(clock="virtual", duration=5.0, seed=2)
+QUICK = TrialSettings(clock="virtual", duration=3.0, seed=2)
 TRIALS = {
     "free": QUICK,
     "mimic with count-in": replace(QUICK, condition="mimic", count_in=1.0),
@@ -33,7 +33,7 @@ TRIALS = {
     "stiffening": replace(QUICK, model=STIFFENING, estimators=("rls_conditional",)),
     "feedback and channel": replace(
         QUICK,
-        duration=10.0,
+        duration=5.0,
         feedback=FeedbackSettings("model-mediated"),
         channel=ChannelSettings(50e-3, 5e-3, 0.02),
     ),
@@ -115,7 +115,7 @@ def test_figures_and_texts_of_a_long_trial_have_evenly_spaced_ticks_and_the_last
 
 def test_the_tracking_of_a_long_trial_is_that_of_its_last_ticks(tmp_path, small, monkeypatch):
     monkeypatch.setattr(kept_parts, "LAST", 3000)
-    settings = replace(QUICK, condition="mimic", duration=8.0)
+    settings = replace(QUICK, condition="mimic", duration=6.0)
     long = run_trial(settings, tmp_path / "long.mcap")
     rewrite_in_small_chunks(tmp_path / "long.mcap")
     found = long.tracking()

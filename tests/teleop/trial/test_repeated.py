@@ -78,8 +78,11 @@ class LateClock(VirtualClock):
         return Tick(lateness, skipped > 0, skipped, float(self.random.uniform(1e-4, 5e-4)))
 
 
-@pytest.mark.parametrize("last", [None, END, STOP], ids=["whole", "end", "stop"])
-@pytest.mark.parametrize("clock", [VirtualClock, LateClock], ids=["on time", "late"])
+@pytest.mark.parametrize(
+    ("clock", "last"),
+    [(VirtualClock, None), (LateClock, END), (LateClock, STOP)],
+    ids=["on time, whole", "late, end", "late, stop"],
+)
 def test_the_repeated_trial_is_identical_to_the_bit(tmp_path, monkeypatch, clock, last):
     settings = TrialSettings(operator="pointer", clock="virtual", duration=1.5, cube="medium")
     monkeypatch.setattr("teleop.trial.run.make_clock", lambda settings: clock(settings.rate))
