@@ -5,7 +5,8 @@ const sizes = new ResizeObserver((entries) => {
   for (const entry of entries) entry.target.resized();
 });
 
-// Keep a canvas as large as its box. `changed` is called after each change of the size.
+// Adapt the number of pixels of a canvas to its box, now and after each change of the box. The function `changed` is
+// called after each change of the number of pixels.
 export function fit(canvas, changed) {
   canvas.resized = () => {
     const { clientWidth, clientHeight } = canvas;
@@ -17,7 +18,7 @@ export function fit(canvas, changed) {
     if (width === canvas.width && height === canvas.height) return;
     canvas.width = width;
     canvas.height = height;
-    canvas.ratio = (ratio * rem()) / 16; // lines and text have the scale of the page's text
+    canvas.ratio = (ratio * rem()) / 16; // scale of lines and text, proportional to the size of the page's text
     changed();
   };
   sizes.observe(canvas);

@@ -1,12 +1,12 @@
 // WebSocket connection to the live process, with reconnection, heartbeat and detection of missing data.
 
-const KIND_TICKS = 1;
-const CLEAR = 1;
+const KIND_TICKS = 1; // first number in the header of a binary message that contains ticks
+const CLEAR = 1; // bit in the header: remove the earlier rows
 const HEADER = 24; // size of the header before the rows [bytes]
 const BEAT = 250; // time between two heartbeats [ms]
 const SILENCE = 350; // time without data after which data are reported as missing [ms]
 const CHECK = 50; // time between two checks for missing data [ms]
-const DO_NOT_RETRY = 1008;
+const DO_NOT_RETRY = 1008; // code with which the server closes a connection that it refuses
 
 export class Connection {
   constructor(view, store) {
@@ -14,9 +14,9 @@ export class Connection {
     this.store = store;
     this.handlers = new Map();
     this.token = new URLSearchParams(location.hash.slice(1)).get("t") || "";
-    this.words = "connecting";
+    this.words = "connecting"; // state of the connection as text
     this.expecting = () => false; // returns whether the page expects data at present
-    this.fresh = false;
+    this.fresh = false; // false while the page expects data but receives none
     this.lastBatch = 0;
     this.roundTrip = NaN;
     this.sentAt = NaN; // time at which the newest batch was sent, on the clock of the server [s]

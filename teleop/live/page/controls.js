@@ -1,4 +1,4 @@
-// Buttons, choices and notes with which the page sends requests to the trial, and takes control.
+// Buttons, choices and notes of the page. They send requests that control the trial.
 
 const MOST_BYTES = 900; // largest size of a message
 const CHOICES = ["condition", "specimen", "duration"];
@@ -25,7 +25,8 @@ export class Controls {
     this.#update(null);
   }
 
-  // Return whether requests are possible. Request control if no page has control.
+  // Return whether requests are possible: this page or no page has control. If no page has control, request
+  // control.
   take() {
     if (this.state && this.state.control === "none") this.connection.send({ type: "control" });
     return Boolean(this.state && this.state.control !== "other");
@@ -68,7 +69,7 @@ export class Controls {
     const message = { type: "notes", text: this.byId("notes").value };
     const fits = new TextEncoder().encode(JSON.stringify(message)).length <= MOST_BYTES;
     if (fits) this.#request(message);
-    const saved = this.series ? "Saved with this trial." : "They will be in the next recording.";
+    const saved = this.series ? "The notes are saved with this trial." : "The next recording will contain the notes.";
     this.byId("notes-text").textContent = fits ? saved : "Too long: shorten the notes.";
   }
 

@@ -1,9 +1,11 @@
-// Show the tracking error, its rms value over the last 5 s, and the seconds of the count-in.
+// Show the tracking error, its root mean square (rms) over the last 5 s, and the seconds until the target begins
+// to move (count-in).
 
 import { fixed } from "./format.js";
 
 const WINDOW = 5; // time over which the rms value is computed [s]
 
+// Return the present difference between tool and target [m], and its root mean square over the last 5 s [m].
 export function tracking(store) {
   const target = store.column("target");
   const own = store.column("slave_position");
@@ -37,7 +39,7 @@ export class CueText {
     this.error.textContent = Number.isFinite(found.error) ? `${signed} mm` : "–";
     this.rms.textContent = Number.isFinite(found.rms) ? `${fixed(1e3 * found.rms, 1)} mm` : "–";
     const left = secondsLeft(preview, store.trialTime(store.last("time")));
-    const text = left ? `starts in ${left}` : "";
+    const text = left ? `starts in ${left} s` : "";
     if (this.count.textContent !== text) this.count.textContent = text;
   }
 }

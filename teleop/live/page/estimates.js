@@ -1,8 +1,8 @@
-// Table of the estimates, with k and b, their 95 % intervals, "held" and the misfit.
+// Table of the estimates: k and b with 95 % intervals, whether the estimate is held constant, and the misfit.
 
 import { percent, withInterval } from "./format.js";
 
-const LARGE_MISFIT = 0.05;
+const LARGE_MISFIT = 0.05; // a larger misfit has a mark
 
 export class Estimates {
   constructor(body, store) {

@@ -1,4 +1,4 @@
-// Bar that shows the contact force and its limits.
+// Bar on the operator's page that shows the contact force, the soft limit and the hard limit.
 
 import { clear, fit } from "./canvas.js";
 import { fixed } from "./format.js";

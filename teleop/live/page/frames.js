@@ -10,7 +10,8 @@ export class Frames {
     requestAnimationFrame((now) => this.#run(now));
   }
 
-  // `draw` is called in every `every`-th frame. With different phases, drawings use different frames.
+  // Call `draw` in every n-th frame, where n is `every`. Functions with the same `every` and different `phase` are
+  // called in different frames, so that no frame takes too long.
   add(draw, every = 1, phase = 0) {
     this.drawings.push({ draw, every, phase });
   }

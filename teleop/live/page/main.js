@@ -83,7 +83,7 @@ function hint() {
   if (status.state.mode === "ready") return "Press Unlock, then Start. Then press here, hold, and move down.";
   if (status.state.mode !== "active") return "";
   if (status.state.control === "other") return "Another page has control.";
-  return pointer.hand.grip ? "Down presses, up lifts. Release to let go." : "Press here and hold. Or hold G and use the arrow keys.";
+  return pointer.hand.grip ? "Move down to press, up to lift. Release to let go of the handle." : "Press here and hold to take the handle. Or hold G and use the arrow keys.";
 }
 
 let updated = 0;

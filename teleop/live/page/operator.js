@@ -1,4 +1,4 @@
-// Script of the operator's page, which shows target, force bar and STOP, readable from two metres.
+// Script of the operator's page, which shows target, force and STOP, large enough to be read from two metres.
 
 import { Connection } from "./connection.js";
 import { CueText } from "./cue.js";

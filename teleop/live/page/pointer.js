@@ -1,15 +1,15 @@
-// The operator moves the hand by mouse, touch, keyboard or gamepad. The hand grips the handle while a
-// button or key is held.
+// Hand of the simulated operator, which a person moves by mouse, touch, keyboard or gamepad. The hand grips
+// the handle while the person holds a button or a key.
 
 const SPEED = 0.03; // speed of the hand while an arrow key is held [m/s]
-const REACH = 0.018; // depth of the hand at the end of a gamepad's axis [m]
+const REACH = 0.018; // depth of the hand when the stick of a gamepad is moved down as far as possible [m]
 const GRIP_KEY = "g";
 const ARROWS = { ArrowDown: 1, ArrowUp: -1 };
 
 export const HELP =
-  "Mouse or touch: press and hold to grip, move down to press, release to let go. " +
-  "Keyboard: hold G to grip, arrow down and arrow up move the hand. " +
-  "Gamepad: hold the first button or the right trigger, move the left stick.";
+  "Mouse or touch: press and hold to grip the handle, move down to press on the surface, release to let go. " +
+  "Keyboard: hold G to grip the handle, arrow down and arrow up move the hand. " +
+  "Gamepad: hold the first button or the right trigger to grip the handle, move the left stick.";
 
 export class Pointer {
   // `depthAt` converts a fraction of the height of the canvas to a depth [m]. `allowed` returns whether
@@ -37,7 +37,7 @@ export class Pointer {
     document.addEventListener("visibilitychange", () => document.hidden && this.release());
   }
 
-  // Release the handle if the device `source` holds the grip. By default, any device.
+  // Release the handle if the device `source` holds the grip. By default, release it for any device.
   release(source = this.source) {
     if (!this.hand.grip || source !== this.source) return;
     this.#forget();
@@ -57,7 +57,7 @@ export class Pointer {
     this.#pad();
     if (!this.hand.grip) return;
     if (!this.allowed()) {
-      this.#forget(); // the trial has ended, or another page has control: the grip has ended already
+      this.#forget(); // the trial has ended, or another page has control: the hand no longer holds the handle
       return;
     }
     for (const key of this.arrows) this.hand.depth += ARROWS[key] * SPEED * dt;

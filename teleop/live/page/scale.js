@@ -18,7 +18,8 @@ export class Scale {
     this.empty = true;
   }
 
-  // Change the range if necessary, so that it contains [low, high]. Return whether the range changed.
+  // Change the range if necessary, so that it contains [low, high]. `rows` is the largest number of intervals between
+  // ticks, and `now` the present time [ms]. Return whether the range changed.
   cover(low, high, rows, now) {
     if (!(low <= high)) return false;
     const middle = (low + high) / 2;

@@ -21,7 +21,7 @@ export class Status {
     connection.on("trial", (message) => this.#trial(message));
     connection.on("state", (message) => this.#state(message));
     connection.on("error", (message) => {
-      const isLate = message.text.startsWith("pointer"); // the request was sent before the page knew the end of the trial
+      const isLate = message.text.startsWith("pointer"); // a request sent before the page knew that the trial had ended
       if (!isLate) this.tell(message.text, 6000);
     });
     connection.on("words", () => this.#connection());
@@ -80,9 +80,9 @@ export class Status {
     const { connection, state } = this;
     const parts = [connection.words];
     if (connection.words === "connected") {
-      if (Number.isFinite(connection.roundTrip)) parts.push(`${fixed(connection.roundTrip)} ms`);
+      if (Number.isFinite(connection.roundTrip)) parts.push(`round trip ${fixed(connection.roundTrip)} ms`);
       if (state && state.clients > 1) parts.push(`${state.clients} pages`);
-      if (state && state.armed_by) parts.push(`armed by the ${state.armed_by}`);
+      if (state && state.armed_by) parts.push(`drives armed from the ${state.armed_by}`);
     }
     this.byId("connection").textContent = parts.join(" · ");
     document.body.classList.toggle("is-connected", connection.words === "connected");
@@ -125,8 +125,8 @@ export class Status {
     if (!health) return "";
     const count = (value) => (Number.isFinite(value) ? fixed(value) : "–");
     return (
-      `loop: lateness ${fixed(1e6 * health.lateness_max)} µs, overruns ${count(health.overruns)}, ` +
-      `skipped ${count(health.skipped)}, dropped ${count(health.dropped)}`
+      `loop: largest lateness ${fixed(1e6 * health.lateness_max)} µs, overruns ${count(health.overruns)}, ` +
+      `skipped periods ${count(health.skipped)}, dropped ticks ${count(health.dropped)}`
     );
   }
 }

@@ -1,4 +1,4 @@
-// The request STOP, which every page can send at any time by the button, Space or Escape.
+// The request STOP. Every page can send it at any time, with the button, the key Space or the key Escape.
 
 const CONFIRMED_WITHIN = 500; // time within which the stop must be confirmed [ms]
 

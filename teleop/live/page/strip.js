@@ -9,7 +9,8 @@ const EMPTY = -1; // value of `generation` for a chart without samples
 const LONGEST_STEP = 1.0; // time without samples after which lines are interrupted [s]
 
 export class Strip {
-  // `timing` is {span, preview}: past and future time of the chart [s]. charts.js defines `chart`.
+  // `timing` is {span, preview}: the past time and the future time that the chart shows [s]. `chart` is one of the
+  // charts in charts.js.
   constructor(canvas, store, chart, timing) {
     this.canvas = canvas;
     this.context = canvas.getContext("2d", { alpha: false });
@@ -105,7 +106,8 @@ export class Strip {
     context.setLineDash([]);
   }
 
-  // Draw the label of a vertical grid line, on the left of the line, where the picture is complete.
+  // Draw the label of a vertical grid line. It is on the left of the line, because the part of the picture on the
+  // right of the line is not drawn yet.
   #time(t, x) {
     const { context, canvas } = this;
     context.font = font(0.68 * canvas.height);
@@ -183,8 +185,8 @@ export class Strip {
     context.stroke();
   }
 
-  // Draw the 95 % interval, one rectangle for each complete column of pixels. Nothing is drawn while
-  // the estimate is held.
+  // Draw the 95 % interval, as one rectangle for each complete column of pixels. Nothing is drawn while
+  // the estimate is held constant.
   #band(trace) {
     const { context, store, perSecond } = this;
     const first = this.edge - this.canvas.width;

@@ -10,9 +10,9 @@ import { previewOf } from "./target.js";
 
 export const SPAN = 10; // past time that the charts show [s]
 export const PREVIEW = 1.2; // future time for which the charts show the target [s]
-const MOST_NAMED = 5; // largest number of traces with a legend; the table of estimates has the same line styles
+const MOST_NAMED = 5; // a chart with more traces has no legend; the table of estimates shows the line styles
 const SAMPLED = 8; // every eighth row is used to compute the range of the estimates
-const room = new Float64Array(4096 * 8);
+const room = new Float64Array(4096 * 8); // estimates in the first half, half widths of intervals in the second
 
 function element(tag, name, text = "") {
   const one = document.createElement(tag);
@@ -158,7 +158,7 @@ export class Strips {
     );
     for (const old of row.plot.querySelectorAll(".level")) old.remove();
     const outside = [];
-    let below = -Infinity; // the last labelled level
+    let below = -Infinity; // value of the last level (limit or true value) that has a label
     for (const level of levels.toSorted((one, other) => one.value - other.value)) {
       const value = level.value * factor;
       const text = `${level.text} ${fixed(value, Math.abs(value) < 10 ? 1 : 0)}`;

@@ -1,4 +1,4 @@
-// Show the result of a trial: the estimates at the end, and how well the operator followed the target.
+// Show the result of a trial: the estimates at the end, and how well the slave followed the target.
 
 import { fixed, percent, withInterval } from "./format.js";
 
@@ -24,7 +24,7 @@ function paragraph(text) {
   return one;
 }
 
-// Return the elements of the page that show a summary. It is the document of `teleop run --json`.
+// Return the elements of the page that show the result. `summary` is the document that `teleop run --json` prints.
 export function summaryParts(summary) {
   const parts = [];
   const fault = summary.safety && summary.safety.fault;

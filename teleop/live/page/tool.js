@@ -1,6 +1,6 @@
-// Picture of the tool on the surface of the specimen. The tool is drawn at the position of the slave, and
-// a ring at the intended position of the hand. The distance between tool and ring increases with the force
-// of the hand. The surface is drawn indented.
+// Picture of the tool and of the indented surface of the specimen. The tool is drawn at the position of the slave,
+// and a ring at the intended position of the hand. The larger the force of the hand, the larger is the distance
+// between tool and ring.
 
 import { clear, fit } from "./canvas.js";
 import { fixed } from "./format.js";
@@ -63,7 +63,7 @@ export class Tool {
     const dent = Math.max(depth, 0);
     const spread = half * 1.6 + 0.9 * (this.#y(dent) - this.#y(0));
     clear(context, colours.ground);
-    // Draw the surface and lines below it. The indentation moves deeper lines less.
+    // Draw the surface and lines below it. Deeper lines are less indented.
     const surface = (below, share) => {
       for (let i = 0; i <= 60; i++) {
         const x = (i / 60) * width;

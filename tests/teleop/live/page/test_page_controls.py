@@ -169,4 +169,4 @@ def test_the_health_of_the_loop_is_shown(trial_feed, serve, open_page):
     page = open_page(serve(trial_feed()).url())
     wait_for(page, "document.getElementById('health').textContent.includes('lateness 55')")
     text = page.locator("#health").inner_text()
-    assert "overruns 2, skipped 1, dropped 0" in text
+    assert "overruns 2, skipped periods 1, dropped ticks 0" in text

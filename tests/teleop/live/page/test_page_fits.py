@@ -75,7 +75,7 @@ def test_the_line_of_a_stiffening_model_is_curved(trial_feed, serve, open_page):
     assert bend(straight) == pytest.approx(0.0, abs=0.1)
     assert bend(curved) > 5.0
     caption = page.locator("#xy-caption").inner_text().replace("\xa0", " ")
-    assert caption.endswith("Lines: k x + k3 x³, without damping.")
+    assert caption.endswith("Lines: estimated force k x + k3 x³, without the damping part.")
 
 
 def test_a_model_whose_force_depends_on_more_than_the_displacement_has_no_line(
@@ -86,5 +86,5 @@ def test_a_model_whose_force_depends_on_more_than_the_displacement_has_no_line(
     assert lines(page) == [None, None]
     caption = page.locator("#xy-caption").inner_text()
     assert caption.endswith(
-        "No line of rls, me: the force of the model depends on more than the displacement."
+        "No line for rls, me: the estimated force also depends on other quantities."
     )

@@ -125,7 +125,7 @@ def test_the_time_of_the_trial_begins_when_the_drives_are_armed(trial_feed, serv
     assert page.locator("#clock").inner_text() == ""
     feed.mode, feed.armed_at = "active", page.evaluate("teleop.last('time')")
     wait_for(page, "document.getElementById('clock').textContent.startsWith('0.')")
-    assert page.locator("#count-in").inner_text() == "starts in 60"
+    assert page.locator("#count-in").inner_text() == "starts in 60 s"
 
 
 RANGES = """async () => {
