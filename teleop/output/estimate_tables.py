@@ -155,10 +155,15 @@ def comparison_table(
 ) -> tuple[list[str], list[list[str]]] | None:
     """Return headings and cells of the table that compares the estimators with least squares.
 
-    The columns are the error of the force prediction, as a ratio to that of least squares, and the
-    fractions of samples at which the 95 % intervals of k and b contain the values of a
-    least-squares fit to the whole record (`teleop.evaluation.model_comparison.Comparison`). The
-    result is None if no summary contains such a comparison.
+    The first column is the error of the predicted force, divided by the same error of batch least
+    squares with a sliding window. The two other columns are the fractions of samples at which the
+    95 % intervals of k and b contain the values of one least-squares fit to the whole record.
+
+    Parameters
+    ----------
+    rows
+        Results of each estimator, by its name. If no estimator has these three results
+        (`teleop.evaluation.model_comparison.Comparison`), the function returns None.
     """
     cells = [
         [

@@ -68,7 +68,7 @@ def recover_recording(file: Path, out: Path) -> Recovery:
 
 
 def messages(file: Path) -> Iterator[bytes]:
-    """Read a recording, and yield the message of each intact tick."""
+    """Read a damaged recording, and yield the recorded bytes of each tick that is not damaged."""
     for rows in read_ticks(file, Contents()):
         for row in rows:
             yield row.tobytes()
