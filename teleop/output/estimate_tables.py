@@ -256,8 +256,8 @@ def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
     gaps = summary["gaps"]
     for gap in gaps[:GAPS_LISTED]:
         console.print(
-            f"  no samples from {gap['from_s']:.3f} to {gap['to_s']:.3f} s: the filters start again "
-            "after this gap, and the samples before it have less weight",
+            f"  no samples from {gap['from_s']:.3f} to {gap['to_s']:.3f} s: the filters start "
+            "again after this gap, and the samples before it have less weight",
             style="yellow",
         )
     if len(gaps) > GAPS_LISTED:
