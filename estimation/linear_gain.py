@@ -61,7 +61,7 @@ class LinearGainParameters:
     """
 
     correlation: float
-    """Number of samples per independent value of the force noise, >= 1; 1 for white noise."""
+    """Correlation length of the force noise, in samples, >= 1; 1 for white noise."""
 
 
 @dataclass(slots=True)
@@ -94,8 +94,8 @@ def correct(
 
     theta changes by L (f - phi' theta). The gain L is in the state and must be computed before. The
     matrix C changes by equation (C) of this module, and the noise variance s by `update_noise`. The
-    standard deviation of parameter i is sqrt(c s C_ii). c is the setting `correlation`, the number
-    of samples per independent value of the force noise.
+    standard deviation of parameter i is sqrt(c s C_ii). c is the setting `correlation`, which is
+    the correlation length of the force noise, in samples.
     """
     theta, std, L, C, C_phi = state.theta, state.std, state.L, state.C, state.C_phi
     indices = below[len(phi)]
@@ -194,8 +194,8 @@ class LinearGainEstimator(Estimator):
     ----------
     parameters
         Constant settings, a `LinearGainParameters` or a subclass. The field `correlation` is the
-        number of samples per independent value of the force noise: n samples contain
-        n / correlation independent values. For white noise, `correlation` is 1. For noise that
+        correlation length of the force noise, in samples: n samples contain n / correlation
+        independent values of the noise. For white noise, `correlation` is 1. For noise that
         passed a low-pass filter with the noise bandwidth B [Hz] and was then sampled at the rate r
         [Hz], `correlation` is r / (2 B).
     initial_state

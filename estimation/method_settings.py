@@ -38,7 +38,7 @@ class MethodSettings:
     segment: float = 0.5
     """Length of a segment in the estimator `segments` [s], about one period of the motion."""
     correlation: float = 1.0
-    """Number of samples per independent value of the force noise, see `Conditioner.correlation`."""
+    """Correlation length of the force noise, in samples, see `Conditioner.correlation`."""
     model: Model = KELVIN_VOIGT
     """Model of the estimators that support models other than Kelvin-Voigt."""
 

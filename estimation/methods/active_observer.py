@@ -41,7 +41,7 @@ class ActiveObserver(RandomWalkKalman):
         Model f = phi' theta that defines the regressors phi. The regressor of p, which is always 1,
         is not part of the model.
     correlation
-        Number of samples per independent value of the force noise; 1 for white noise. See
+        Correlation length of the force noise, in samples; 1 for white noise. See
         `LinearGainEstimator`.
 
     Raises

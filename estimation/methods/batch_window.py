@@ -31,7 +31,7 @@ class WindowParameters:
     samples: int
     """Number of samples in a full window."""
     correlation: float
-    """Number of samples per independent value of the force noise, >= 1."""
+    """Correlation length of the force noise, in samples, >= 1."""
     window: float
     """Length of the window [s]. A longer gap in the data removes all samples from the window."""
 
@@ -248,7 +248,7 @@ class BatchWindow(Estimator):
     model
         Model f = phi' theta that defines the regressors phi.
     correlation
-        Number of samples per independent value of the force noise; 1 for white noise.
+        Correlation length of the force noise, in samples; 1 for white noise.
 
     Raises
     ------

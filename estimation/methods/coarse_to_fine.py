@@ -46,7 +46,7 @@ class CoarseToFineParameters:
     patience: float
     """The spacing is halved if no selected value was at the edge during this time [s]."""
     correlation: float
-    """Number of samples per independent value of the force noise, >= 1."""
+    """Correlation length of the force noise, in samples, >= 1."""
     finest_b: float
     """Smallest spacing of b [N s/m]."""
     finest_k: float
@@ -210,7 +210,7 @@ class CoarseToFine(Estimator):
     half
         Number of candidate values on either side of the middle value, on each axis.
     correlation
-        Number of samples per independent value of the force noise; 1 for white noise. See
+        Correlation length of the force noise, in samples; 1 for white noise. See
         `LinearGainEstimator`.
 
     Raises

@@ -78,7 +78,7 @@ class DirectionalForgetting(FactoredEstimator):
     model
         Model f = phi' theta that defines the regressors phi.
     correlation
-        Number of samples per independent value of the force noise; 1 for white noise. See
+        Correlation length of the force noise, in samples; 1 for white noise. See
         `LinearGainEstimator`.
 
     Raises

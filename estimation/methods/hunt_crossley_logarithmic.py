@@ -37,7 +37,7 @@ class LogarithmicParameters:
     threshold: float
     """A sample with this force or less is treated as no contact [N]."""
     correlation: float
-    """Number of samples per independent value of the force noise, >= 1."""
+    """Correlation length of the force noise, in samples, >= 1."""
     log_x0: float
     """ln x0."""
 
@@ -264,7 +264,7 @@ class Logarithmic(Estimator):
         The threshold must be > 0. A good value is one or two standard deviations of the noise. With
         a larger threshold, weak forces are used only if noise increases them, which causes a bias.
     correlation
-        Number of samples per independent value of the force noise; 1 for white noise.
+        Correlation length of the force noise, in samples; 1 for white noise.
 
     Raises
     ------

@@ -62,45 +62,50 @@ def step(
 class IndirectAdaptive(LinearGainEstimator):
     """Estimator from indirect adaptive force control, a normalised gradient method.
 
-    H. Seraji and R. Colbaugh, "Force tracking in impedance control", International Journal of
-    Robotics Research, 1997, adapt k and f0 by a Lyapunov gradient law until the predicted force
+    Seraji and Colbaugh [1]_ adapt k and f0 by a Lyapunov gradient law until the predicted force
     k x + f0 is equal to the measured force. The surface of the specimen is then at x_e = -f0 / k.
-    For the desired force f_r, they compute the reference position x_r = x_e + f_r / k. D. Erickson,
-    M. Weber and I. Sharf, "Contact stiffness and damping estimation for robotic systems",
-    International Journal of Robotics Research, 2003, predict the force by b v + k x. They estimate
-    the damping b, but not the position of the surface.
+    For the desired force f_r, they compute the reference position x_r = x_e + f_r / k. Erickson,
+    Weber and Sharf [2]_ predict the force by b v + k x. They estimate the damping b, but not the
+    position of the surface.
 
     This class contains only the estimator, without the impedance controller. By default, it is the
-    estimator of Erickson et al. With the model `datum`, which is f = b v + k x + f0, it estimates
-    b, k and f0. There are two differences from the published estimators. First, the gain is divided
-    by floor + s' s with the scaled regressors s_i = phi_i / size_i. So one value of `rate` is
-    suitable for every displacement and every specimen. Second, the gradient law is solved exactly
-    over a sample period. The exact solution is stable for every rate and every `dt`.
+    estimator of [2]_. With the model `datum`, which is f = b v + k x + f0, it estimates b, k and
+    f0. There are two differences from the published estimators. First, the adaptation gain is
+    normalised by the size of the regressors (v, x), so that one value of `rate` is suitable for
+    every displacement and every specimen. Second, the gradient law is solved exactly over a sample
+    period. The exact solution is stable for every rate and every sample period.
 
-    A single sample corrects theta only in the direction of phi. So theta cannot converge faster
-    than this direction changes, and a rate above the angular frequency of the motion has no
-    advantage.
+    A single sample corrects the estimates only in the direction of the regressor vector (v, x). So
+    the estimates cannot converge faster than this direction changes, and a rate above the angular
+    frequency of the motion has no advantage.
 
     Parameters
     ----------
     rate
-        Rate [1/s] at which the force error decays if s' s is much larger than `floor`.
+        Rate [1/s] at which the force error of a sample with large regressors decays.
     sizes
         Typical root mean square of each regressor, [m/s] for v, [m] for x. The ratios of these
         values determine the relative adaptation gains of the parameters.
     floor
-        Value of s' s at which the force error decays at half of `rate`. Samples with a much smaller
-        s' s have little effect.
+        A sample has little effect if the sum of (regressor / size)^2 over its regressors is much
+        smaller than this value. If they are equal, the force error decays at half of `rate`.
     model
         Model f = phi' theta that defines the regressors phi.
     correlation
-        Number of samples per independent value of the force noise; 1 for white noise. See
+        Correlation length of the force noise, in samples; 1 for white noise. See
         `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
         An argument is out of its range.
+
+    References
+    ----------
+    .. [1] H. Seraji, R. Colbaugh, "Force tracking in impedance control", International Journal of
+       Robotics Research, 1997.
+    .. [2] D. Erickson, M. Weber, I. Sharf, "Contact stiffness and damping estimation for robotic
+       systems", International Journal of Robotics Research, 2003.
     """
 
     step = staticmethod(step)

@@ -144,7 +144,7 @@ def least_point(correlation: float, state: MonitoringState) -> tuple[float, floa
     Parameters
     ----------
     correlation
-        Number of samples that contain one independent value of the force noise; 1 for white noise.
+        Correlation length of the force noise, in samples; 1 for white noise.
     state
         The weighted sums. The estimate of the noise variance s in this state is updated.
 

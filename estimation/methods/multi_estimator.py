@@ -41,8 +41,7 @@ class MultiEstimatorParameters:
     k: GridAxis
     """Candidate values of the stiffness [N/m]."""
     correlation: float
-    """Number of samples that contain one independent value of the force noise, >= 1; 1 for white
-    noise."""
+    """Correlation length of the force noise, in samples, >= 1; 1 for white noise."""
 
 
 def step(
@@ -100,8 +99,8 @@ class MultiEstimator(Estimator):
         Forgetting rate lambda [1/s], >= 0. The weight of a squared force error of the age t is
         exp(-2 lambda t).
     correlation
-        Number of samples that contain one independent value of the force noise: 1 for white noise,
-        more for filtered noise. See `LinearGainEstimator`.
+        Correlation length of the force noise, in samples; 1 for white noise. See
+        `LinearGainEstimator`.
     own
         Further settings, by name. Only a subclass whose function `step` needs further settings
         gives them.

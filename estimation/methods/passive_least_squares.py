@@ -172,8 +172,8 @@ class PassiveLeastSquares(FactoredEstimator):
     model
         Model of the environment. It defines the regressors phi and the parameters theta.
     correlation
-        Number of samples that contain one independent value of the force noise: 1 for white noise,
-        more for filtered noise. See `LinearGainEstimator`.
+        Correlation length of the force noise, in samples; 1 for white noise. See
+        `LinearGainEstimator`.
 
     Raises
     ------

@@ -25,8 +25,7 @@ class SegmentParameters:
     length: float
     """Duration of a segment of the motion [s]."""
     correlation: float
-    """Number of samples that contain one independent value of the force noise, >= 1; 1 for white
-    noise."""
+    """Correlation length of the force noise, in samples, >= 1; 1 for white noise."""
 
 
 @dataclass(slots=True)
@@ -210,8 +209,8 @@ class PooledSegments(Estimator):
     length
         Duration of a segment [s]. A suitable duration is about one period of the motion.
     correlation
-        Number of samples that contain one independent value of the force noise: 1 for white noise,
-        more for filtered noise. See `LinearGainEstimator`.
+        Correlation length of the force noise, in samples; 1 for white noise. See
+        `LinearGainEstimator`.
 
     Raises
     ------
@@ -242,7 +241,7 @@ class PooledSegments(Estimator):
 
     @property
     def correlation(self) -> float:
-        """Number of samples that contain one independent value of the force noise, >= 1.
+        """Correlation length of the force noise, in samples, >= 1.
 
         The value is 1 for white noise. A new value is used for the segments of the motion that end
         after the change.

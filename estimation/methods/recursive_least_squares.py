@@ -87,8 +87,8 @@ class RecursiveLeastSquares(FactoredEstimator):
     model
         Model of the environment. It defines the regressors phi and the parameters theta.
     correlation
-        Number of samples that contain one independent value of the force noise: 1 for white noise,
-        more for filtered noise. See `LinearGainEstimator`.
+        Correlation length of the force noise, in samples; 1 for white noise. See
+        `LinearGainEstimator`.
     guess_variance
         Variances of the error of the initial guess theta = 0, in the units of
         `initial_covariance`. They have an effect only on the standard deviations of the estimates.

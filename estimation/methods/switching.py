@@ -116,7 +116,7 @@ class SwitchingMultiEstimator(MultiEstimator):
     dwell
         Dwell time: minimum time between two changes of sigma [s], >= 0.
     correlation
-        Number of samples per independent value of the force noise; 1 for white noise.
+        Correlation length of the force noise, in samples; 1 for white noise.
 
     Raises
     ------

@@ -236,7 +236,7 @@ class FactoredEstimator(LinearGainEstimator):
     model
         Model that defines the regressors.
     correlation
-        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
+        Correlation length of the force noise, in samples, see `LinearGainEstimator`.
     guess_variance
         Variance of the initial error of each parameter. Default: the initial covariance.
     own

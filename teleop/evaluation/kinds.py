@@ -41,10 +41,11 @@ quantity."""
 
 
 def kinds_of_estimates(further: Iterable[str]) -> dict[str, str]:
-    """Return the kinds of the stiffness k, the damping b and the force error e_f of an estimator.
+    """Return labels that state what k, b and e_f of an estimator mean, such as "average with k3".
 
-    Only values of the same kind are compared. The kind of k and b depends on the model of the
-    estimator. The force errors of all estimators are of the same kind, which is the empty text.
+    Values with different labels are different physical quantities and must not be compared. The
+    label of k and b depends on the model of the estimator. The label of the force error e_f is the
+    empty text for all estimators.
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ def kinds_of_estimates(further: Iterable[str]) -> dict[str, str]:
 
     Returns
     -------
-    The kind of each quantity, by its symbol: `k`, `b` and `e_f`.
+    The label of each quantity, by its symbol: `k`, `b` and `e_f`.
     """
     names = ", ".join(further)
     kind = f"{WITH}{names}" if names else AVERAGE
