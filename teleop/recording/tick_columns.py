@@ -18,26 +18,26 @@ LIMITED = (
     f"sum of the soft limits that reduced the command: {VELOCITY} velocity, "
     f"{ACCELERATION} acceleration, {POSITION} position, {FORCE} force"
 )
-WANTED = "requested by the control condition"
-LIMITED_TO = "after the safety supervisor"
-APPLIED = "as the drive applied it"
+WANTED = "velocity that the control condition requests"
+LIMITED_TO = "velocity that the safety supervisor commands, after its limits"
+APPLIED = "velocity command that the drive applied"
 
 CHANNEL_MEANINGS = {
-    "master_force": "of the hand on the handle",
-    "master_position": "of the handle",
-    "slave_position": "displacement from the contact datum",
-    "contact_force": "between slave and environment, positive in compression",
-    "slave_velocity": "as the drive reports it",
+    "master_force": "force of the hand on the handle",
+    "master_position": "position of the handle",
+    "slave_position": "displacement of the slave from the contact datum",
+    "contact_force": "force between slave and environment, positive in compression",
+    "slave_velocity": "velocity of the slave, as its drive reports it",
 }
 
 MEASURED = (
-    ("time", "s", "since the trial began; negative before the drives are armed"),
-    ("dt", "s", "since the previous tick"),
+    ("time", "s", "time since the trial began; negative before the drives are armed"),
+    ("dt", "s", "time since the previous tick"),
     *((channel, unit, CHANNEL_MEANINGS[channel]) for channel, unit in UNITS.items()),
-    *((f"{channel}_age", "s", "since the sample was taken") for channel in CHANNELS),
+    *((f"{channel}_age", "s", "time since the sample was taken") for channel in CHANNELS),
 )
 COMMANDED = (
-    ("drive_force", "N", "on the admittance: of the operator or the PE injector"),
+    ("drive_force", "N", "input of the admittance: force of the operator or of the PE injector"),
     ("target", "m", "target position of the slave; NaN in conditions without a target"),
     ("desired_master_velocity", "m/s", WANTED),
     ("desired_slave_velocity", "m/s", WANTED),
@@ -47,9 +47,9 @@ COMMANDED = (
     ("applied_slave_velocity", "m/s", APPLIED),
 )
 ESTIMATED_FROM = (
-    ("paired_position", "m", "of the slave, at the time of the force sample"),
-    ("paired_force", "N", "contact force; NaN where there is no new sample"),
-    ("paired_dt", "s", "since the previous pair of position and force"),
+    ("paired_position", "m", "slave position, interpolated to the time of the force sample"),
+    ("paired_force", "N", "contact force; NaN at a tick without a new sample"),
+    ("paired_dt", "s", "time since the previous pair of position and force"),
     ("x", "m", "displacement given to the estimators; NaN if they are not updated"),
     ("v", "m/s", "velocity given to the estimators"),
     ("f", "N", "force given to the estimators"),
@@ -59,13 +59,13 @@ ESTIMATED_FROM = (
 STATE_OF_LOOP = (
     ("mode", "-", MODES),
     ("limited", "-", LIMITED),
-    ("lateness", "s", "of the start of the tick after its deadline"),
+    ("lateness", "s", "delay of the start of the tick after its deadline"),
     ("overrun", "-", "1 if the previous tick had not ended at the deadline"),
-    ("skipped", "-", "whole periods skipped before this tick"),
+    ("skipped", "-", "number of whole periods skipped before this tick"),
     ("read_time", "s", "time to read the rig"),
-    ("compute_time", "s", "time of condition, supervisor and estimators"),
+    ("compute_time", "s", "computing time of condition, supervisor and estimators"),
     ("write_time", "s", "time to command the drives"),
-    ("busy_time", "s", "time of the whole previous tick"),
+    ("busy_time", "s", "duration of the whole previous tick"),
 )
 COLUMNS = tuple(
     Column(*column) for column in (*MEASURED, *COMMANDED, *ESTIMATED_FROM, *STATE_OF_LOOP)
