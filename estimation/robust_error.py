@@ -75,8 +75,8 @@ class RobustFit(NamedTuple):
         """Return the standard deviation of gradient' theta, valid for autocorrelated residuals.
 
         The value is scaled such that 1.96 times the value is the half width of the 95 % confidence
-        interval, which is computed with Student's t distribution. The standard deviation before
-        this scaling is at least half of the value for uncorrelated residuals.
+        interval, which is computed with Student's t distribution. A standard deviation (before this
+        scaling) that is below half of that for uncorrelated residuals is replaced by this half.
 
         Parameters
         ----------

@@ -116,7 +116,7 @@ class Relaxing(Body):
         """Return the contact force as a function of displacement and velocity, for a given state.
 
         In this function, the dashpot of the Maxwell branch has the constant displacement
-        `state.dashpot`. The spring of the branch is therefore in parallel with the body.
+        `state.dashpot`. The spring of the branch is then in parallel with the rest of the body.
         """
         law = self.body.law(state.body)
         preload = law.preload + self.k * state.dashpot

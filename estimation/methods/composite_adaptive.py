@@ -123,7 +123,7 @@ def accumulate(
     """Update the information matrix P^-1, and compute the equations of the implicit Euler step.
 
     P^-1 is stored in `R`. It is updated by the second differential equation in `CompositeAdaptive`.
-    The implicit Euler step of theta is the solution of linear equations (normal equations). Their
+    The change of theta in an implicit Euler step is the solution of linear equations. Their
     matrix, R + c s s', is stored in `factor`, and their right-hand side is stored in `move`. s
     contains the regressors of this sample, divided by their typical sizes. c is the setting
     `instant` times `dt`, where `dt` is limited to 1 / forgetting rate.

@@ -84,7 +84,7 @@ class LaterEstimates(Estimation, Sink):
             self._pass_on()
 
     def event(self, event: Event) -> None:
-        """Pass the stored messages with their estimates to the other sinks, and then the event."""
+        """Compute the estimates of the stored messages, send these messages, and then the event."""
         self._pass_on()
         for sink in self._sinks:
             sink.event(event)

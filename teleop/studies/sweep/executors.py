@@ -83,7 +83,7 @@ def alone(task: Task, point: Point) -> Results:
     """Run a single point of a sweep in a separate process, and return a list with its result.
 
     If the process is killed, the point is run again in a new process. If the process is killed in
-    each of `ATTEMPTS` attempts, the result is an error.
+    each of `ATTEMPTS` attempts, the list contains an error instead of the result.
     """
     for _ in range(ATTEMPTS):
         try:
