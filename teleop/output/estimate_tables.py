@@ -248,7 +248,7 @@ def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:
 
 
 def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print the times in which samples are missing, and long times between two samples.
+    """Print the gaps in the samples, and the longest time between two samples if it is unusual.
 
     If the file is the recording of a trial, also print whether the estimates are equal to those
     that were computed during the trial.
