@@ -72,7 +72,8 @@ class CompilationChoice:
     def is_compiled(self, samples: int) -> bool:
         """Return whether an array with this number of samples is processed by compiled code.
 
-        Call this method once per array, because it also counts the samples.
+        Code is compiled after a certain number of samples, which this method counts. Therefore,
+        call it only once for each array.
         """
         if samples < WORTH_LOADING_STEP or not find_spec("numba"):
             return False

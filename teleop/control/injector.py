@@ -16,9 +16,10 @@ displacement of the slave increases from zero and decreases to zero."""
 
 
 def ramp_time(duration: float, ramp: float = RAMP) -> float:
-    """Return the duration of the ramp at the start, and of the ramp at the end, of a trial [s].
+    """Return the duration [s] of each of the two ramps of a trial: at its start and at its end.
 
-    On the ramps, the displacement of the slave increases from zero and decreases to zero.
+    On the first ramp, the displacement of the slave increases from zero. On the second ramp, it
+    decreases to zero. Both ramps have the same duration.
 
     Parameters
     ----------

@@ -102,7 +102,7 @@ def grouped(
 def group_of(
     levels: tuple[str, ...], rows: Sequence[Compared], planned: Iterable[str] = ()
 ) -> Group:
-    """Compute the means over the recordings of one group.
+    """Return the mean results and estimates of the recordings of one group, see `Group`.
 
     Parameters
     ----------
@@ -112,8 +112,8 @@ def group_of(
     rows
         The recordings of the group.
     planned
-        Names of all factors of the series of trials. For each of them except the subject, the
-        function checks whether it has several levels within the group.
+        Names of all factors of the series of trials. If such a factor has several levels within the
+        group, the means are averages over these levels, and the result contains its name.
     """
     missing: dict[str, dict[str, str]] = {}
     for row in rows:

@@ -43,8 +43,8 @@ def repeated_rounding(count: float, noise: float) -> float:
     count
         Resolution of the signal, which is its smallest step.
     noise
-        Standard deviation of the noise of the rounded signal, in the unit of `count`. It includes
-        the rounding error if the rounding error changes from sample to sample.
+        Standard deviation of the noise of the signal after the rounding, in the unit of `count`. It
+        includes the random part of the rounding error, which this function subtracts.
 
     References
     ----------

@@ -13,7 +13,9 @@ RESPONSES = {"e_f": "Average force error [N]", "rise_time_s": "Rise time [s]"}
 
 
 def effects_on(outcomes: Sequence[Outcome], response: str) -> list[Effect]:
-    """Return the effects of cube, control condition and estimator on a response.
+    """Return the analysis of variance of a response: the effects of cube, condition and estimator.
+
+    The result contains each main effect and each interaction, with its p value and effect sizes.
 
     Parameters
     ----------
