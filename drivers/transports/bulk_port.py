@@ -1,4 +1,8 @@
-"""Read all waiting bytes of a serial port at once, by system calls or by pyserial."""
+"""Read all waiting bytes of a serial port at once.
+
+On POSIX systems, the port is read by system calls, which are faster. On other systems, and for a
+URL of pyserial, it is read by pyserial.
+"""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ real-time priority for 50 ms in each second (`sched_rt_runtime_us`).
 
 
 class Tick(NamedTuple):
-    """Timing of the start of one tick of the control loop."""
+    """How late one tick of the control loop started, and how long the previous tick took."""
 
     lateness: float
     """Delay of the start of the tick after its deadline [s]."""
