@@ -251,8 +251,8 @@ class Controller:
         """Send the command to the drives, and disable the drives if the supervisor requires it.
 
         The drives are disabled by `Rig.idle`. If `Rig.idle` fails, it is called again at each tick
-        until it succeeds. After a command of zero velocity, no further command is sent until then,
-        so that the watchdogs (timers in the drives) stop the drives.
+        until it succeeds. Until it succeeds, no command is sent after a first command of zero
+        velocity, so that the watchdogs (timers in the drives) stop the drives.
 
         The argument `verdict` is the output of the supervisor, and `now` is the time of this tick
         [s]. The velocities that the drives applied are returned [m/s].

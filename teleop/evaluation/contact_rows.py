@@ -196,7 +196,7 @@ class Rows:
     def fits(self) -> BaselineFits:
         """Object that fits the force by the baseline and by other regressors, which it receives.
 
-        The baseline is the slow part of the force. It is the same in all fits.
+        The baseline is the slow part of the force. All fits have the same regressors for it.
         """
         return BaselineFits(self.basis, self.f)
 

@@ -59,9 +59,9 @@ def below(form: Any, key: str | int) -> Iterator[Any]:
         Type of the table: a dataclass, whose fields are the keys, or a mapping. For other types,
         nothing is yielded.
     key
-        The key. pydantic also reports keys that are not in the file: the kind of a signal, such as
-        `sine`, and the class name of a body, such as `Cube`. They follow the key of the signal or
-        the body. For such a key, `form` is already the type of the value, and is yielded.
+        The key. In its errors, pydantic adds keys that are not in the file: the kind of a signal,
+        such as `sine`, and the class name of a body, such as `Cube`. For such an added key, `form`
+        is already the type of the value, and is yielded.
     """
     if get_origin(form) is Mapping:
         yield from flat(get_args(form)[1])
