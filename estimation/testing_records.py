@@ -278,7 +278,7 @@ def rigid_stop(rng: Generator) -> TrueRecord:
 
 
 def clipped_sensor(rng: Generator) -> TrueRecord:
-    """Return a record of sinusoidal palpation with a force that is cut off at the sensor's range."""
+    """Return a record of sinusoidal palpation with a force cut off at the range of the sensor."""
     record = sinusoid_with_drift(rng)
     level = float(np.percentile(record.f, rng.uniform(70.0, 92.0)))
     return record._replace(f=np.minimum(record.f, level), k=math.nan, b=math.nan)
