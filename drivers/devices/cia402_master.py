@@ -17,9 +17,9 @@ LONGEST = 8e-3
 class Master:
     """CANopen master. All drives on a bus share one master.
 
-    At each tick (cycle of the control loop), the drives receive their commands in the order in
-    which they were started. After the last command, the master sends a SYNC frame. All drives then
-    apply their commands and take their samples.
+    At each tick (cycle of the control loop), each drive object sends its command, in the order in
+    which the drives were started. After the last command, the master sends a SYNC frame. All drives
+    then apply their commands and take their samples.
 
     Attributes
     ----------

@@ -169,10 +169,11 @@ def has_friction(rows: Rows, best: Candidate) -> bool:
 
 
 def with_relaxation(rows: Rows, y: Floats, degrees: tuple[int, ...]) -> list[Candidate]:
-    """Fit models of the force with one and with two relaxing parts, and return these models.
+    """Return fitted models of the force that contain one or two relaxing parts.
 
     A relaxing part is the signal z with z' = dy/dt - z / tau. Several time constants tau are tried.
-    If the baseline contains cosines, only models with `is_passive` are returned.
+    The models also contain a slow part of the force, the baseline. If the baseline contains
+    cosines, only models with `is_passive` are returned.
 
     Parameters
     ----------

@@ -75,7 +75,7 @@ def recorded_settings(recording: Recording) -> EstimateSettings:
                 "force_lag": settings["force_lag_s"],
                 "whole": True,
                 "resolution": settings["encoder_resolution_m"],
-                "cube": settings["cube"],
+                "cube": settings.get("cube") or EstimateSettings.cube,
             }
         )
         return made
