@@ -373,9 +373,13 @@ def test_a_series_that_is_killed_again_and_again_completes_and_loses_nothing(pla
     command = [sys.executable, "-m", "teleop", "series", "plan.toml", "--out", "out"]
     chance = random.Random(1)
     kept: dict[Path, bytes] = {}
+    journal = tmp_path / "out" / "journal.jsonl"
     for _ in range(4):
+        known = journal.stat().st_size if journal.exists() else 0
         process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL)
-        time.sleep(chance.uniform(0.8, 2.5))
+        while process.poll() is None and not (journal.exists() and journal.stat().st_size > known):
+            time.sleep(0.01)
+        time.sleep(chance.uniform(0.0, 0.3))  # of about 0.15 s, which a trial takes
         process.send_signal(signal.SIGKILL)
         process.wait()
         time.sleep(0.3)  # the recorder writes what it was sent
@@ -396,17 +400,13 @@ def test_after_a_kill_at_a_prompt_a_trial_or_a_note_the_table_has_every_done_tri
     chance = random.Random(4)
     folder = tmp_path / "out"
 
-    def start(typed):
+    at_note = 0
+    for attempt in range(6):
         process = subprocess.Popen(
             command, cwd=tmp_path, stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
-        process.stdin.write(typed)
+        process.stdin.write("\n")  # runs one trial; the question for a note has no answer
         process.stdin.flush()
-        return process
-
-    at_note = 0
-    for attempt in range(6):
-        process = start("\n")  # runs one trial, and types no answer to the note question
         for line in process.stderr:
             if line.startswith("Note on trial"):
                 at_note += 1
@@ -418,7 +418,7 @@ def test_after_a_kill_at_a_prompt_a_trial_or_a_note_the_table_has_every_done_tri
         process.communicate()
         time.sleep(0.3)  # the recorder writes what it was sent
         done = done_trials(folder)
-        start("").communicate()  # its input is closed, which means quit
+        conduct(folder, *plan, ask=Person("quit"))
         assert [row["trial"] for row in rows(folder)] == done_trials(folder) == done
     assert at_note >= 3
     assert done == ["1", "2", "3"]
