@@ -59,6 +59,8 @@ def test_the_first_minute_prints_what_the_readme_says(folder, monkeypatch, capsy
 
 def test_the_commands_of_the_readme_work_in_their_order(folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
+    # To compile all estimators takes longer than to interpret them here.
+    monkeypatch.setattr("estimation.compiled.choice.is_compiled", lambda samples: False)
     for command in COMMANDS:
         if command[0] == "reproduce":
             continue  # run by tests/teleop/studies/paper/test_reproduction.py

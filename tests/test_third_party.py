@@ -190,7 +190,7 @@ def test_a_recording_that_was_cut_off_is_recovered(command, recorded, tmp_path):
 
 
 def test_the_paper_is_reproduced_with_the_estimator_beside_its_own(command, monkeypatch, tmp_path):
-    monkeypatch.setattr("teleop.studies.paper.trials.DURATION", 3.0)  # for a shorter test
+    monkeypatch.setattr("teleop.studies.paper.trials.DURATION", 2.0)  # for a shorter test
     monkeypatch.setattr("teleop.studies.paper.reproduction.SLOW_FREQUENCIES", (1.0,))
     options = ["--estimators", "nlms", "--out", tmp_path / "paper", "--json"]
     document = command("reproduce", *options)

@@ -28,7 +28,8 @@ def wait():
     with workers() as pool:
         jobs = [pool.submit(time.sleep, 600) for _ in range(8)]
         print(*pool._processes, flush=True)
-        jobs[0].result()
+        while not jobs[0].done():  # `result` would miss a signal that comes just before it waits
+            time.sleep(0.05)
 
 raise SystemExit(main(["wait"]))
 """

@@ -199,14 +199,15 @@ def stepped_trial(
     prepare: Callable[[Emulator], None] = lambda emulator: None,
     rewrite: Callable[[str], str] = str,
     kind: type[SteppedRig] = SteppedRig,
+    rate: float | None = None,
     **settings: Any,
 ) -> SteppedTrial:
-    """A trial on one of the example rigs."""
+    """A trial on one of the example rigs, at the rate of its file if no other rate is given."""
     file = read_rig_file(RIGS / f"{name}.toml")
     made = TrialSettings(
         condition=condition,
         clock="virtual",
-        rate=file.sections.rate_hz,
+        rate=rate or file.sections.rate_hz,
         custom_limits=rig_limits(file.sections),
         **settings,
     )

@@ -20,6 +20,7 @@ import pytest
 
 from drivers.rig_file import read_rig_file
 from sim_backend.wire.emulator import host_file
+from teleop.cli import main
 from teleop.recording.recording_file import recorded_ticks
 from teleop.rig.emulation import make_emulator
 from teleop.studies.series.journal import Journal
@@ -27,7 +28,7 @@ from teleop.trial.settings import TrialSettings
 
 pty = pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
 
-BOARD = Path(__file__).parents[3] / "rigs" / "serial-board.toml"
+BOARD = (Path(__file__).parents[3] / "rigs" / "serial-board.toml").read_text()
 SHORT = """
 name = "short"
 order = "listed"
@@ -82,7 +83,7 @@ class Emulated:
 
     def __init__(self, folder):
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "teleop", "rig", "emulate", BOARD],
+            [sys.executable, "-m", "teleop", "rig", "emulate", "board.toml"],
             cwd=folder,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -106,7 +107,15 @@ class Emulated:
 
 
 @pytest.fixture
-def emulator(tmp_path):
+def board(tmp_path):
+    """The rig file of the serial board at a quarter of its rate: less processor time."""
+    path = tmp_path / "board.toml"
+    path.write_text(BOARD.replace("rate_hz = 1000", "rate_hz = 250"))
+    return path
+
+
+@pytest.fixture
+def emulator(tmp_path, board):
     (tmp_path / "plan.toml").write_text(SHORT)
     made = Emulated(tmp_path)
     yield made
@@ -115,7 +124,9 @@ def emulator(tmp_path):
     made.limit.cancel()
 
 
-def test_a_series_on_devices_is_run_with_keys_and_ends_in_table_and_figures(emulator, tmp_path):
+def test_a_series_on_devices_is_run_with_keys_and_ends_in_table_and_figures(
+    emulator, tmp_path, capsys
+):
     keys = {(2, 1): "r", (2, 2): "s", (4, 1): "q"}  # by trial and number of the prompt
     prompts, armed, codes = Counter(), Counter(), []
     for _ in range(2):
@@ -149,21 +160,18 @@ def test_a_series_on_devices_is_run_with_keys_and_ends_in_table_and_figures(emul
     for row in rows:
         kept = recorded_ticks(tmp_path / "study" / "recordings" / row["file"])
         assert kept.settings["specimen"] == row["cube"]
-    compared = subprocess.run(
-        [sys.executable, "-m", "teleop", "compare", "study", "--out", "study/table.tex",
-         "--plot", "study/figure.pdf", "--json"],
-        cwd=tmp_path, capture_output=True, text=True,
-    )  # fmt: skip
-    assert compared.returncode == 0, compared.stderr
-    assert json.loads(compared.stdout)
+    study = tmp_path / "study"
+    written = ["--out", str(study / "table.tex"), "--plot", str(study / "figure.pdf")]
+    assert main(["compare", str(study), *written, "--json"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["recordings"]) == 3
     assert r"\toprule" in (tmp_path / "study" / "table.tex").read_text()
     assert (tmp_path / "study" / "figure.pdf").stat().st_size
 
 
 @pytest.fixture
-def served(tmp_path):
+def served(tmp_path, board):
     """An emulator in a thread of this process; its rig file is run.toml."""
-    rig = read_rig_file(BOARD)
+    rig = read_rig_file(board)
     emulator = make_emulator(rig, TrialSettings(condition="autonomous"), tmp_path)
     (tmp_path / "run.toml").write_text(host_file(rig, tmp_path))
     stop = threading.Event()
@@ -181,7 +189,7 @@ def test_a_killed_series_stops_the_devices_and_is_resumed_with_nothing_lost(serv
     command = [sys.executable, "-m", "teleop", "series", "plan.toml", "--rig", "run.toml",
                "--yes", "--out", "study"]  # fmt: skip
     chance, kept = random.Random(2), {}
-    for _ in range(3):
+    for _ in range(2):
         series = subprocess.Popen(
             command, cwd=tmp_path, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )

@@ -10,6 +10,8 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +22,7 @@ from teleop.cli import main
 from teleop.errors import InputError, SafetyStop
 from teleop.recording.recording import load
 from teleop.studies.json_lines import locked
-from teleop.studies.series.conduct import conduct
+from teleop.studies.series.conduct import conduct as conduct_series
 from teleop.studies.series.journal import Journal
 from teleop.studies.series.trials import read_series
 from teleop.trial.averaged import recorded_part
@@ -63,6 +65,26 @@ class Person:
         return self.answers.pop(0) if self.answers else "quit", "a note"
 
 
+class RunOnce:
+    """Runs each trial once, and gives its result and a copy of its recording from then on."""
+
+    def __init__(self):
+        self.done = []
+
+    def __call__(self, settings, path, *_, **__):
+        for trial, content in self.done:
+            if trial.settings == settings:
+                path.write_bytes(content)
+                return trial
+        trial = run_trial(settings, path)
+        self.done.append((trial, path.read_bytes()))
+        return trial
+
+
+run_once = RunOnce()
+conduct = partial(conduct_series, run=run_once)
+
+
 class Spoiling:
     """Runs trials, some of which are interrupted."""
 
@@ -71,10 +93,8 @@ class Spoiling:
 
     def __call__(self, settings, path):
         self.calls += 1
-        trial = run_trial(settings, path)
-        if self.calls in self.spoilt:
-            object.__setattr__(trial, "interrupted", True)
-        return trial
+        trial = run_once(settings, path)
+        return replace(trial, interrupted=True) if self.calls in self.spoilt else trial
 
 
 def rows(folder):
@@ -84,7 +104,7 @@ def rows(folder):
 
 def test_a_series_ends_in_a_row_for_each_trial_and_a_recording_of_each(plan, tmp_path):
     folder = tmp_path / "out"
-    journal = conduct(folder, *plan)
+    journal = conduct_series(folder, *plan)
     table = rows(folder)
     assert [row["cube"] for row in table] == ["soft", "medium", "hard"]
     for row in table:
@@ -353,9 +373,13 @@ def test_a_series_that_is_killed_again_and_again_completes_and_loses_nothing(pla
     command = [sys.executable, "-m", "teleop", "series", "plan.toml", "--out", "out"]
     chance = random.Random(1)
     kept: dict[Path, bytes] = {}
+    journal = tmp_path / "out" / "journal.jsonl"
     for _ in range(4):
+        known = journal.stat().st_size if journal.exists() else 0
         process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL)
-        time.sleep(chance.uniform(0.8, 2.5))
+        while process.poll() is None and not (journal.exists() and journal.stat().st_size > known):
+            time.sleep(0.01)
+        time.sleep(chance.uniform(0.0, 0.3))  # of about 0.15 s, which a trial takes
         process.send_signal(signal.SIGKILL)
         process.wait()
         time.sleep(0.3)  # the recorder writes what it was sent
@@ -376,17 +400,13 @@ def test_after_a_kill_at_a_prompt_a_trial_or_a_note_the_table_has_every_done_tri
     chance = random.Random(4)
     folder = tmp_path / "out"
 
-    def start(typed):
+    at_note = 0
+    for attempt in range(6):
         process = subprocess.Popen(
             command, cwd=tmp_path, stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
-        process.stdin.write(typed)
+        process.stdin.write("\n")  # runs one trial; the question for a note has no answer
         process.stdin.flush()
-        return process
-
-    at_note = 0
-    for attempt in range(6):
-        process = start("\n")  # runs one trial, and types no answer to the note question
         for line in process.stderr:
             if line.startswith("Note on trial"):
                 at_note += 1
@@ -398,7 +418,7 @@ def test_after_a_kill_at_a_prompt_a_trial_or_a_note_the_table_has_every_done_tri
         process.communicate()
         time.sleep(0.3)  # the recorder writes what it was sent
         done = done_trials(folder)
-        start("").communicate()  # its input is closed, which means quit
+        conduct(folder, *plan, ask=Person("quit"))
         assert [row["trial"] for row in rows(folder)] == done_trials(folder) == done
     assert at_note >= 3
     assert done == ["1", "2", "3"]
@@ -426,6 +446,7 @@ def command(tmp_path, monkeypatch, capsys):
     """Run the command with typed lines, and return its exit code, output and messages."""
     (tmp_path / "plan.toml").write_text(PLAN)
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("teleop.trial.run.run_trial", run_once)
 
     def command(lines, *options):
         typed = iter(lines)
