@@ -27,8 +27,6 @@ TESTED = ("writing-a-driver", "writing-an-estimator")
 """Pages whose Python blocks have a test of their own."""
 RETURN = 1.3
 """Time in which the emulated plant returns to its start [s]."""
-RATE = 250
-"""Rate of the emulated board in place of 1000 Hz [Hz], which needs less processor time."""
 KINDS = ("hardware", "emulator", "setup", "long")
 FENCE = re.compile(r"^( *)(`{3,}|:{3,})(\S*) *([^\n]*)\n(.*?)^\1\2 *$", re.MULTILINE | re.DOTALL)
 
@@ -195,8 +193,6 @@ def emulator_commands() -> list[str]:
 def test_the_first_hour_with_a_board_works(tmp_path):
     pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
     shutil.copytree(ROOT / "rigs", tmp_path / "rigs")
-    board = tmp_path / "rigs" / "serial-board.toml"
-    board.write_text(board.read_text().replace("rate_hz = 1000", f"rate_hz = {RATE}"))
     emulator, has_moved = None, False
     try:
         for line in emulator_commands():
