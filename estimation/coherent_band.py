@@ -27,6 +27,7 @@ D. J. Thomson, "Spectrum estimation and harmonic analysis", Proc. IEEE 70(9), 19
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -92,8 +93,9 @@ def block_means(values: Floats, length: int) -> Floats:
     return np.asarray(values[: whole * length].reshape(whole, length).mean(axis=1))
 
 
+@lru_cache(maxsize=2)  # files of one length are often evaluated one after the other
 def slepian_tapers(n: int) -> Floats:
-    """Return the tapers of the multitaper method, shape (TAPERS, n).
+    """Return the tapers of the multitaper method, a read-only array of shape (TAPERS, n).
 
     The tapers are the first discrete prolate spheroidal sequences. Each row is one sequence, and
     the rows are orthonormal. The sequences are eigenvectors of a tridiagonal matrix (D. Slepian,
@@ -109,7 +111,9 @@ def slepian_tapers(n: int) -> Floats:
     diagonal = ((n - 1 - 2 * place) / 2.0) ** 2 * np.cos(2.0 * np.pi * half_band)
     beside = place[1:] * (n - place[1:]) / 2.0
     _, vectors = eigh_tridiagonal(diagonal, beside, select="i", select_range=(n - TAPERS, n - 1))
-    return np.ascontiguousarray(vectors[:, ::-1].T)
+    tapers = np.ascontiguousarray(vectors[:, ::-1].T)
+    tapers.flags.writeable = False
+    return tapers
 
 
 def coherent_band(x: Floats, f: Floats, period: float) -> CoherentBand:

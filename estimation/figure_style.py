@@ -183,22 +183,14 @@ def extremes(values: Floats) -> NDArray[np.int_]:
     n = len(values)
     if n <= 3 * BINS:
         return np.arange(n)
-    edges = np.linspace(0, n, BINS + 1).astype(int)
-    kept = [edges[:-1], np.array([n - 1])]
+    edges = np.linspace(0, n, BINS + 1).astype(int).tolist()
+    known = np.isfinite(values)
+    low, high = np.where(known, values, np.inf), np.where(known, values, -np.inf)
+    kept = [*edges[:-1], n - 1]
     for start, end in pairwise(edges):
-        part = values[start:end]
-        known = np.isfinite(part)
-        if known.any():
-            kept.append(
-                start
-                + np.array(
-                    [
-                        np.argmin(np.where(known, part, np.inf)),
-                        np.argmax(np.where(known, part, -np.inf)),
-                    ]
-                )
-            )
-    return np.unique(np.concatenate(kept))
+        if known[start:end].any():
+            kept += (start + low[start:end].argmin(), start + high[start:end].argmax())
+    return np.unique(kept)
 
 
 def limits(axes: Axes, series: Sequence[Floats], levels: Sequence[float] = ()) -> None:

@@ -56,6 +56,14 @@ def pageable_memory():
     SET_UP["locked memory"] = lambda: lambda: None
 
 
+@pytest.fixture
+def interpreted(monkeypatch):
+    """Interpret the estimators, where compiling one would take longer than all of its samples."""
+    from estimation.compiled import CompilationChoice
+
+    monkeypatch.setattr(CompilationChoice, "is_compiled", lambda choice, samples: False)
+
+
 class AnalysisByRecord:
     """The function `analyse`, which evaluates a record once although many tests need it.
 

@@ -110,11 +110,11 @@ def hayes_factor(aspect: float, poisson: float, nodes: int = 48) -> float:
     rest = 1.0 - upper / lower
     s, weights = np.polynomial.legendre.leggauss(nodes)
     s, weights = 0.5 * (s + 1.0), 0.5 * weights
-
-    def kernel(u: np.ndarray) -> np.ndarray:
-        return np.asarray(np.trapezoid(rest * np.cos(u[..., None] * m), m, axis=-1))
-
-    both = kernel(aspect * (s[:, None] - s)) + kernel(aspect * (s[:, None] + s))
+    # The kernel is the integral of rest(m) (cos(m (s - t)) + cos(m (s + t))), by the trapezoidal
+    # rule, and cos(a - b) + cos(a + b) = 2 cos(a) cos(b).
+    cosines = np.cos(aspect * s[:, None] * m)
+    rest[[0, -1]] *= 0.5
+    both = 2.0 * (m[1] - m[0]) * (cosines * rest) @ cosines.T
     phi = np.linalg.solve(np.eye(nodes) - aspect / math.pi * both * weights, np.ones(nodes))
     return float(weights @ phi)
 

@@ -62,12 +62,12 @@ def test_compiled_and_interpreted_give_the_same_numbers_to_the_bit(name):
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_a_batch_that_is_compiled_is_the_same_as_its_pieces(name, palpation, monkeypatch):
     pytest.importorskip("numba", reason="needs the `fast` extra")
-    s = palpation(seconds=21.0, noise=0.1)
+    s = palpation(seconds=7.0, noise=0.1)
     whole, pieces = ESTIMATORS[name](), ESTIMATORS[name]()
     monkeypatch.setattr(CompilationChoice, "is_compiled", lambda choice, samples: True)
     expected = whole.run(*s)[:5]
     monkeypatch.setattr(CompilationChoice, "is_compiled", lambda choice, samples: False)
-    parts = [pieces.run(*(c[i : i + 3000] for c in s))[:5] for i in range(0, len(s.x), 3000)]
+    parts = [pieces.run(*(c[i : i + 1000] for c in s))[:5] for i in range(0, len(s.x), 1000)]
     got = [np.concatenate(column) for column in zip(*parts, strict=True)]
     assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(got, expected, strict=True))
 
@@ -144,6 +144,7 @@ def test_recovers_from_a_gap_in_the_data(seed, gap, name, at):
     assert estimates.k[-1] == pytest.approx(5000.0, rel=0.05)
 
 
+@pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize("name", LINEAR)
 @pytest.mark.parametrize("model", [model for model in MODELS.values() if model.further])
 def test_a_linear_estimator_supports_any_model(name, model, palpation):

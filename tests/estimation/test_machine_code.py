@@ -15,12 +15,13 @@ import estimation
 pytest.importorskip("numba", reason="needs the `fast` extra")
 SCRIPT = """
 import numpy as np
-from estimation import RecursiveLeastSquares
+from estimation import METHODS, paper_preset
 from estimation.compiled import choice, compiled
 choice.is_compiled = lambda samples: True
 n = np.arange(1.0, 100.0)
-print(RecursiveLeastSquares(0.98, (100.0, 100.0)).run(n, n % 7, n, 1e-3).k[-1] > 0.0)
-stats = compiled(RecursiveLeastSquares.step, 2).stats
+estimator = METHODS["reference"](paper_preset("soft"))
+print(estimator.run(n, n % 7, n, 1e-3).k[-1] > 0.0)
+stats = compiled(type(estimator).step, 2).stats
 print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
 """
 

@@ -30,7 +30,7 @@ def recording(lag, seconds=4.0, noise=0.0, frequency=2.0, b=B, k3=K3):
             t_eval=t,
             rtol=1e-8,
             atol=1e-8,
-            max_step=1e-3,
+            max_step=1e-2,
         ).y[0]
     return x, f + np.random.default_rng(0).normal(0.0, noise, len(t))
 

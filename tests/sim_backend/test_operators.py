@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -29,8 +30,14 @@ def positions(operator):
     return np.array([operator.intention(t) for t in times])
 
 
+@cache
+def motion(make, seed=3):
+    """Return the intended position and velocity at all times, from the start."""
+    return positions(make(9e-3, seed))
+
+
 def test_velocity_is_the_derivative_of_position(make):
-    intended = positions(make(9e-3, 3))
+    intended = motion(make)
     slope = np.gradient(intended[:, 0], times)
     after = (times > REACTION + 0.01) & (np.abs(times - REACTION - 1.0) > 2e-3)  # end of ramps
     np.testing.assert_allclose(intended[after, 1][:-1], slope[after][:-1], atol=2e-4)
@@ -38,13 +45,13 @@ def test_velocity_is_the_derivative_of_position(make):
 
 
 def test_reaches_about_the_depth_and_never_leaves_contact(make):
-    position = positions(make(9e-3, 3))[:, 0]
+    position = motion(make)[:, 0]
     assert 7e-3 < position.max() < 12e-3
     assert position.min() > -0.3e-3
 
 
 def test_starts_from_rest_after_the_reaction_time(make):
-    intended = positions(make(9e-3, 3))
+    intended = motion(make)
     assert (intended[times < REACTION] == 0.0).all()
 
 
@@ -59,18 +66,18 @@ def test_palpates_again_from_the_start_when_the_drives_are_enabled_again(make):
 
 
 def test_the_motion_depends_only_on_the_seed(make):
-    assert np.array_equal(positions(make(9e-3, 1)), positions(make(9e-3, 1)))
-    assert not np.array_equal(positions(make(9e-3, 1)), positions(make(9e-3, 2)))
+    assert np.array_equal(positions(make(9e-3, 3)), motion(make, 3))
+    assert not np.array_equal(motion(make, 3), motion(make, 2))
 
 
 def test_free_palpation_pokes_about_once_a_second():
-    position = positions(FreePalpation(9e-3, 3))[:, 0]
+    position = motion(FreePalpation)[:, 0]
     pokes = np.count_nonzero((position[:-1] < 6.5e-3) & (position[1:] >= 6.5e-3))
     assert 12 <= pokes <= 22
 
 
 def test_mimicking_errs_in_amplitude_and_in_phase():
-    position = positions(MimickedSine(9e-3, 3))[:, 0]
+    position = motion(MimickedSine)[:, 0]
     up = times[1:][(position[:-1] < 4.5e-3) & (position[1:] >= 4.5e-3)]
     periods = np.diff(up)
     assert periods.mean() == pytest.approx(1.0, abs=0.05)

@@ -53,6 +53,7 @@ def test_correlated_noise_widens_the_interval(palpation):
     assert correlated.estimate.k_std == pytest.approx(3.0 * white.estimate.k_std)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_sums_do_not_drift(palpation):
     x, v, f, dt = palpation(seconds=10.0, noise=0.02)
     estimator = BatchWindow(0.05, 1e-3)

@@ -79,6 +79,7 @@ def test_the_interval_has_its_nominal_coverage_of_the_plant(palpation):
     assert k_std < 40.0
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_with_a_datum_finds_where_the_surface_is(palpation):
     s = palpation(seconds=10.0)
     x = s.x - 5e-3

@@ -90,6 +90,7 @@ def test_an_outlier_does_not_reduce_the_gain(palpation):
     assert estimator.estimate.k == pytest.approx(2100.0, rel=0.01)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_further_regressors_are_estimated_too(palpation):
     s = palpation(seconds=3.0)
     x = s.x - 5e-3

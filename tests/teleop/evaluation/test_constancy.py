@@ -22,7 +22,7 @@ def ramp_and_hold():
     return t, np.interp(t, [0.0, 10.0, 30.0, 40.0, 60.0], [-1e-3, 0.0, 3e-3, 3e-3, -1e-3])
 
 
-@pytest.mark.parametrize("rate", [0.01, 0.02, 0.05])
+@pytest.mark.parametrize("rate", [0.01, 0.05])
 def test_a_force_that_rises_in_a_hold_drifts_and_gives_no_stiffness(rate):
     t, x = ramp_and_hold()
     found = result(t, x, 300.0 * np.maximum(x, 0.0) + rate * t)

@@ -175,6 +175,7 @@ def test_files_for_one_recording_are_refused_for_several(capsys, tmp_path):
         assert "--out, --plot and --plot-force need exactly one file" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_on_measured_tissue_the_best_beats_batch_and_the_set_is_distinguished(capsys):
     files = sorted(MEASURED.glob("*.csv"))
     assert len(files) == 3

@@ -26,6 +26,7 @@ def compared(names, regression, b=20.0, k=2100.0):
     return compare(regression, bank, bank.run(*regression), b, k)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_an_honest_interval_covers_the_truth_19_times_out_of_20():
     rows = compared(("rls", "rls_conditional", "kalman", "window"), palpation())
     for name, row in rows.items():
@@ -41,6 +42,7 @@ def test_a_reference_that_is_not_the_truth_is_not_covered_and_its_error_is_repor
     assert row.b_error == pytest.approx(10.0, rel=0.05)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_the_yardstick_beside_itself_is_one():
     bank = replace(paper_preset(), forgetting=np.exp(-1e-3 / 0.5), estimators=("window",)).bank()
     regression = palpation()
@@ -48,9 +50,13 @@ def test_the_yardstick_beside_itself_is_one():
     assert row.one_step_ratio == pytest.approx(1.0, rel=1e-6)
 
 
-def test_methods_are_held_against_the_cube_that_was_palpated():
-    settings = TrialSettings(condition="autonomous", duration=4.0, clock="virtual")
-    results = compare_methods(run_trial(settings), Methods(("rls", "me", "reference")))
+@pytest.fixture(scope="module")
+def trial():
+    return run_trial(TrialSettings(condition="autonomous", duration=4.0, clock="virtual"))
+
+
+def test_methods_are_held_against_the_cube_that_was_palpated(trial):
+    results = compare_methods(trial, Methods(("rls", "me", "reference")))
     assert results["rls"].k_error < 0.15  # the cube stiffens
     assert results["rls"].b_error < 30.0
     assert np.isnan(results["reference"].k_coverage)
@@ -59,9 +65,7 @@ def test_methods_are_held_against_the_cube_that_was_palpated():
     assert mean["me"].k_error == pytest.approx(results["me"].k_error)
 
 
-def test_a_model_that_is_true_of_the_cube_errs_less():
-    settings = TrialSettings(condition="autonomous", duration=4.0, clock="virtual")
-    trial = run_trial(settings)
+def test_a_model_that_is_true_of_the_cube_errs_less(trial):
     plain = compare_methods(trial, Methods(("rls",)))["rls"]
     stiffening = compare_methods(trial, Methods(("rls",), MODELS["stiffening"]))["rls"]
     assert stiffening.k_error < 0.5 * plain.k_error

@@ -135,7 +135,7 @@ def test_damping_of_two_kinds_is_not_compared_between_files(tmp_path, capsys):
 @pytest.mark.parametrize("hold", [0.0, 0.15, 0.3])
 def test_the_kind_of_b_follows_from_the_shape_of_the_motion(hold):
     """Minimum-jerk strokes on an elastic body in contact, with holds between the strokes."""
-    t = np.arange(0.0, 20.0, 2e-3)
+    t = np.arange(0.0, 20.0, 4e-3)
     phase, stroke = t % 1.0, 0.5 - hold
     shares = (np.clip((phase - start) / stroke, 0.0, 1.0) for start in (0.0, 0.5))
     inwards, outwards = (s**3 * (10.0 - 15.0 * s + 6.0 * s**2) for s in shares)

@@ -29,8 +29,9 @@ def recorded():
     return recording["time"], recording["target"], settings.target
 
 
-@pytest.mark.parametrize("gain", [0.5, 0.9, 1.3])
-@pytest.mark.parametrize("delay", [-0.1, 0.05, 0.25, 0.6])
+@pytest.mark.parametrize(
+    ("gain", "delay"), [(0.5, -0.1), (1.3, 0.05), (0.9, 0.25), (0.5, 0.6), (1.3, 0.6)]
+)
 def test_gain_and_delay_of_an_operator_are_recovered_from_the_recorded_target(
     recorded, gain, delay
 ):

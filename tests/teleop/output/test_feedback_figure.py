@@ -56,7 +56,7 @@ def test_the_report_has_the_figure_only_with_force_feedback(recorded, tmp_path):
     assert main(["report", str(recorded), "--out", str(page)]) == 0
     assert "<h2>Force feedback</h2>" in page.read_text()
     plain = tmp_path / "plain.mcap"
-    run_trial(TrialSettings(clock="virtual", duration=3.0, estimators=("rls",)), plain)
+    run_trial(TrialSettings(clock="virtual", duration=1.0, estimators=("rls",)), plain)
     other = tmp_path / "b.html"
     assert main(["report", str(plain), "--out", str(other)]) == 0
     assert "<h2>Force feedback</h2>" not in other.read_text()

@@ -142,6 +142,7 @@ def node(channel, served):
     network = canopen.Network()
     network.NOTIFIER_CYCLE = 0.01
     node = canopen.BaseNode402(5, dictionary())
+    node.sdo.RESPONSE_TIMEOUT = 10.0  # s; 0.3 s are too short on a busy machine
     network.add_node(node)
     network.connect(interface="virtual", channel=channel)
     beats = []

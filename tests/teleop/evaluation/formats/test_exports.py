@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+from contextlib import redirect_stdout
 
 import pytest
 
@@ -19,54 +21,63 @@ def trial(tmp_path_factory):
     return path
 
 
-@pytest.fixture
-def evaluated(capsys):
-    def run(path, *options):
-        capsys.readouterr()
+@pytest.fixture(scope="module")
+def exported(trial):
+    """Return a function that exports the trial once to each kind of file, and returns the path."""
+    paths = {}
+
+    def export(ending):
+        if ending in LIBRARY:
+            pytest.importorskip(LIBRARY[ending])
+        if ending not in paths:
+            paths[ending] = trial.with_suffix(f".{ending}")
+            assert main(["export", str(trial), "--out", str(paths[ending])]) == 0
+        return paths[ending]
+
+    return export
+
+
+def evaluated(path, *options):
+    """Return the JSON document that `teleop estimate` prints, without the path of the file."""
+    with redirect_stdout(io.StringIO()) as printed:
         assert main(["estimate", str(path), "--json", *options]) == 0
-        document = json.loads(capsys.readouterr().out)
-        del document["file"]
-        return document
-
-    return run
+    document = json.loads(printed.getvalue())
+    del document["file"]
+    return document
 
 
-@pytest.mark.parametrize("ending", ["csv", "h5", "mat", "parquet"])
-@pytest.mark.parametrize("options", [(), ("--estimators", "rls,kalman", "--bandwidth", "30")])
-def test_an_export_gives_the_same_numbers_as_the_recording(
-    trial, tmp_path, evaluated, ending, options
-):
-    if ending in LIBRARY:
-        pytest.importorskip(LIBRARY[ending])
-    out = tmp_path / f"trial.{ending}"
-    assert main(["export", str(trial), "--out", str(out)]) == 0
-    expected = evaluated(trial, *options)
-    assert evaluated(out, *options) == expected
-    assert expected["as_online"] is (not options)
+OPTIONS = [(), ("--estimators", "rls,kalman", "--bandwidth", "30")]
+
+
+@pytest.fixture(scope="module")
+def expected(trial):
+    """Return the documents of the recording, by options."""
+    return {options: evaluated(trial, *options) for options in OPTIONS}
 
 
 @pytest.mark.parametrize("ending", ["csv", "h5", "mat", "parquet"])
-def test_other_columns_of_an_export_can_be_chosen(trial, tmp_path, evaluated, ending):
-    if ending in LIBRARY:
-        pytest.importorskip(LIBRARY[ending])
-    out = tmp_path / f"trial.{ending}"
-    assert main(["export", str(trial), "--out", str(out)]) == 0
+@pytest.mark.parametrize("options", OPTIONS)
+def test_an_export_gives_the_same_numbers_as_the_recording(exported, expected, ending, options):
+    assert evaluated(exported(ending), *options) == expected[options]
+    assert expected[options]["as_online"] is (not options)
+
+
+@pytest.mark.parametrize("ending", ["csv", "h5", "mat", "parquet"])
+def test_other_columns_of_an_export_can_be_chosen(exported, expected, ending):
     columns = ["--position", "slave_position", "--force", "contact_force"]
-    document = evaluated(out, *columns, "--datum", "file")
+    document = evaluated(exported(ending), *columns, "--datum", "file")
     assert "as_online" not in document
-    fits = (document["least_squares"], evaluated(trial)["least_squares"])
+    fits = (document["least_squares"], expected[()]["least_squares"])
     assert fits[0]["k"] == pytest.approx(fits[1]["k"], rel=0.1)
 
 
-def test_a_csv_export_without_the_file_beside_it_is_evaluated_as_a_table(
-    trial, tmp_path, evaluated
-):
+def test_a_csv_export_without_the_file_beside_it_is_evaluated_as_a_table(trial, tmp_path, expected):
     out = tmp_path / "trial.csv"
     assert main(["export", str(trial), "--out", str(out)]) == 0
     out.with_name("trial.csv-metadata.json").unlink()
     document = evaluated(out)
     assert "as_online" not in document
-    assert document["samples"] == evaluated(trial)["samples"]
+    assert document["samples"] == expected[()]["samples"]
 
 
 def test_a_damaged_file_beside_a_csv_export_is_named(trial, tmp_path, refused):
