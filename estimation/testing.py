@@ -106,11 +106,7 @@ def check_compiled_equals_interpreted(estimator: Estimator) -> None:
 
 
 def check_sweeps(pickled: bytes, samples: Samples) -> None:
-    """Raise AssertionError unless compiled and interpreted code give equal estimates and states.
-
-    `pickled` is the estimator in the form of `pickle`, from which copies are made faster than with
-    `deepcopy`.
-    """
+    """Raise AssertionError unless compiled and interpreted code agree, for a pickled estimator."""
     fast, slow = pickle.loads(pickled), pickle.loads(pickled)
     got = compiled_sweep(fast.law, fast.state, samples)
     expected = interpreted_sweep(slow.law, slow.state, samples)
