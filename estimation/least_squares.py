@@ -13,7 +13,7 @@ from estimation.compiled import Floats
 
 
 class Fit(NamedTuple):
-    """Parameters and residual of a least-squares fit of a model to n samples."""
+    """Result of a least-squares fit of a model to n samples: parameters and n residuals."""
 
     b: float
     """Damping [N s/m]."""

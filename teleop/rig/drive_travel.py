@@ -90,8 +90,8 @@ class DriveTravel:
         ----------
         settled
             Whether the drive has had enough time to complete the commanded travel. If True, a
-            travel that is too small is also an error. The integral of the measured velocity is
-            then compared in the same way.
+            travel that is too small is also an error, and the integral of the measured velocity
+            is checked like the measured travel.
         """
         slack = SLACK + self.explained
         band = BAND * abs(self.commanded) + slack

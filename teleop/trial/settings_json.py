@@ -162,7 +162,7 @@ def adapter() -> TypeAdapter[TrialSettings]:
 
 
 def rig_file(document: Mapping[str, Any]) -> RigFile:
-    """Return the rig file that is contained in a document of settings.
+    """Return the rig file that a document of settings contains, as a checked `RigFile`.
 
     Parameters
     ----------
