@@ -237,7 +237,7 @@ def reference_problems(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
 def bus_problems(
     devices: Mapping[str, Device], buses: Mapping[str, SerialSettings | CanSettings]
 ) -> Iterator[str]:
-    """Yield problems of buses: unknown names of buses, and ports or CAN identifiers used twice."""
+    """Yield texts on problems: unknown buses of devices, ports or CAN identifiers used twice."""
     ports: dict[str, str] = {}
     for name, settings in buses.items():
         port = settings.port if isinstance(settings, SerialSettings) else settings.channel

@@ -45,16 +45,17 @@ def decimation(rate: float) -> int:
 def decimated(first: int, end: int, last: int, step: int) -> list[int]:
     """Return the numbers of the ticks that are sent to the live page, from a range of new ticks.
 
-    These are the newest tick, and every `step`-th tick before the newest tick.
+    These are the last tick of the range, and every `step`-th tick before it. A tick that is closer
+    than `step` to the tick that was sent before is not sent.
 
     Parameters
     ----------
     first, end
         The range contains the ticks from number `first` up to but not including number `end`.
     last
-        Number of the newest tick that has already been sent.
+        Number of the latest tick that was sent before.
     step
-        Smallest distance between two ticks that are sent.
+        Smallest difference between the numbers of two ticks that are sent.
     """
     return list(range(end - 1, max(first - 1, last + step - 1), -step))[::-1]
 
