@@ -116,7 +116,7 @@ class SpringRecord:
         self.force = force[self.settled]
 
     def fit(self, lag: float, lost_motion: float) -> SpringFit:
-        """Fit spring stiffness and force offset by least squares, for given lag and lost motion.
+        """Return the stiffness and the residuals of a fit with an offset, for given lag and play.
 
         Parameters
         ----------
