@@ -120,12 +120,14 @@ def set_scale(axes: Axes, intervals: Sequence[Interval]) -> None:
     if not intervals:
         axes.set_yticks([])
         return
-    ratio, positive = size_ratio(intervals), min(low for low, _ in intervals) > 0.0
+    ratio, lowest = size_ratio(intervals), min(low for low, _ in intervals)
+    positive = lowest > 0.0
     if ratio <= (WIDE if positive else WIDE_SIGNED):
         return
     if positive:
         axes.set_yscale("log")
-        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if ratio < 1e3 else (1,)))
+        narrow = max(high for _, high in intervals) < 1e3 * lowest
+        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if narrow else (1,)))
     else:
         found = sizes(intervals)
         first, last = round(math.log10(min(found))), math.ceil(math.log10(max(found)))

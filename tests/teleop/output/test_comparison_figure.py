@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
@@ -76,6 +76,7 @@ intervals = st.tuples(st.sampled_from([-1.0, 1.0]), sizes, st.floats(0.0, 2.0)).
 
 
 @given(st.lists(intervals, min_size=1, max_size=6))
+@example([(1e-5, 1.0), (11.0, 11.0)])
 def test_on_any_axis_each_interval_ends_at_a_visible_distance_from_zero_or_is_logarithmic(found):
     axes = Figure().subplots()
     for i, (low, high) in enumerate(found):
