@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from estimation.baseline import BELOW
 from teleop.evaluation.constancy import Change
 from teleop.evaluation.contact_remarks import contact_remarks
 from teleop.evaluation.local_stiffness import LocalStiffness, merged
@@ -194,7 +195,7 @@ def remarks(
         found.append(
             Reason(
                 f"a baseline is removed ({local.baseline_size:.3g} N peak to peak, below "
-                f"{0.6 * record.band.low:.2g} Hz): drift, relaxation, or a transient at the start"
+                f"{BELOW * record.band.low:.2g} Hz): drift, relaxation, or a transient at the start"
             )
         )
     if local.samples < FEWEST_INDEPENDENT:

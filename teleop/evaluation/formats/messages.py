@@ -165,19 +165,16 @@ def names_of(value: Any) -> Sequence[str]:
 
 
 def seconds_of(value: Any) -> int | None:
-    """Convert a ROS time stamp to one integer [ns]; return None if the value is not a time stamp.
-
-    A ROS time stamp has two fields: the seconds (see `SECONDS`), and the remaining nanoseconds.
-    """
+    """Convert a ROS time stamp (two integers) to [ns]; None if the value is not a time stamp."""
     parts = []
     item = value.get if isinstance(value, dict) else partial(getattr, value)
     for names in (SECONDS, NANOSECONDS):
         found = (item(name, None) for name in names)
-        part = next((one for one in found if isinstance(one, (int, float, np.number))), None)
+        part = next((one for one in found if isinstance(one, (int, np.integer))), None)
         if part is None:
             return None
         parts.append(int(part))
-    return parts[0] * 1_000_000_000 + parts[1]
+    return parts[0] * 10**9 + parts[1]
 
 
 def part_of(message: Any, place: FieldPath) -> Any:
@@ -233,7 +230,9 @@ def collect(
         where = f"{path}, message {len(topic.times) + 1} of {name}"
         message = decoded(where, decode)
         try:
-            stamp = seconds_of(part_of(message, topic.stamp)) if topic.stamp else None
+            stamp = seconds_of(part_of(message, topic.stamp)) if topic.stamp else 0
+            if stamp is None:
+                raise TypeError(topic.stamp)
             row = [float(part_of(message, place)) for place in topic.wanted.values()]
         except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
             places = ", ".join(map(written, topic.wanted.values()))

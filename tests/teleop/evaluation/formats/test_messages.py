@@ -9,6 +9,7 @@ import pytest
 
 from teleop.cli import main
 from teleop.errors import InputError
+from teleop.evaluation.formats.messages import fields_of, seconds_of
 from teleop.evaluation.signals import read_signals
 
 START = 1_700_000_000_000_000_000
@@ -169,6 +170,22 @@ def test_an_mcap_file_of_json_messages_is_read(json_mcap, motion, use_chunking, 
 @pytest.mark.parametrize("stamp", [("sec", "nanosec"), ("secs", "nsecs")])
 def test_json_messages_have_the_times_of_their_headers(json_mcap, motion, stamp):
     motion.same(read_signals(json_mcap(stamp=stamp)))
+
+
+@pytest.mark.parametrize("seconds", [float("nan"), float("inf"), "5", None])
+def test_a_json_stamp_without_whole_seconds_is_not_a_time(seconds):
+    stamp = {"sec": seconds, "nanosec": 0}
+    assert seconds_of(stamp) is None
+    assert ("stamp", "nanosec") in fields_of({"stamp": stamp}, ())
+
+
+def test_a_message_without_the_stamp_that_the_first_has_is_named(json_mcap):
+    path = json_mcap(stamp=("sec", "nanosec"), use_chunking=False)
+    content = path.read_bytes()
+    place = content.rindex(b'"sec"')
+    path.write_bytes(content[:place] + b'"sxc"' + content[place + 5 :])
+    with pytest.raises(InputError, match=r"message 200 of /samples: expected tip.position_mm, f"):
+        read_signals(path)
 
 
 def test_messages_that_nothing_decodes_are_named(json_mcap, refused):
