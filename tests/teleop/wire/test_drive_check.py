@@ -106,13 +106,13 @@ def check_refused(checked: Checked, factor: float, axis: str = "slave") -> None:
 @pytest.fixture
 def in_memory(in_memory: Callable[..., Any]) -> Callable[..., Any]:
     """Makes a trial on lines in memory at a low rate, at which a drive goes further in a tick."""
-    return partial(in_memory, rate=500.0)
+    return partial(in_memory, rate=250.0)
 
 
 @pytest.fixture
 def stepped(stepped: Callable[..., Any]) -> Callable[..., Any]:
     """Makes a trial on pseudo-terminals at the same rate."""
-    return partial(stepped, rate=500.0)
+    return partial(stepped, rate=250.0)
 
 
 @pytest.mark.parametrize(
@@ -304,8 +304,8 @@ def test_ctrl_c_during_the_check_ends_it_with_130(command, stepped, capsys):
     assert all(drive["commanded_m"] is None for drive in json.loads(out)["drives"])
 
 
-def test_lost_motion_of_the_emulated_slave_is_remarked_and_is_no_problem(command, stepped, capsys):
-    assert command(stepped("serial-board"), "--json") == 0
+def test_lost_motion_of_the_emulated_slave_is_remarked_and_is_no_problem(command, in_memory, capsys):
+    assert command(in_memory("serial-board"), "--json") == 0
     out, err = capsys.readouterr()
     assert err == ""
     master, slave = json.loads(out)["drives"]
@@ -318,10 +318,10 @@ def test_lost_motion_of_the_emulated_slave_is_remarked_and_is_no_problem(command
 
 
 def test_the_tables_of_the_check_fit_80_columns_and_have_units(
-    command, stepped, capsys, monkeypatch
+    command, in_memory, capsys, monkeypatch
 ):
     monkeypatch.setenv("COLUMNS", "80")
-    assert command(stepped("odrive-bota")) == 0
+    assert command(in_memory("odrive-bota")) == 0
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80
     text = " ".join(" ".join(lines).split())

@@ -19,7 +19,7 @@ from teleop.live.server import Server
 from teleop.recording.tick_columns import COLUMNS
 
 TOKEN = "0123456789abcdef" * 2
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
 RATE = 250.0
 
 

@@ -82,10 +82,11 @@ def test_curves_move(page):
     assert page.evaluate(PICTURE) != before
 
 
-def test_the_picture_that_moves_equals_one_that_is_drawn_at_once(page):
+def test_the_picture_that_moves_equals_one_that_is_drawn_at_once(recording, serve, open_page):
+    page = open_page(serve(feed_of(recording)).url(), fake_time=True)
     wait_for(page, "teleop.last('time') > 3")
     pause(page)
-    page.wait_for_timeout(5000)  # until the ranges rest
+    page.clock.run_for(5000)  # until the ranges rest
     page.evaluate(KEEP)
     page.locator("#theme").click()
     page.locator("#theme").click()
