@@ -134,3 +134,13 @@ def robust_fit(regressors: Floats, f: Floats) -> RobustFit:
     inverse = np.linalg.pinv(R, rcond=1e-10) @ Q.T / scale[:, None]
     theta = inverse @ f
     return RobustFit(theta, f - regressors @ theta, inverse, regressors)
+
+
+def bayesian_criterion(residual: Floats, parameters: int) -> float:
+    """Return the Bayesian information criterion of a fit.
+
+    `residual` is the measured values minus the fitted values, shape (n,). `parameters` is the
+    number of fitted parameters.
+    """
+    n = len(residual)
+    return n * math.log(max(float(np.mean(residual**2)), 1e-300)) + parameters * math.log(n)

@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 from estimation.batch_models.fit import Parameter, linear_solution
 from estimation.compiled import Floats
 from estimation.estimator import LEVEL_95
-from estimation.robust_error import RobustFit
+from estimation.robust_error import RobustFit, bayesian_criterion
 
 
 class Relaxation(NamedTuple):
@@ -51,25 +51,15 @@ def fit_prony(t: Floats, f: Floats) -> Relaxation | None:
     The fitted series; None if the force does not relax, or if there are fewer than 10 samples.
     """
     best: Relaxation | None = None
-    best_bic = criterion(f - f.mean(), 1)
+    best_bic = bayesian_criterion(f - f.mean(), 1)
     for terms in (1, 2):
         if len(t) < 4 * terms + 6:
             break
         found, residual = fit_terms(t, f, terms)
-        bic = criterion(residual, 1 + 2 * terms)
+        bic = bayesian_criterion(residual, 1 + 2 * terms)
         if bic < best_bic - 6.0:
             best, best_bic = found, bic
     return best
-
-
-def criterion(residual: Floats, parameters: int) -> float:
-    """Return the Bayesian information criterion of a fit.
-
-    `residual` is the measured force minus the fitted force [N], shape (n,). `parameters` is the
-    number of fitted parameters.
-    """
-    n = len(residual)
-    return n * math.log(max(float(np.mean(residual**2)), 1e-300)) + parameters * math.log(n)
 
 
 def fit_terms(t: Floats, f: Floats, terms: int) -> tuple[Relaxation, Floats]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.compiled import Floats
+from estimation.robust_error import bayesian_criterion
 from teleop.evaluation.contact_rows import Rows
 from teleop.evaluation.prepared import Prepared
 
@@ -96,7 +97,7 @@ def evaluate(
     """
     fit = rows.fit(degree, relaxing)
     theta, first = fit.theta, rows.v_column + 1
-    n, m = len(rows.f), len(theta)
+    m = len(theta)
     index, sharp_x = rows.fine, rows.sharp_x
     powers = np.arange(1, degree + 1)
     coefficients = theta[first : first + degree]
@@ -145,8 +146,6 @@ def evaluate(
     path_doubt = abs(float((along - gradient) @ theta)) / 1.5
     damping = np.zeros(m)
     damping[rows.v_column] = 1.0
-    squares = float(np.mean(fit.residual**2))
-    bic = n * math.log(max(squares, 1e-300)) + (m + len(times)) * math.log(n)
     curvature = float(coefficients[1:] @ (powers[1:] * (powers[1:] - 1) * s ** (powers[1:] - 2)))
     k = float(gradient @ theta)
     curvature /= rows.scale**2
@@ -165,14 +164,14 @@ def evaluate(
     return Candidate(
         degree,
         times,
-        bic,
+        bayesian_criterion(fit.residual, m + len(times)),
         k,
         math.hypot(
             fit.deviation(total, rows.cycles), range_doubt, path_doubt, rounding[0], smoothing
         ),
         float(theta[rows.v_column]),
         math.hypot(fit.deviation(damping, rows.cycles), rounding[1]),
-        math.sqrt(squares),
+        float(np.sqrt(np.mean(fit.residual**2))),
         position,
         force + constant,
         theta,

@@ -43,24 +43,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from estimation.batch_models.relaxation import relaxing_part, value_at_start
 from estimation.compiled import Floats
 from estimation.estimator import LEVEL_95
 from teleop.evaluation.candidate import Candidate, evaluate
-from teleop.evaluation.contact_rows import DEGREES, Rows, with_corners
+from teleop.evaluation.contact_rows import DEGREES, Rows
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
-from teleop.evaluation.resampled import measurement_noise
+from teleop.evaluation.relaxation_search import with_relaxation
 
-TIMES = 10
-"""Number of relaxation time constants that are tried. They are between 4 widths of the smoothing
-kernel and `Rows.longest_time`."""
 EXPLAINED = 0.9
 """If the baseline contains cosines, relaxing parts are fitted only if R^2 without them exceeds this
 value. A larger misfit is not caused by relaxation: the baseline describes slow relaxation."""
-REFINEMENTS = 3
-"""Number of times that the step of log tau is halved in the search around the best time
-constant."""
 LARGEST_SCORE = 10.0
 """Distance from the mean beyond which a normal density is taken as 0 [standard deviations]."""
 FRICTION = 0.5
@@ -118,12 +111,13 @@ def local_stiffness(
         return None
     plain = found[0]
     if rows.relaxation and (rows.order == 0 or explained(rows, found) > EXPLAINED):
-        found += with_relaxation(rows, rows.normalised(record.raw_x), DEGREES[:3])
+        position = rows.normalised(record.raw_x)
+        best = min(found, key=lambda one: one.bic)
+        found += with_relaxation(rows, position, DEGREES[:3], best.bic)
         best = min(found, key=lambda one: one.bic)
         if best.degree > 1 and best.times:
-            found += with_relaxation(
-                rows, rows.polynomial(best.theta[: rows.v_column + 1 + best.degree]), DEGREES[1:4]
-            )
+            elastic = rows.polynomial(best.theta[: rows.v_column + 1 + best.degree])
+            found += with_relaxation(rows, elastic, DEGREES[1:4], best.bic)
     found = [one for one in found if one.k_std < abs(one.k)] or found
     weights = model_weights(found)
     k, k_std = averaged(weights, [(one.k, one.k_std) for one in found])
@@ -166,74 +160,6 @@ def has_friction(rows: Rows, best: Candidate) -> bool:
     sign = record.smoothed(np.sign(record.v))[rows.rows]
     columns = np.column_stack([sign, *rows.powers[: best.degree]])
     return bool(np.std(rows.fits.fit(columns).residual) < FRICTION * best.rms)
-
-
-def with_relaxation(rows: Rows, y: Floats, degrees: tuple[int, ...]) -> list[Candidate]:
-    """Return fitted models of the force that contain one or two relaxing parts.
-
-    A relaxing part is the signal z with z' = dy/dt - z / tau. Several time constants tau are tried.
-    The models also contain a slow part of the force, the baseline. If the baseline contains
-    cosines, only models with `is_passive` are returned.
-
-    Parameters
-    ----------
-    rows
-        The samples that are fitted.
-    y
-        Signal from which z is computed: position or elastic force in any unit, shape (n,).
-    degrees
-        Degrees of the polynomial P(x) to try.
-    """
-    record = rows.record
-    y = rows.in_contact(y)
-    y = (y - y[0]) / max(float(np.std(y)), 1e-300)
-    pieces = [piece - value_at_start(piece) for piece in np.split(y, record.starts[1:])]
-    times = np.geomspace(4.0 * record.width, rows.longest_time, TIMES).tolist()
-    noise = measurement_noise(y)
-    largest = rows.largest_corner * float(np.std(y)) / max(float(np.std(record.raw_x)), 1e-300)
-    parts: dict[float, tuple[Floats, Floats]] = {}
-
-    def tried(degree: int, chosen: tuple[float, ...]) -> Candidate:
-        for tau in chosen:
-            if tau not in parts:
-                z = relaxing_part(pieces, record.period, tau)
-                smoothed = record.smoothed(z)
-                parts[tau] = smoothed, with_corners(z, smoothed, noise, largest)
-        relaxing, cornered = (
-            list(one) for one in zip(*(parts[tau] for tau in chosen), strict=True)
-        )
-        return evaluate(rows, degree, chosen, relaxing, cornered)
-
-    found = []
-    for degree in degrees:
-        chosen: tuple[float, ...] = ()
-        for _ in range(2):
-            if not rows.allow(degree + len(chosen) + 1):
-                break
-            trials = [tried(degree, (*chosen, tau)) for tau in times if tau not in chosen]
-            best = min(trials, key=lambda one: one.bic)
-            step = math.sqrt(times[1] / times[0])
-            for _ in range(REFINEMENTS):
-                tau = best.times[-1]
-                step = math.sqrt(step)
-                trials += [
-                    tried(degree, (*chosen, tau * step)),
-                    tried(degree, (*chosen, tau / step)),
-                ]
-                best = min(trials, key=lambda one: one.bic)
-            found += trials
-            chosen = best.times
-    return [one for one in found if rows.order == 0 or is_passive(one)]
-
-
-def is_passive(candidate: Candidate) -> bool:
-    """Return whether the coefficients of all relaxing parts of a model are zero or positive.
-
-    This is so for every passive body (generalised Maxwell body). Two relaxing parts with
-    coefficients of opposite signs can describe almost any change of the force. If the baseline of
-    the model also contains cosines, such a model does not determine the stiffness.
-    """
-    return bool(np.all(candidate.theta[len(candidate.theta) - len(candidate.times) :] >= 0.0))
 
 
 def merged(times: tuple[float, ...]) -> tuple[float, ...]:
