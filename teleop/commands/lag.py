@@ -8,7 +8,6 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from teleop.commands.recording import BY_NAME, ColumnOptions
-from teleop.names import CubeName
 
 
 def lag(
@@ -16,7 +15,6 @@ def lag(
     /,
     *,
     columns: ColumnOptions = BY_NAME,
-    cube: CubeName = "soft",
     seed: int = 0,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
@@ -39,8 +37,6 @@ def lag(
         samples.
     columns
         Columns to read, and the zeros of position and force.
-    cube
-        Without a file: cube whose simulated force channel is measured.
     seed
         Without a file: seed of the sensor noise.
     json
@@ -58,7 +54,7 @@ def lag(
 
     summary: dict[str, Any]
     if file is None:
-        measured, setup = measure_simulated_lag(cube, seed)
+        measured, setup = measure_simulated_lag(seed)
         summary = {
             **measured.summary(),
             "true_lag_s": setup.force_lag,

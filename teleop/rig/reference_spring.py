@@ -10,7 +10,6 @@ from dataclasses import replace
 
 from sim_backend import Cube, Setup, paper_setup
 from teleop.control.excitation_signals import Chirp
-from teleop.names import CubeName
 from teleop.rig.force_lag import ForceLag, measure_lag
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
@@ -21,14 +20,11 @@ SPRING_DEPTH = 5e-3
 """Largest compression of the reference spring [m]."""
 
 
-def measure_simulated_lag(cube: CubeName, seed: int = 0) -> tuple[ForceLag, Setup]:
+def measure_simulated_lag(seed: int = 0) -> tuple[ForceLag, Setup]:
     """Measure lag and lost motion of the simulated rig with a simulated reference spring.
 
     Parameters
     ----------
-    cube
-        Name of the cube (simulated specimen) that the spring replaces in the measurement.
-        All cubes give the same result.
     seed
         Seed of the simulated sensor noise.
 
@@ -40,13 +36,11 @@ def measure_simulated_lag(cube: CubeName, seed: int = 0) -> tuple[ForceLag, Setu
     setup
         Properties of the simulated rig. They include the true lag and the true lost motion.
     """
-    setup = replace(
-        paper_setup("autonomous", cube), cube=Cube(SPRING, 0.0, 1e-9), depth=SPRING_DEPTH
-    )
+    spring = Cube(SPRING, 0.0, 1e-9)
+    setup = replace(paper_setup("autonomous", "soft"), cube=spring, depth=SPRING_DEPTH)
     columns = run_trial(
         TrialSettings(
             condition="autonomous",
-            cube=cube,
             clock="virtual",
             seed=seed,
             signal=Chirp(1.0, 8.0),

@@ -14,9 +14,8 @@ from teleop.rig.force_lag import measure_lag
 from teleop.rig.reference_spring import measure_simulated_lag
 
 
-@pytest.mark.parametrize("cube", ["soft", "medium", "hard"])
-def test_lag_and_lost_motion_of_the_simulated_rig_are_found(cube):
-    measured, true = measure_simulated_lag(cube)
+def test_lag_and_lost_motion_of_the_simulated_rig_are_found():
+    measured, true = measure_simulated_lag()
     assert measured.lag.value == pytest.approx(true.force_lag, rel=0.03)
     lost_motion = true.transmission.lost_motion
     assert measured.lost_motion.value == pytest.approx(lost_motion, abs=3e-6)
@@ -116,7 +115,7 @@ def test_the_command_measures_a_recording(tmp_path, capsys):
     assert printed["lag_s"] == pytest.approx(6e-3, rel=0.02)
     assert printed["lag_low_s"] < 6e-3 < printed["lag_high_s"]
     assert printed["lost_motion_low_m"] <= printed["lost_motion_m"] <= printed["lost_motion_high_m"]
-    assert main(["lag", "--cube", "hard"]) == 0
+    assert main(["lag"]) == 0
     out = capsys.readouterr().out
     assert "true lag (simulated)" in out
     command = "teleop estimate FILE --conditioning matched --force-lag 0.00266"
