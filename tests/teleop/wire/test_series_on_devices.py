@@ -14,7 +14,6 @@ import sys
 import threading
 import time
 from collections import Counter
-from pathlib import Path
 
 import pytest
 
@@ -28,7 +27,6 @@ from teleop.trial.settings import TrialSettings
 
 pty = pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
 
-BOARD = (Path(__file__).parents[3] / "rigs" / "serial-board.toml").read_text()
 SHORT = """
 name = "short"
 order = "listed"
@@ -37,6 +35,7 @@ prompt = "Place the {cube} cube. Condition {condition}."
 condition = ["autonomous", "free"]
 cube = ["soft", "medium"]
 [settings]
+rate_hz = 125
 duration_s = 1.5
 estimators = ["rls"]
 """
@@ -107,11 +106,8 @@ class Emulated:
 
 
 @pytest.fixture
-def board(tmp_path):
-    """The rig file of the serial board at a quarter of its rate: less processor time."""
-    path = tmp_path / "board.toml"
-    path.write_text(BOARD.replace("rate_hz = 1000", "rate_hz = 250"))
-    return path
+def board(tmp_path, undemanding_rig):
+    return undemanding_rig("serial-board", tmp_path / "board.toml")
 
 
 @pytest.fixture
