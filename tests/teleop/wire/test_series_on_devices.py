@@ -127,7 +127,10 @@ def test_a_series_on_devices_is_run_with_keys_and_ends_in_table_and_figures(
     prompts, armed, codes = Counter(), Counter(), []
     for _ in range(2):
         series = Series(tmp_path, "plan.toml", "--rig", "run.toml", "--out", "study")
-        while prompt := series.wait_until(r"q quits\."):
+        while prompt := series.wait_until(r"q quits\.|Enter for no note\."):
+            if prompt.endswith("note."):  # is not asked if the machine was too busy for the trial
+                series.type("a note")
+                continue
             number, cube, condition = re.search(
                 r"trial (\d) of 4: Place the (\w+) cube\. Condition (\w+)", prompt
             ).groups()
@@ -138,8 +141,6 @@ def test_a_series_on_devices_is_run_with_keys_and_ends_in_table_and_figures(
             series.type(key)
             if not key:
                 armed[trial, re.search(r"board: \w+, \w+, 1.5 s, depth [\d.]+ mm", prompt)[0]] += 1
-                assert series.wait_until(r"Enter for no note\."), series.text
-                series.type("a note")
         codes.append(series.end())
     assert codes == [0, 0]
     assert armed.keys() == {
@@ -200,11 +201,11 @@ def test_a_killed_series_stops_the_devices_and_is_resumed_with_nothing_lost(serv
         assert all(path.read_bytes() == content for path, content in kept.items())
         recordings = (tmp_path / "study" / "recordings").glob("*.mcap")
         kept = {path: path.read_bytes() for path in recordings}
-    for _ in range(5):  # a sample is stale, and the series stops, if the machine is busy for 20 ms
+    for _ in range(5):  # the series is refused or stopped if the machine is too busy for the rig
         done = subprocess.run(
             command, cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True, text=True
         )
-        if done.returncode != 3:
+        if done.returncode not in (2, 3):
             break
     assert done.returncode == 0, done.stderr
     assert all(path.read_bytes() == content for path, content in kept.items())
