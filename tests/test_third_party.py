@@ -6,6 +6,7 @@ The packages are those of docs/writing-a-driver.md and docs/writing-an-estimator
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import os
 import signal
@@ -14,6 +15,7 @@ import sys
 
 import pytest
 
+from estimation import registry
 from teleop.cli import main
 
 pytestmark = pytest.mark.skipif(
@@ -23,20 +25,27 @@ ATTEMPTS = 4
 """A command in real time is repeated where the machine was taken away meanwhile."""
 
 
-@pytest.fixture(scope="module")
-def environment(third_party):
-    path = [str(third_party), os.environ.get("PYTHONPATH", "")]
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, path))}
+@contextlib.contextmanager
+def installed(folder):
+    """Let this process find the packages within the block, as if pip had installed them."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.syspath_prepend(folder)
+        registry.offered.cache_clear()
+        yield
+    registry.offered.cache_clear()
+    for name in ("acme", "acme_emulated", "acme_estimator"):
+        sys.modules.pop(name, None)
 
 
 @contextlib.contextmanager
-def emulated(environment, rig, folder):
+def emulated(third_party, rig, folder):
     """Run `teleop rig emulate` within the block, and yield the rig file to run against it."""
+    path = [str(third_party), os.environ.get("PYTHONPATH", "")]
     out = folder / "run.toml"
     options = ["--condition", "autonomous", "--out", out, "--json"]
     process = subprocess.Popen(
         [sys.executable, "-m", "teleop", "rig", "emulate", rig, *options],
-        env=environment,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, path))},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -56,39 +65,36 @@ def emulated(environment, rig, folder):
     assert process.returncode == 0
 
 
-def on_the_rig(environment, folder, *arguments):
+def on_the_rig(*arguments):
     """Run a command in real time on the emulated rig, and return the document that it prints."""
     for _ in range(ATTEMPTS):
-        done = subprocess.run(
-            [sys.executable, "-m", "teleop", *map(str, arguments), "--json"],
-            env=environment,
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
-        if not done.returncode:
+        with contextlib.redirect_stdout(io.StringIO()) as out:
+            code = main([*map(str, arguments), "--json"])
+        if not code:
             break
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    assert code == 0
+    return json.loads(out.getvalue())
 
 
 RUN = "--specimen soft --depth 10mm --yes --condition autonomous --duration 1 --estimators rls,nlms"
 
 
 @pytest.fixture(scope="module")
-def printed(environment, third_party_rig, tmp_path_factory):
+def printed(third_party, third_party_rig, tmp_path_factory):
     """What check, tare and run print on the emulated rig, by command, and the recording.
 
     The emulator uses the processor as long as it runs, so it ends before the other commands.
     """
     folder = tmp_path_factory.mktemp("emulated")
-    with emulated(environment, third_party_rig, folder) as rig:
+    with (
+        emulated(third_party, third_party_rig, folder) as rig,
+        installed(third_party),
+        contextlib.chdir(folder),
+    ):
         found = {
-            "check": on_the_rig(environment, folder, "rig", "check", rig, "--seconds", 0.3),
-            "tare": on_the_rig(environment, folder, "rig", "tare", "--rig", rig),
-            "run": on_the_rig(environment, folder, "run", "--rig", rig, *RUN.split()),
+            "check": on_the_rig("rig", "check", rig, "--seconds", 0.3),
+            "tare": on_the_rig("rig", "tare", "--rig", rig),
+            "run": on_the_rig("run", "--rig", rig, *RUN.split()),
         }
     return found, folder / found["run"]["recording"]["path"]
 
@@ -101,22 +107,16 @@ def recorded(printed):
 
 
 @pytest.fixture
-def command(third_party, monkeypatch, capsys):
+def command(third_party, capsys):
     """Runs a command in this process, which finds the packages, and gives what it prints."""
-    from estimation import registry
-
-    monkeypatch.syspath_prepend(third_party)
-    registry.offered.cache_clear()
 
     def run(*arguments):
         assert main([*map(str, arguments)]) == 0, capsys.readouterr().err
         out = capsys.readouterr().out
         return json.loads(out) if "--json" in arguments else out
 
-    yield run
-    registry.offered.cache_clear()
-    for name in ("acme", "acme_emulated", "acme_estimator"):
-        sys.modules.pop(name, None)
+    with installed(third_party):
+        yield run
 
 
 def test_the_ports_are_listed(command):
@@ -190,8 +190,12 @@ def test_a_recording_that_was_cut_off_is_recovered(command, recorded, tmp_path):
 
 
 def test_the_paper_is_reproduced_with_the_estimator_beside_its_own(command, monkeypatch, tmp_path):
-    monkeypatch.setattr("teleop.studies.paper.trials.DURATION", 2.0)  # for a shorter test
-    monkeypatch.setattr("teleop.studies.paper.reproduction.SLOW_FREQUENCIES", (1.0,))
+    for name, smaller in {
+        "trials.DURATION": 2.0,
+        "reproduction.SLOW_FREQUENCIES": (1.0,),
+        "reproduction.CAPTIONS": {"figure5": "Figure 5."},
+    }.items():
+        monkeypatch.setattr(f"teleop.studies.paper.{name}", smaller)
     options = ["--estimators", "nlms", "--out", tmp_path / "paper", "--json"]
     document = command("reproduce", *options)
     assert list(document["methods"]) == ["nlms"]

@@ -14,7 +14,7 @@ from teleop.trial.metadata import session_metadata
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
-SECONDS = 2.5
+SECONDS = 2.0
 
 
 def final(trial):
@@ -51,7 +51,7 @@ def test_every_limited_tick_is_counted_although_the_force_sensor_is_slower_than_
 
 
 def test_the_target_of_mimic_is_followed_as_on_the_simulated_rig(in_memory):
-    wired = in_memory("serial-board", "mimic", duration=4.5, count_in=0.5, depth=5e-3)
+    wired = in_memory("serial-board", "mimic", duration=4.5, count_in=0.5, depth=5e-3, rate=500.0)
     found = wired.run().summary()["tracking"]
     plain = run_trial(wired.settings).summary()["tracking"]
     assert found["periods"] == plain["periods"] == 3

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import re
 import signal
 import subprocess
 import sys
@@ -41,21 +40,13 @@ def teleop(*arguments, **options):
     )
 
 
-def slow_rig(name, folder):
-    """Write an example rig file with a low rate: less processor time, and a tick is in time."""
-    text = (RIGS / f"{name}.toml").read_text()
-    path = folder / f"{name}.toml"
-    path.write_text(re.sub(r"rate_hz = \d+", "rate_hz = 250", text))
-    return path
-
-
 @contextlib.contextmanager
-def emulated(name, folder, *arguments):
-    """Run `teleop rig emulate` on an example rig; yield its output."""
+def emulated(path, folder, *arguments):
+    """Run `teleop rig emulate` on a rig file; yield its output."""
     out = folder / "run.toml"
     process = subprocess.Popen(
-        [sys.executable, "-m", "teleop", "rig", "emulate", slow_rig(name, folder), "--json",
-         "--out", out, *arguments],
+        [sys.executable, "-m", "teleop", "rig", "emulate", path, "--json", "--out", out,
+         *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -75,16 +66,19 @@ def emulated(name, folder, *arguments):
         assert process.returncode == 0
 
 
-def test_a_rig_is_run_and_recorded_against_its_emulated_devices(tmp_path, capsys):
-    with emulated("serial-board", tmp_path, "--condition", "autonomous") as (rig, document):
+def test_a_rig_is_run_and_recorded_against_its_emulated_devices(
+    tmp_path, capsys, undemanding_rig
+):
+    board = undemanding_rig("serial-board", tmp_path / "board.toml")
+    with emulated(board, tmp_path, "--condition", "autonomous") as (rig, document):
         assert set(document["ports"]) == set(read_rig_file(rig).sections.buses)
         for number in range(3):
             path = tmp_path / f"run{number}.mcap"
             ran = teleop(
-                *RUN, rig, "--condition", "autonomous", "--duration", 1.5, "--json",
+                *RUN, rig, "--condition", "autonomous", "--duration", 1, "--json",
                 "--record", path,
             )  # fmt: skip
-            if ran.returncode != 3:  # safety stop because the machine was busy: try again
+            if ran.returncode not in (2, 3):  # refused or stopped on a busy machine: try again
                 break
         assert ran.returncode == 0, ran.stderr
         summary = json.loads(ran.stdout)
@@ -95,9 +89,9 @@ def test_a_rig_is_run_and_recorded_against_its_emulated_devices(tmp_path, capsys
 
 
 @contextlib.contextmanager
-def served(name, folder):
-    """Run an emulator of an example rig in a thread of this process; yield its rig file."""
-    rig = read_rig_file(slow_rig(name, folder))
+def served(path, folder):
+    """Run an emulator of a rig file in a thread of this process; yield the file for the host."""
+    rig = read_rig_file(path)
     settings = TrialSettings(condition="autonomous")
     emulator: Emulator = make_emulator(rig, settings, folder)
     out = folder / "run.toml"
@@ -113,10 +107,11 @@ def served(name, folder):
             thread.join()
 
 
-def test_the_check_reports_channels_round_trips_and_watchdogs(tmp_path):
-    with served("odrive-bota", tmp_path) as (rig, emulator):
+def test_the_check_reports_channels_round_trips_and_watchdogs(tmp_path, undemanding_rig):
+    path = undemanding_rig("odrive-bota", tmp_path / "odrive-bota.toml")
+    with served(path, tmp_path) as (rig, emulator):
         for _ in range(3):
-            checked = teleop("rig", "check", rig, "--seconds", 0.5, "--json")
+            checked = teleop("rig", "check", rig, "--seconds", 0.3, "--json")
             if not checked.returncode:  # otherwise the machine was busy: try again
                 break
         assert not emulator.mechanism.driven
@@ -142,12 +137,15 @@ def controller(rig):
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_when_the_controller_is_killed_the_drives_stop_by_their_own_watchdogs(name, tmp_path):
-    with served(name, tmp_path) as (rig, emulator):
+def test_when_the_controller_is_killed_the_drives_stop_by_their_own_watchdogs(
+    name, tmp_path, undemanding_rig
+):
+    path = undemanding_rig(name, tmp_path / f"{name}.toml")
+    with served(path, tmp_path) as (rig, emulator):
         run = controller(rig)
         deadline = time.monotonic() + 40.0
         while abs(emulator.mechanism.measurement.slave_velocity) < 0.01:
-            if run.poll() == 3:  # safety stop because the machine was busy: try again
+            if run.poll() in (2, 3):  # refused or stopped on a busy machine: try again
                 run = controller(rig)
             assert run.poll() is None
             assert time.monotonic() < deadline

@@ -14,7 +14,6 @@ import sys
 import threading
 import time
 from collections import Counter
-from pathlib import Path
 
 import pytest
 
@@ -28,7 +27,6 @@ from teleop.trial.settings import TrialSettings
 
 pty = pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
 
-BOARD = (Path(__file__).parents[3] / "rigs" / "serial-board.toml").read_text()
 SHORT = """
 name = "short"
 order = "listed"
@@ -37,6 +35,7 @@ prompt = "Place the {cube} cube. Condition {condition}."
 condition = ["autonomous", "free"]
 cube = ["soft", "medium"]
 [settings]
+rate_hz = 125
 duration_s = 1.5
 estimators = ["rls"]
 """
@@ -107,11 +106,8 @@ class Emulated:
 
 
 @pytest.fixture
-def board(tmp_path):
-    """The rig file of the serial board at a quarter of its rate: less processor time."""
-    path = tmp_path / "board.toml"
-    path.write_text(BOARD.replace("rate_hz = 1000", "rate_hz = 250"))
-    return path
+def board(tmp_path, undemanding_rig):
+    return undemanding_rig("serial-board", tmp_path / "board.toml")
 
 
 @pytest.fixture
@@ -131,7 +127,10 @@ def test_a_series_on_devices_is_run_with_keys_and_ends_in_table_and_figures(
     prompts, armed, codes = Counter(), Counter(), []
     for _ in range(2):
         series = Series(tmp_path, "plan.toml", "--rig", "run.toml", "--out", "study")
-        while prompt := series.wait_until(r"q quits\."):
+        while prompt := series.wait_until(r"q quits\.|Enter for no note\."):
+            if prompt.endswith("note."):  # is not asked if the machine was too busy for the trial
+                series.type("a note")
+                continue
             number, cube, condition = re.search(
                 r"trial (\d) of 4: Place the (\w+) cube\. Condition (\w+)", prompt
             ).groups()
@@ -142,8 +141,6 @@ def test_a_series_on_devices_is_run_with_keys_and_ends_in_table_and_figures(
             series.type(key)
             if not key:
                 armed[trial, re.search(r"board: \w+, \w+, 1.5 s, depth [\d.]+ mm", prompt)[0]] += 1
-                assert series.wait_until(r"Enter for no note\."), series.text
-                series.type("a note")
         codes.append(series.end())
     assert codes == [0, 0]
     assert armed.keys() == {
@@ -204,11 +201,11 @@ def test_a_killed_series_stops_the_devices_and_is_resumed_with_nothing_lost(serv
         assert all(path.read_bytes() == content for path, content in kept.items())
         recordings = (tmp_path / "study" / "recordings").glob("*.mcap")
         kept = {path: path.read_bytes() for path in recordings}
-    for _ in range(5):  # a sample is stale, and the series stops, if the machine is busy for 20 ms
+    for _ in range(5):  # the series is refused or stopped if the machine is too busy for the rig
         done = subprocess.run(
             command, cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True, text=True
         )
-        if done.returncode != 3:
+        if done.returncode not in (2, 3):
             break
     assert done.returncode == 0, done.stderr
     assert all(path.read_bytes() == content for path, content in kept.items())

@@ -14,6 +14,8 @@ from teleop.safety import Fault, Mode
 
 AT = 0.2
 """Time of a fault after the drives were enabled [s]."""
+RATE = 500.0
+"""Rate of the loop [Hz]."""
 
 
 class Wired(NamedTuple):
@@ -37,7 +39,9 @@ def run(stepped, wired, kind, where="", duration=0.45):
     """Run a trial with a fault of the wire at `AT`; return the trial and the emulator."""
     emulators = []
     fault = PlannedFault(kind, where or wired.bus, AT)
-    trial = stepped(wired.rig, duration=duration, faults=[fault], prepare=emulators.append)
+    trial = stepped(
+        wired.rig, duration=duration, rate=RATE, faults=[fault], prepare=emulators.append
+    )
     return trial.run(), emulators[0]
 
 
@@ -54,16 +58,16 @@ def check_stopped(trial, emulator):
 
 @pytest.mark.parametrize("kind", ["drop", "double", "reorder", "truncate", "length"])
 @pytest.mark.parametrize("wired", [BOARD, ODRIVE], ids=["usb", "can"])
-def test_occasional_lost_duplicated_or_corrupt_frames_do_not_stop_the_run(stepped, wired, kind):
-    trial, _ = run(stepped, wired, kind)
+def test_occasional_lost_duplicated_or_corrupt_frames_do_not_stop_the_run(in_memory, wired, kind):
+    trial, _ = run(in_memory, wired, kind)
     assert trial.fault is None
     assert trial.recording["time"][-1] == pytest.approx(0.45, abs=0.1)
     assert np.isfinite(trial.summary()["estimates"]["rls"]["k"])
 
 
 @pytest.mark.parametrize("kind", ["corrupt", "noise"])
-def test_noise_on_a_line_with_checksums_loses_only_the_affected_frames(stepped, kind):
-    trial, _ = run(stepped, BOARD, kind)
+def test_noise_on_a_line_with_checksums_loses_only_the_affected_frames(in_memory, kind):
+    trial, _ = run(in_memory, BOARD, kind)
     assert trial.fault is None
     late = trial.recording["time"] > AT + 0.1
     ages = trial.recording["contact_force_age"][late]
@@ -73,9 +77,9 @@ def test_noise_on_a_line_with_checksums_loses_only_the_affected_frames(stepped, 
 @pytest.mark.parametrize("kind", ["corrupt", "noise"])
 @pytest.mark.parametrize("wired", [ODRIVE, CIA402], ids=["can", "drives"])
 def test_noise_on_an_slcan_line_without_checksums_is_tolerated_or_stops_the_rig(
-    stepped, wired, kind
+    in_memory, wired, kind
 ):
-    trial, emulator = run(stepped, wired, kind)
+    trial, emulator = run(in_memory, wired, kind)
     if trial.fault:
         assert trial.fault["time"] > AT
         check_stopped(trial, emulator)
@@ -91,15 +95,15 @@ def test_a_wire_without_new_samples_is_reported_as_stale(in_memory, wired, kind)
 
 
 @pytest.mark.parametrize("wired", [BOARD, ODRIVE], ids=["usb", "can"])
-def test_bursts_within_the_age_limit_do_not_stop_the_run(stepped, wired):
-    trial, _ = run(stepped, wired, "burst")
+def test_bursts_within_the_age_limit_do_not_stop_the_run(in_memory, wired):
+    trial, _ = run(in_memory, wired, "burst")
     assert trial.fault is None
 
 
 @pytest.mark.parametrize("wired", [BOARD, ODRIVE], ids=["usb", "can"])
-def test_bursts_beyond_the_age_limit_are_stale(stepped, wired, monkeypatch):
+def test_bursts_beyond_the_age_limit_are_stale(in_memory, wired, monkeypatch):
     monkeypatch.setitem(FAULTS, "burst", lambda: Burst(0.1))
-    trial, emulator = run(stepped, wired, "burst")
+    trial, emulator = run(in_memory, wired, "burst")
     assert trial.fault["fault"] == Fault.STALE
     check_stopped(trial, emulator)
 
@@ -115,8 +119,8 @@ def test_an_unplugged_port_stops_the_rig_and_plugging_it_in_does_not_restart_it(
 
 
 @pytest.mark.parametrize("wired", WIRES, ids=NAMES)
-def test_a_device_that_was_reset_stops_the_rig(stepped, wired):
-    trial, emulator = run(stepped, wired, "reset", wired.device)
+def test_a_device_that_was_reset_stops_the_rig(in_memory, wired):
+    trial, emulator = run(in_memory, wired, "reset", wired.device)
     assert trial.fault["fault"] == wired.reset
     if wired.reset is Fault.DRIVE_ERROR:
         assert wired.device in trial.fault["text"]
@@ -142,8 +146,8 @@ def test_bus_off_is_reported(in_memory, wired):
     check_stopped(trial, emulator)
 
 
-def test_error_frames_are_counted_while_other_frames_arrive(stepped):
-    trial, _ = run(stepped, ODRIVE, "error-frames")
+def test_error_frames_are_counted_while_other_frames_arrive(in_memory):
+    trial, _ = run(in_memory, ODRIVE, "error-frames")
     assert trial.fault is None
 
 
