@@ -459,7 +459,8 @@ def summarised(k, b, e_f):
 
 def test_table_and_figure_are_written_even_if_the_reader_of_the_output_ends(series, tmp_path):
     files = [tmp_path / "table.tex", tmp_path / "figure.pdf"]
-    command = [sys.executable, "-m", "teleop", "compare", str(series)]
+    recording = min((series / "recordings").iterdir())
+    command = [sys.executable, "-m", "teleop", "compare", str(recording)]
     command += ["--out", str(files[0]), "--plot", str(files[1])]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     process.stdout.close()

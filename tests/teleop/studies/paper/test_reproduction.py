@@ -169,18 +169,6 @@ def test_invalid_arguments_are_reported(capsys, arguments, words):
     assert err.count("\n") == 1
 
 
-def test_report_writes_a_page_that_needs_nothing_else(tmp_path, capsys):
-    path = tmp_path / "run.mcap"
-    assert main(["run", "--clock", "virtual", "--duration", "3", "--record", str(path)]) == 0
-    capsys.readouterr()
-    assert main(["report", str(path)]) == 0
-    assert capsys.readouterr().out.strip() == str(tmp_path / "run.html")
-    page = Page()
-    page.feed((tmp_path / "run.html").read_text())
-    assert page.tags.count("figure") == 4
-    assert {link for link in page.links if not link.startswith("#")} == {"run.mcap"}
-
-
 def test_without_shared_memory_it_is_refused_in_one_line(monkeypatch, tmp_path, capsys):
     def no_semaphores(*_, **__):
         raise OSError(errno.EROFS, "Read-only file system")
