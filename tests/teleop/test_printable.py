@@ -108,7 +108,6 @@ def test_output_works_in_a_locale_without_utf_8(tmp_path):
 def test_a_name_that_the_font_does_not_have_is_drawn_without_a_warning(tmp_path, recwarn):
     path = write_sine(tmp_path / "\u6d4b\u8bd5.csv")
     assert main(["estimate", str(path), "--plot", str(tmp_path / "a.png")]) == 0
-    assert main(["report", str(path)]) == 0
     assert [*recwarn] == []
 
 

@@ -145,8 +145,8 @@ def test_reproduce_writes_table_figures_and_a_page_that_needs_nothing_else(tmp_p
 
 
 def test_several_seeds_have_an_analysis_of_variance(monkeypatch):
-    monkeypatch.setattr("teleop.studies.paper.trials.DURATION", 2.0)  # for a shorter test
-    monkeypatch.setattr("teleop.studies.paper.reproduction.SLOW_FREQUENCIES", (1.0,))
+    monkeypatch.setattr("teleop.studies.paper.trials.DURATION", 1.2)  # for a shorter test
+    monkeypatch.setattr("teleop.studies.paper.reproduction.SLOW_FREQUENCIES", (0.4,))
     found = reproduce(seeds=2)
     assert set(found.summary()["study"]) == {"e_f", "rise_time_s"}
     page = reproduction_page(found.first, found.claims, {}, found.slow, found.study, 2, {})
