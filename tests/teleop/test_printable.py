@@ -89,7 +89,6 @@ def test_a_file_whose_name_is_not_valid_text_is_evaluated(tmp_path, capsys):
     write_sine(tmp_path / "a.csv").rename(path)
     assert main(["estimate", path, "--plot", figure, "--out", path + ".out"]) == 0
     assert main(["estimate", path, "--json"]) == 0
-    assert main(["report", path]) == 0
     assert r"\udce9\udcff" in capsys.readouterr().out
 
 

@@ -33,7 +33,7 @@ cube = ["soft", "medium"]
 [settings]
 clock = "virtual"
 duration_s = 3.0
-rate_hz = 250
+rate_hz = 125
 condition = "autonomous"
 estimators = ["rls", "me"]
 """

@@ -33,6 +33,12 @@ def page(trial):
     return trial.with_suffix(".html").read_text()
 
 
+@pytest.fixture
+def without_drawings(monkeypatch):
+    """Leave out the drawings of a page, which need most of its processor time."""
+    monkeypatch.setattr("teleop.output.report_page.svg", lambda figure: "")
+
+
 class Links(HTMLParser):
     """The links of a page, and the addresses of what it needs."""
 
@@ -72,7 +78,9 @@ def test_the_page_has_what_was_run_the_result_the_figures_events_and_all_setting
     assert "measured</text>" in page
 
 
-def test_estimators_and_model_are_chosen_and_json_has_the_results(trial, tmp_path, capsys):
+def test_estimators_and_model_are_chosen_and_json_has_the_results(
+    trial, tmp_path, capsys, without_drawings
+):
     out = tmp_path / "page.html"
     options = ["--estimators", "kalman", "--model", "stiffening", "--json", "--out", str(out)]
     assert main(["report", str(trial), *options]) == 0
@@ -95,7 +103,9 @@ def test_the_page_states_the_force_at_which_the_stiffness_holds_as_the_terminal_
         assert f"<p>{line}</p>" in page
 
 
-def test_a_page_in_another_folder_is_named_and_links_to_the_recording(trial, tmp_path, capsys):
+def test_a_page_in_another_folder_is_named_and_links_to_the_recording(
+    trial, tmp_path, capsys, without_drawings
+):
     page = tmp_path / "page.html"
     capsys.readouterr()
     assert main(["report", str(trial), "--out", str(page)]) == 0

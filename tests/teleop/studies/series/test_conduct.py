@@ -595,7 +595,8 @@ def test_a_complete_series_on_a_rig_of_devices_needs_neither_person_nor_yes(tmp_
 def test_the_table_has_the_tracking_of_mimic_and_empty_cells_for_other_conditions(tmp_path):
     text = PLAN.replace('cube = ["soft", "medium", "hard"]', "")
     text = text.replace('condition = ["autonomous"]', 'condition = ["free", "mimic"]')
-    (tmp_path / "plan.toml").write_text(text.replace("duration_s = 0.5", "duration_s = 4.0"))
+    text = text.replace("duration_s = 0.5", "duration_s = 4.0\nrate_hz = 250")
+    (tmp_path / "plan.toml").write_text(text)
     conduct(tmp_path / "out", *read_series(tmp_path / "plan.toml"))
     names = [
         "tracking gain",
