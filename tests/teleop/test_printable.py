@@ -89,7 +89,6 @@ def test_a_file_whose_name_is_not_valid_text_is_evaluated(tmp_path, capsys):
     write_sine(tmp_path / "a.csv").rename(path)
     assert main(["estimate", path, "--plot", figure, "--out", path + ".out"]) == 0
     assert main(["estimate", path, "--json"]) == 0
-    assert main(["report", path]) == 0
     assert r"\udce9\udcff" in capsys.readouterr().out
 
 
@@ -108,7 +107,6 @@ def test_output_works_in_a_locale_without_utf_8(tmp_path):
 def test_a_name_that_the_font_does_not_have_is_drawn_without_a_warning(tmp_path, recwarn):
     path = write_sine(tmp_path / "\u6d4b\u8bd5.csv")
     assert main(["estimate", str(path), "--plot", str(tmp_path / "a.png")]) == 0
-    assert main(["report", str(path)]) == 0
     assert [*recwarn] == []
 
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -21,10 +21,12 @@ from teleop.errors import InputError
 from teleop.studies.series.table import RESULTS
 from teleop.studies.sweep.plan import SweepPlan
 from teleop.studies.sweep.points import Point, evenly
-from teleop.studies.sweep.replay import RecordedTrial, recorded_trial
 from teleop.trial.configuration import settings_from
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
+
+if TYPE_CHECKING:
+    from teleop.studies.sweep.replay import RecordedTrial
 
 CHECKED = 100
 """Approximate number of points that are checked before a sweep begins; see `evenly`."""
@@ -138,6 +140,8 @@ class EstimateTask:
     @property
     def recorded(self) -> RecordedTrial:
         """The recorded trial. Each process reads the recording only once."""
+        from teleop.studies.sweep.replay import recorded_trial  # imports scipy, which takes long
+
         return recorded_trial(self.path)
 
     def settings(self, point: Point) -> TrialSettings:

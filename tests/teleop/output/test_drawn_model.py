@@ -13,7 +13,7 @@ from teleop.output.fit_figures import fit_figure
 from teleop.output.result_tables import print_models
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def preloaded() -> Evaluation:
     """Return a record whose best model has parameters that are not identifiable."""
     t = np.arange(4000) / 200.0

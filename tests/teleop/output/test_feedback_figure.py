@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from sim_backend import OperatorModel
-from teleop.cli import main
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.evaluation.rendering import hand
 from teleop.output.feedback_figure import feedback_figure
+from teleop.output.report_page import report_page
 from teleop.recording.recording import load
 from teleop.safety.events import ACTIVE
 from teleop.trial.run import run_trial
@@ -52,11 +52,11 @@ def test_the_felt_force_is_the_displayed_force(recorded):
 
 
 def test_the_report_has_the_figure_only_with_force_feedback(recorded, tmp_path):
-    page = tmp_path / "a.html"
-    assert main(["report", str(recorded), "--out", str(page)]) == 0
-    assert "<h2>Force feedback</h2>" in page.read_text()
+    with_feedback = report_page("trial.mcap", None, None, load(recorded))
+    assert "<h2>Force feedback</h2>" in with_feedback
+    assert with_feedback.count("<svg") == 1
     plain = tmp_path / "plain.mcap"
     run_trial(TrialSettings(clock="virtual", duration=1.0, estimators=("rls",)), plain)
-    other = tmp_path / "b.html"
-    assert main(["report", str(plain), "--out", str(other)]) == 0
-    assert "<h2>Force feedback</h2>" not in other.read_text()
+    without = report_page("plain.mcap", None, None, load(plain))
+    assert "<h2>Force feedback</h2>" not in without
+    assert "<svg" not in without

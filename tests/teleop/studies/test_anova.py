@@ -99,7 +99,7 @@ def test_effect_sizes_are_fractions_of_the_variance(subject):
 
 
 def test_noise_alone_is_rarely_an_effect():
-    p = [e.p for seed in range(60) for e in effects(responses(seed=seed)).values()]
+    p = [e.p for seed in range(40) for e in effects(responses(seed=seed)).values()]
     assert np.mean(np.array(p) < 0.05) == pytest.approx(0.05, abs=0.02)
 
 

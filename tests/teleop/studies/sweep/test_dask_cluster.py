@@ -6,6 +6,7 @@ import contextlib
 import os
 import signal
 import socket
+import warnings
 
 import pytest
 
@@ -54,24 +55,34 @@ def test_a_point_that_kills_its_worker_has_an_error_and_no_other_point_is_lost()
     assert [number for number, one in found.items() if "error" in one] == [2]
 
 
-def test_a_worker_that_ended_is_replaced():
+@pytest.fixture(scope="module")
+def second():
+    """The client of a cluster on a machine with another one, and the warnings of its start."""
     with (
+        contextlib.ExitStack() as stack,
+        socket.socket() as other,
         dask.config.set({"distributed.deploy.lost-worker-timeout": "100ms"}),
-        cluster("local", 1) as client,
     ):
-        (nanny,) = client.cluster.workers.values()
-        client.cluster.sync(nanny.close)
-        assert client.submit(os.getpid, pure=False).result(timeout=60) != os.getpid()
-
-
-def test_a_second_cluster_on_the_same_machine_gives_no_warning(tmp_path, recwarn):
-    with socket.socket() as other:
         with contextlib.suppress(OSError):  # another program may have the port already
             other.bind(("", 8787))
             other.listen()
-        with cluster("local", 1):
-            pass
-    assert not [str(one.message) for one in recwarn if "Port" in str(one.message)]
+        with warnings.catch_warnings(record=True) as given:
+            warnings.simplefilter("always")
+            client = stack.enter_context(cluster("local", 1))
+        yield client, given
+        stack.close()
+
+
+def test_a_second_cluster_on_the_same_machine_gives_no_warning(second):
+    _, given = second
+    assert not [str(one.message) for one in given if "Port" in str(one.message)]
+
+
+def test_a_worker_that_ended_is_replaced(second):
+    client, _ = second
+    (nanny,) = client.cluster.workers.values()
+    client.cluster.sync(nanny.close)
+    assert client.submit(os.getpid, pure=False).result(timeout=60) != os.getpid()
 
 
 def test_a_scheduler_that_does_not_exist_is_named(tmp_path, capsys, monkeypatch):

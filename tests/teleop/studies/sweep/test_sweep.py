@@ -65,6 +65,14 @@ def plan_file(tmp_path):
     return written(tmp_path / "plan.toml")
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The folder of a sweep of `PLAN` that ran in this process without interruption."""
+    folder = tmp_path_factory.mktemp("whole")
+    swept(folder / "out", written(folder / "plan.toml"))
+    return folder / "out"
+
+
 def test_a_grid_has_all_combinations_in_the_order_of_the_plan(plan_file):
     values = [point.values for point in points_of(read_plan(plan_file))]
     assert values == [(cube, mass) for cube in ("soft", "hard") for mass in (1.0, 2.5, 4.0)]
@@ -109,9 +117,8 @@ def test_a_latin_hypercube_has_one_value_in_each_equal_part_of_a_range(
     assert points_of(plan) == points_of(plan)
 
 
-def test_the_results_of_a_point_are_those_of_its_trial(tmp_path, plan_file):
-    swept(tmp_path / "out", plan_file)
-    rows = table(tmp_path / "out")
+def test_the_results_of_a_point_are_those_of_its_trial(whole):
+    rows = table(whole)
     assert [row["estimator"] for row in rows[:2]] == ["rls", "ai"]
     assert len(rows) == 12
     settings = TrialSettings(
@@ -131,24 +138,23 @@ def test_the_results_of_a_point_are_those_of_its_trial(tmp_path, plan_file):
 
 def test_each_repetition_has_its_own_seed(tmp_path):
     text = PLAN.replace('name = "short"', 'name = "short"\nseeds = 3').replace("autonomous", "free")
+    text = text.replace('["soft", "hard"]', '["soft"]').replace("steps = 3", "steps = 2")
     swept(tmp_path / "out", written(tmp_path / "plan.toml", text))
     rows = table(tmp_path / "out")[:6:2]
     assert [row["seed"] for row in rows] == ["0", "1", "2"]
     assert len({row["k [N/m]"] for row in rows}) == 3
 
 
-def test_processes_give_the_same_table_to_the_byte_as_one_process(tmp_path, plan_file):
-    swept(tmp_path / "one", plan_file)
+def test_processes_give_the_same_table_to_the_byte_as_one_process(tmp_path, plan_file, whole):
     swept(tmp_path / "two", plan_file, in_processes(2))
-    for name in ("results.csv",):
-        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+    name = "results.csv"
+    assert (tmp_path / "two" / name).read_bytes() == (whole / name).read_bytes()
 
 
-def test_the_parquet_table_has_the_values_of_the_csv_table(tmp_path, plan_file):
+def test_the_parquet_table_has_the_values_of_the_csv_table(whole):
     parquet = pytest.importorskip("pyarrow.parquet")
-    swept(tmp_path / "out", plan_file)
-    columns = parquet.read_table(tmp_path / "out" / "results.parquet").to_pydict()
-    rows = table(tmp_path / "out")
+    columns = parquet.read_table(whole / "results.parquet").to_pydict()
+    rows = table(whole)
     for name in ("point", "admittance.mass", "k [N/m]"):
         assert columns[name] == [float(row[name]) for row in rows]
     assert columns["estimator"] == [row["estimator"] for row in rows]
@@ -216,13 +222,12 @@ def test_an_inconsistent_plan_is_refused_with_one_line_and_exit_code_2(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_with_a_sweep_of_another_plan_is_refused(tmp_path, plan_file):
-    swept(tmp_path / "out", plan_file)
-    before = (tmp_path / "out" / "results.csv").read_bytes()
+def test_a_folder_with_a_sweep_of_another_plan_is_refused(tmp_path, whole):
+    before = (whole / "results.csv").read_bytes()
     other = written(tmp_path / "other.toml", PLAN.replace("0.3", "0.4"))
     with pytest.raises(InputError, match="contains a sweep of another plan"):
-        swept(tmp_path / "out", other)
-    assert (tmp_path / "out" / "results.csv").read_bytes() == before
+        swept(whole, other)
+    assert (whole / "results.csv").read_bytes() == before
 
 
 def test_a_folder_with_other_files_is_refused(tmp_path, plan_file):
@@ -232,7 +237,7 @@ def test_a_folder_with_other_files_is_refused(tmp_path, plan_file):
         swept(tmp_path / "out", plan_file)
 
 
-def test_a_resumed_sweep_runs_only_the_points_that_are_not_done(tmp_path, plan_file):
+def test_a_resumed_sweep_runs_only_the_points_that_are_not_done(tmp_path, plan_file, whole):
     def stopping(task, points):
         for point in points[:4]:
             yield results(task, [point])
@@ -249,19 +254,17 @@ def test_a_resumed_sweep_runs_only_the_points_that_are_not_done(tmp_path, plan_f
     ended = swept(tmp_path / "out", plan_file, counting)
     assert ran == [5, 6]
     assert ended.resumed == 4
-    swept(tmp_path / "whole", plan_file)
     for name in ("results.csv", "results.parquet"):
-        assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+        assert (tmp_path / "out" / name).read_bytes() == (whole / name).read_bytes()
 
 
-def test_results_that_arrive_in_another_order_give_the_same_table(tmp_path, plan_file):
+def test_results_that_arrive_in_another_order_give_the_same_table(tmp_path, plan_file, whole):
     def backwards(task, points):
         return in_this_process(task, [*reversed(points)])
 
     swept(tmp_path / "out", plan_file, backwards)
-    swept(tmp_path / "whole", plan_file)
     name = "results.csv"
-    assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    assert (tmp_path / "out" / name).read_bytes() == (whole / name).read_bytes()
 
 
 class Deadly:
@@ -288,12 +291,16 @@ def test_a_point_that_kills_its_process_has_an_error_and_no_other_point_is_lost(
 
 
 def test_a_sweep_killed_at_random_instants_ends_with_the_results_of_one_that_was_not(tmp_path):
-    plan = written(tmp_path / "plan.toml", PLAN.replace("name", "seeds = 3\nname"))
+    plan = written(tmp_path / "plan.toml", PLAN.replace("name", "seeds = 2\nname"))
     command = [sys.executable, "-m", "teleop", "sweep", str(plan), "--workers", "2", "--out"]
     chance = random.Random(1)
-    for _ in range(3):
+    journal = tmp_path / "killed" / "journal.jsonl"
+    for _ in range(2):
+        known = journal.stat().st_size if journal.exists() else 0
         process = subprocess.Popen([*command, str(tmp_path / "killed")], stderr=subprocess.PIPE)
-        time.sleep(chance.uniform(0.3, 3.0))
+        while process.poll() is None and not (journal.exists() and journal.stat().st_size > known):
+            time.sleep(0.01)
+        time.sleep(chance.uniform(0.0, 0.2))  # of about 0.3 s, which the points take
         process.kill()
         process.communicate()
     subprocess.run([*command, str(tmp_path / "killed")], check=True, capture_output=True)
