@@ -304,7 +304,9 @@ def test_ctrl_c_during_the_check_ends_it_with_130(command, stepped, capsys):
     assert all(drive["commanded_m"] is None for drive in json.loads(out)["drives"])
 
 
-def test_lost_motion_of_the_emulated_slave_is_remarked_and_is_no_problem(command, in_memory, capsys):
+def test_lost_motion_of_the_emulated_slave_is_remarked_and_is_no_problem(
+    command, in_memory, capsys
+):
     assert command(in_memory("serial-board"), "--json") == 0
     out, err = capsys.readouterr()
     assert err == ""
