@@ -262,12 +262,11 @@ class Spy(SimulatedRig):
         return super().enable()
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     "part", ["estimation.Bank.run", "teleop.control.conditions.Teleoperation.drive_force"]
 )
 def test_an_exception_in_a_tick_stops_the_rig_and_is_raised(monkeypatch, tmp_path, part):
-    monkeypatch.setattr("teleop.output.fault_report.save", lambda *arguments, **options: None)
-    monkeypatch.setattr("teleop.output.fault_report.fault_figure", lambda *arguments: None)
     monkeypatch.setattr("teleop.trial.assembly.SimulatedRig", Spy)
     calls = []
 
