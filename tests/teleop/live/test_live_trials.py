@@ -45,6 +45,12 @@ class Command:
                         return int(entry.name)
         raise AssertionError("no live process")
 
+    @property
+    def shared_files(self):
+        """Files that the command has in memory to share them with the live process."""
+        lines = Path(f"/proc/{self.process.pid}/maps").read_text().splitlines()
+        return {Path(line.split()[5]) for line in lines if "/teleop-live-" in line}
+
     def page(self):
         return page(self.address, self.token)
 
@@ -310,8 +316,6 @@ def test_the_hand_lets_go_and_the_trial_goes_on_if_the_page_or_the_live_process_
 
 
 def test_if_the_command_is_killed_the_loop_is_gone_and_no_shared_memory_is_left(start):
-    before = shared_files()
-
     async def scenario(command):
         async with command.page() as client:
             await client.until(client.is_in("active"))
@@ -319,14 +323,10 @@ def test_if_the_command_is_killed_the_loop_is_gone_and_no_shared_memory_is_left(
             await client.until(lambda: client.latest["state"]["loop"] == "gone")
 
     command = start("run", "--live", "--yes", "--duration", "20", "--no-record")
-    assert shared_files() <= before
+    shared = command.shared_files
+    assert len(shared) == 3
     run(scenario(command))
-    assert shared_files() <= before
-
-
-def shared_files():
-    """Return the files of live trials in shared memory."""
-    return set(Path("/dev/shm").glob("teleop-live-*")) if Path("/dev/shm").exists() else set()
+    assert not any(file.exists() for file in shared)
 
 
 PLAN = """
