@@ -10,10 +10,10 @@ from typing import Any
 from fault_case import Case, FileSink
 from fault_evidence import accelerated, after_stall, at_once, handle_moved, moved, over_force
 from fault_links import CHANNEL, activate, gave_energy, silence
-from scipy.optimize import brentq
 
 from drivers import CHANNELS
 from sim_backend import Cube
+from sim_backend.body import root
 from sim_backend.faults import (
     Frozen,
     Replaced,
@@ -113,10 +113,12 @@ class Inclusion(Cube):
         return super().stiffness(x) + (self.stiffness_inside if inside else 0.0)  # type: ignore[attr-defined]
 
     def compressed(self, x: float, compliance: float) -> float:
-        def excess(y: float) -> float:
-            return y + compliance * self.force(y, 0.0) - x
-
-        return float(brentq(excess, min(x, 0.0), max(x, 0.0), xtol=1e-12)) if x else 0.0
+        y = super().compressed(x, compliance)
+        if y <= self.inside:  # type: ignore[attr-defined]
+            return y
+        added = compliance * self.stiffness_inside  # type: ignore[attr-defined]
+        linear = 1.0 + compliance * self.k1 + added
+        return root(linear, compliance * self.k3, x + added * self.inside)  # type: ignore[attr-defined]
 
 
 def include(case: Case) -> None:

@@ -4,7 +4,6 @@ import json
 import math
 import os
 import re
-import signal
 import subprocess
 import sys
 from importlib.metadata import version
@@ -16,6 +15,8 @@ import pytest
 from teleop.cli import app, main
 
 RUN = ["run", "--clock", "virtual", "--duration", "0.5", "--no-record"]
+SLOW = ("--rate", "100")
+"""A low rate of a loop in real time, so that a busy machine can run it."""
 GOOD = "Time [s],Position [mm],Force [N]\n" + "".join(
     f"{i * 0.01},{math.sin(i * 0.1)},{2 * math.sin(i * 0.1)}\n" for i in range(200)
 )
@@ -53,7 +54,7 @@ def test_run_prints_estimates_and_timing(capsys):
 
 
 def test_run_in_real_time_prints_lateness(capsys):
-    assert main(["run", "--duration", "0.2", "--no-record"]) == 0
+    assert main(["run", *SLOW, "--duration", "0.2", "--no-record"]) == 0
     out = capsys.readouterr().out
     for word in ("lateness [us]", "p50", "p99", "p99.9", "max", "overruns"):
         assert word in out
@@ -88,7 +89,7 @@ def test_estimates_from_the_recording_are_exactly_those_of_the_run(
 ):
     path = tmp_path / "run.mcap"
     chosen = ["--conditioning", conditioning, "--cube", "medium", "--bandwidth", "30"]
-    lengths = ["--clock", clock, "--duration", "1", "--json"]
+    lengths = ["--clock", clock, "--rate", "500", "--duration", "1", "--json"]
     assert main(["run", *chosen, *lengths, "--record", str(path)]) == 0
     online = json.loads(capsys.readouterr().out)
     assert online["recording"]["path"] == str(path)
@@ -101,7 +102,7 @@ def test_estimates_from_the_recording_are_exactly_those_of_the_run(
 def test_other_settings_than_those_of_the_run_are_reported(capsys, tmp_path):
     path, picture = tmp_path / "run.mcap", tmp_path / "run.png"
     options = ["--record", str(path), "--plot", str(picture)]
-    assert main(["run", "--clock", "virtual", "--duration", "1", *options]) == 0
+    assert main(["run", "--clock", "virtual", "--duration", "0.5", *options]) == 0
     assert picture.read_bytes().startswith(b"\x89PNG")
     capsys.readouterr()
     assert main(["estimate", str(path), "--preset", "scaled", "--json"]) == 0
@@ -290,7 +291,7 @@ class Terminal:
 
 
 def test_the_progress_line_shows_live_estimates_and_is_cleared_at_the_end():
-    terminal = Terminal("run", "--duration", "0.5", "--no-record")
+    terminal = Terminal("run", *SLOW, "--duration", "0.5", "--no-record")
     while terminal.read():
         pass
     terminal.process.communicate(timeout=20)
@@ -300,7 +301,7 @@ def test_the_progress_line_shows_live_estimates_and_is_cleared_at_the_end():
 
 
 def test_in_mimic_the_progress_line_has_the_mode_and_the_cue_to_follow():
-    terminal = Terminal("run", "--condition", "mimic", "--duration", "0.5", "--no-record")
+    terminal = Terminal("run", *SLOW, "--condition", "mimic", "--duration", "0.5", "--no-record")
     while terminal.read():
         pass
     terminal.process.communicate(timeout=20)
@@ -308,16 +309,17 @@ def test_in_mimic_the_progress_line_has_the_mode_and_the_cue_to_follow():
     assert re.search(rb"\[Ctrl-C stops\]  active +0\.\d of 0\.5 s  \|[ xO@]+\|", terminal.text)
 
 
-def test_ctrl_c_ends_a_run_and_prints_its_results():
-    terminal = Terminal("run", "--duration", "600", "--no-record", "--json")
+def test_a_termination_signal_ends_a_run_and_prints_its_results():
+    """`test_faults.py` tests Ctrl-C."""
+    terminal = Terminal("run", *SLOW, "--duration", "600", "--no-record", "--json")
     while not re.search(rb"0\.[1-9] of 600 s", terminal.text):
         assert terminal.read()
-    terminal.process.send_signal(signal.SIGINT)
+    terminal.process.terminate()
     out, _ = terminal.process.communicate(timeout=20)
     assert terminal.process.returncode == 130
     document = json.loads(out)
     assert document["interrupted"]
-    assert 1 <= document["ticks"] < 100_000
+    assert 1 <= document["ticks"] < 10_000
 
 
 def test_the_help_names_every_word_that_the_datum_accepts(capsys):
@@ -328,21 +330,16 @@ def test_the_help_names_every_word_that_the_datum_accepts(capsys):
     assert "1.5mm,20N" in text
 
 
-def test_an_unknown_backend_of_matplotlib_does_not_cost_the_figures(recording, tmp_path):
-    """Neither those in a file of their own, nor those in a page."""
-    commands = [[*RUN, "--plot", "a.png"], ["report", recording]]
-    code = f"from teleop.cli import main; raise SystemExit(any(map(main, {commands})))"
+def test_an_unknown_backend_of_matplotlib_does_not_cost_the_figures(tmp_path):
     done = subprocess.run(
-        [sys.executable, "-c", code],
+        [sys.executable, "-m", "teleop", *RUN, "--plot", "a.png"],
         env=os.environ | {"MPLBACKEND": "nowhere"},
         capture_output=True,
         text=True,
         check=False,
-        cwd=tmp_path,
     )
     assert (done.returncode, done.stderr) == (0, "")
-    for name in ("a.png", "sine.html"):
-        assert (tmp_path / name).stat().st_size
+    assert (tmp_path / "a.png").stat().st_size
 
 
 def test_a_run_is_reproducible_through_the_command_line(capsys):
@@ -399,11 +396,8 @@ def test_a_file_name_with_any_characters_is_drawn(tmp_path, capsys):
 
 
 def test_closed_streams_cause_no_traceback():
-    for closed in (">&-", "2>&-"):
-        command = (
-            f"{sys.executable} -m teleop run --clock virtual --duration 0.1 --no-record {closed}"
-        )
-        assert subprocess.run(["sh", "-c", command], capture_output=True).returncode == 0
+    command = f"{sys.executable} -m teleop run --clock virtual --duration 0.1 --no-record >&- 2>&-"
+    assert subprocess.run(["sh", "-c", command], capture_output=True).returncode == 0
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
@@ -417,11 +411,11 @@ def test_a_full_disk_for_standard_output_is_reported():
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-@pytest.mark.parametrize("json", ["", "--json"])
 @pytest.mark.parametrize(
-    ("output", "reason"), [("> /dev/full", "no space left on device"), ("| true", "broken pipe")]
+    ("json", "output", "reason"),
+    [("", "> /dev/full", "no space left on device"), ("--json", "| true", "broken pipe")],
 )
-def test_a_safety_stop_is_reported_also_without_standard_output(output, reason, json):
+def test_a_safety_stop_is_reported_also_without_standard_output(json, output, reason):
     # the limits of such a small depth are below the noise of the force sensor
     run = f"{sys.executable} -m teleop run --clock virtual --depth 1e-3um --no-record {json}"
     command = f"{{ {run}; echo $? >&2; }} {output}"
@@ -443,20 +437,10 @@ def test_an_empty_depth_is_refused(refused):
     assert "expected a length with its unit" in refused("run", "--clock", "virtual", "--depth", "")
 
 
-def test_a_termination_signal_stops_a_run_like_ctrl_c():
-    terminal = Terminal("run", "--duration", "600", "--no-record", "--json")
-    while not re.search(rb"0\.[1-9] of 600 s", terminal.text):
-        assert terminal.read()
-    terminal.process.terminate()
-    out, _ = terminal.process.communicate(timeout=20)
-    assert terminal.process.returncode == 130
-    assert json.loads(out)["interrupted"]
-
-
 def test_a_file_of_random_bytes_is_reported_without_a_traceback(refused, tmp_path):
     rng = np.random.default_rng(0)
     path = tmp_path / "noise.csv"
-    for _ in range(50):
+    for _ in range(25):
         path.write_bytes(rng.integers(0, 256, int(rng.integers(1, 400)), dtype=np.uint8).tobytes())
         refused("estimate", str(path))
 

@@ -118,11 +118,11 @@ def test_recordings_that_are_started_in_the_same_second_get_different_names(monk
 
 def test_runs_that_are_started_at_the_same_time_are_all_recorded(tmp_path):
     arguments = ("run", "--clock", "virtual", "--duration", "0.1", "--json")
-    for process in [start(*arguments) for _ in range(3)]:
+    for process in [start(*arguments) for _ in range(2)]:
         with process:
             _, err = process.communicate()
             assert (process.returncode, err) == (0, "")
-    assert len(list(tmp_path.glob("recordings/*/*-free-soft*.mcap"))) == 3
+    assert len(list(tmp_path.glob("recordings/*/*-free-soft*.mcap"))) == 2
 
 
 def test_a_refused_run_leaves_no_empty_recording(tmp_path):

@@ -23,13 +23,6 @@ AT = 300
 """Number of the first faulty call of the rig or the condition; the drives move then."""
 
 
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Leave the figure out of the reports of faults: `test_black_box.py` tests it."""
-    monkeypatch.setattr("teleop.output.fault_report.save", lambda *arguments, **options: None)
-    monkeypatch.setattr("teleop.output.fault_report.fault_figure", lambda *arguments: None)
-
-
 @pytest.fixture(autouse=True)
 def soon(monkeypatch):
     """Shorten the time that a trial records after a fault."""

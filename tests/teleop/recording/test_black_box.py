@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from markupsafe import Markup
 
 from sim_backend import SimulatedRig
 from sim_backend.faults import FaultyRig, Replaced, Unplugged
@@ -136,6 +137,7 @@ def test_the_report_of_a_run_without_motion_shows_only_the_stop(unmoved, capsys)
     assert "the estimators received only 0 samples" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_report_of_a_run_that_was_stopped_in_the_count_in_shows_only_the_stop(tmp_path):
     _, path = stopped(tmp_path, Unplugged(), at=2.0, condition="mimic", count_in=3.0)
     assert main(["report", str(path)]) == 0
@@ -144,8 +146,9 @@ def test_the_report_of_a_run_that_was_stopped_in_the_count_in_shows_only_the_sto
     assert "Result" not in page
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_report_shows_what_stopped_the_run(tmp_path):
-    _, path = stopped(tmp_path, Unplugged(), at=2.0, duration=3.0)
+    _, path = stopped(tmp_path, Unplugged(), at=2.0, duration=3.0, estimators=("rls",))
     assert main(["report", str(path)]) == 0
     page = path.with_suffix(".html").read_text()
     assert "Stopped for safety" in page
@@ -153,15 +156,18 @@ def test_the_report_shows_what_stopped_the_run(tmp_path):
     assert page.count("<svg") == 5
 
 
-def test_the_report_of_a_run_in_real_time_shows_the_timing_of_the_loop(tmp_path, capsys):
+def test_the_report_of_a_run_in_real_time_shows_the_timing_of_the_loop(tmp_path, monkeypatch):
+    monkeypatch.setattr("teleop.output.report_page.svg", lambda figure: Markup("<svg></svg>"))
     path = tmp_path / "run.mcap"
-    assert main(["run", "--duration", "0.5", "--record", str(path)]) == 0
+    options = ["--duration", "0.5", "--rate", "250", "--estimators", "rls"]
+    assert main(["run", *options, "--record", str(path)]) == 0
     assert main(["report", str(path)]) == 0
     page = path.with_suffix(".html").read_text()
     assert "periods were skipped" in page
     assert page.count("<svg") == 5
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_run_stopped_by_a_fault_reports_it_and_exits_with_3(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with fault_injected(Replaced("slave_position", float("inf")), at=0.5):

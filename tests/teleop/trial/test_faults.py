@@ -42,7 +42,7 @@ rows = []
 for condition, laws in {laws!r}.items():
     for i, (law, cube) in enumerate(laws):
         names = linked + others[i :: len(laws)]
-        rows += faults.virtual(condition, cube, names, 1, seed=7, law=law)
+        rows += faults.virtual(condition, cube, names, 1, seed=1270, law=law)
 print(json.dumps(rows))
 """
 LAWS = {
@@ -57,7 +57,8 @@ def test_every_kind_of_fault_ends_as_docs_safety_states_under_every_condition():
     """Run in another process, because the campaign forks, which fails with pytest's threads.
 
     The kinds of fault of a condition are divided among its laws. Those of the link are injected
-    under each law that has a link.
+    under each law that has a link. With this seed, the random times are early, between 0.6 s and
+    2 s, so that the trials are short.
     """
     code = CODE.format(folder=str(ROOT / "benchmarks"), laws=LAWS)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
@@ -84,6 +85,8 @@ def test_a_fault_in_real_time_stops_the_slave_and_is_named(kind):
     assert named == []
 
 
+SLOW = ("--rate", "250")
+"""A low rate of a loop in real time, so that a busy machine can run it."""
 MOVING = rb"0\.[5-9] of 60 s"
 
 
@@ -95,7 +98,7 @@ class Run:
         pid, self.terminal = pty.fork()
         if pid == 0:
             os.chdir(folder)
-            os.execv(sys.executable, [sys.executable, "-m", "teleop", "run", *arguments])
+            os.execv(sys.executable, [sys.executable, "-m", "teleop", "run", *SLOW, *arguments])
         self.pid = pid
         self.text = b""
 
@@ -159,17 +162,3 @@ def test_a_closed_terminal_ends_the_run_with_a_ramp(tmp_path):
     os.kill(run.pid, signal.SIGHUP)
     assert run.end() == 130
     assert load(tmp_path / "a.mcap").events[-1]["text"] == "at standstill"
-
-
-def test_a_run_in_the_background_of_a_shell_does_not_read_its_terminal(tmp_path):
-    from teleop.trial.stop_key import is_foreground
-
-    run = subprocess.run(
-        [sys.executable, "-m", "teleop", "run", "--duration", "0.2", "--no-record", "--json"],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        cwd=tmp_path,
-    )
-    assert run.returncode == 0
-    assert json.loads(run.stdout)["ticks"] > 100
-    assert not is_foreground()

@@ -20,7 +20,7 @@ from teleop.trial.settings import TrialSettings
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     path = tmp_path_factory.mktemp("mimic") / "mimic.mcap"
-    settings = TrialSettings("mimic", duration=4.0, clock="virtual", estimators=("rls", "kalman"))
+    settings = TrialSettings("mimic", duration=3.0, clock="virtual", estimators=("rls", "kalman"))
     return run_trial(settings, path), path
 
 
@@ -101,7 +101,7 @@ def test_texts_are_one_short_line(recorded):
     trial, path = recorded
     k = trial.estimates["rls"].k[-1]
     text = repr(trial)
-    assert text.startswith("Trial(mimic, soft cube, 4 s; rls k = ")
+    assert text.startswith("Trial(mimic, soft cube, 3 s; rls k = ")
     assert float(re.search(r"rls k = (\S+)", text)[1]) == pytest.approx(k, rel=0.01)
     assert "estimators rls, kalman; simulated" in repr(load(path))
     for one in (text, repr(load(path))):
@@ -110,9 +110,9 @@ def test_texts_are_one_short_line(recorded):
 
 
 def test_the_drawing_of_the_tracking_of_ten_minutes_is_small():
-    t = np.arange(0.0, 600.0, 1e-3)
+    t = np.arange(0.0, 600.0, 2e-3)
     target = 5e-3 - 4e-3 * np.cos(2 * np.pi * t)
-    position = np.roll(target, 80)
+    position = np.roll(target, 40)
     columns = {"time": t, "target": target, "slave_position": position}
     found = tracking(t, target, position, 1.0)._asdict()
     assert len(svg(tracking_figure("", Recording(columns, {}), found))) < 300_000

@@ -262,6 +262,7 @@ class Spy(SimulatedRig):
         return super().enable()
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     "part", ["estimation.Bank.run", "teleop.control.conditions.Teleoperation.drive_force"]
 )

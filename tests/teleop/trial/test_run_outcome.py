@@ -35,10 +35,8 @@ def at_tick(monkeypatch):
 
 
 @pytest.fixture
-def fault(monkeypatch):
+def fault(monkeypatch, undrawn):
     """Makes the slave's position infinite after half a second; the report has no figure."""
-    monkeypatch.setattr("teleop.output.fault_report.save", lambda *arguments, **options: None)
-    monkeypatch.setattr("teleop.output.fault_report.fault_figure", lambda *arguments: None)
 
     def make(cube, now, **options):
         rig = FaultyRig(SimulatedRig(cube, now, **options))
