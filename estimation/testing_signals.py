@@ -68,7 +68,7 @@ def degenerate(estimator: Estimator) -> Iterator[Signals]:
     between 1e-300 and 1e9, and the sample periods are between 1e-9 s and 1e6 s.
     """
     rng = np.random.default_rng(0)
-    n = 40
+    n = 24
     zero, one, wave = np.zeros(n), np.ones(n), np.sin(np.arange(n))
     random = rng.normal(size=n)
     for x, v, f in (

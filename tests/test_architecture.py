@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 import sys
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -84,10 +85,16 @@ MOST_LINES = 300
 POSIX_ONLY = {"fcntl", "termios", "pty", "resource", "grp", "pwd", "posix", "syslog", "tty"}
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    """Return the syntax tree of a file, which is parsed once for all tests."""
+    return ast.parse(path.read_text())
+
+
 def imported(path: Path, lazily: bool = True) -> set[str]:
     """Return the packages that a module imports, with or without imports within functions."""
     names: set[str] = set()
-    tree = ast.parse(path.read_text())
+    tree = parsed(path)
     for node in ast.walk(tree) if lazily else tree.body:
         if isinstance(node, ast.Import):
             names |= {alias.name.partition(".")[0] for alias in node.names}
@@ -120,13 +127,14 @@ def modules() -> dict[str, Path]:
     }
 
 
+@cache
 def imports_between_files() -> dict[str, set[str]]:
     """Return the modules that each module imports, also within functions and for types only."""
     known = modules()
     arrows: dict[str, set[str]] = {}
     for name, path in known.items():
         found = set()
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(parsed(path)):
             if isinstance(node, ast.Import):
                 found |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.module:

@@ -18,6 +18,7 @@ from estimation.robust_error import RobustFit
 from teleop.evaluation.masks import runs
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
+from teleop.evaluation.rounding import levels, summed_by_level
 
 DEGREES = (1, 2, 3, 4, 5)
 """Degrees of the polynomial P(x) of the candidate models."""
@@ -188,9 +189,19 @@ class Rows:
         Standard deviation of each parameter, shape (m,).
         """
         record = self.record
-        position = summed_by_count(to_force * slopes, record.raw_x[self.rows], record.count)
-        force = summed_by_count(to_force, record.raw_f[self.rows], record.f_count)
+        x_level, f_level = self.levels
+        position = summed_by_level(to_force * slopes, x_level)
+        force = summed_by_level(to_force, f_level)
         return np.hypot(record.count / math.sqrt(12.0) * position, record.f_rounding * force)
+
+    @cached_property
+    def levels(self) -> tuple[NDArray[np.intp] | None, NDArray[np.intp] | None]:
+        """Levels (digital values) of position and force at the n fitted samples (see `levels`)."""
+        record = self.record
+        return (
+            levels(record.raw_x[self.rows], record.count),
+            levels(record.raw_f[self.rows], record.f_count),
+        )
 
     @cached_property
     def fits(self) -> BaselineFits:
@@ -249,33 +260,3 @@ def with_corners(raw: Floats, smoothed: Floats, noise: float, largest: float) ->
     """
     difference = np.abs(raw - smoothed)
     return np.where((difference > CORNER * noise) & (difference < largest), raw, smoothed)
-
-
-def summed_by_count(sensitivity: Floats, values: Floats, count: float) -> Floats:
-    """Return the sensitivity of fitted parameters to the rounding of measured values.
-
-    The result, multiplied by the standard deviation of the rounding error, is the standard
-    deviation of each parameter. All samples with the same rounded value have the same rounding
-    error. Their derivatives are therefore added. This gives one sum for each rounded value. The
-    errors of different rounded values are independent. The result is therefore the root of the sum
-    of the squares of these sums.
-
-    Parameters
-    ----------
-    sensitivity
-        Derivative of m parameters with respect to each of n values, shape (m, n).
-    values
-        Measured values, shape (n,).
-    count
-        Resolution (smallest step) of the measured values, in their unit. If it is 0, the result is
-        0.
-
-    Returns
-    -------
-    Array of shape (m,).
-    """
-    if count == 0.0:
-        return np.zeros(len(sensitivity))
-    _, level = np.unique(np.round(values / count), return_inverse=True)
-    sums = np.array([np.bincount(level, row) for row in sensitivity])
-    return np.asarray(np.sqrt(np.sum(sums**2, axis=1)))

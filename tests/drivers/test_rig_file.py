@@ -128,7 +128,7 @@ def test_an_invalid_toml_file_is_reported_in_one_line(tmp_path, content):
 VALUES = ["3", "-1", '"x"', "[]", "[1, 2, 3]", "{}", "true", "nan", "1e400", "2026-01-01"]
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=80)
 @given(st.data())
 def test_any_value_anywhere_is_read_or_refused(tmp_path, data):
     lines = BOARD.splitlines()

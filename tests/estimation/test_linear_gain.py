@@ -205,8 +205,7 @@ def test_a_correlation_below_one_is_refused(correlation):
         gradient(correlation=correlation)
 
 
-@pytest.mark.parametrize("gap", [0.3, 20.0])
-@pytest.mark.parametrize("name", ["rls", "kalman"])
+@pytest.mark.parametrize(("name", "gap"), [("rls", 20.0), ("kalman", 0.3)])
 def test_after_a_gap_the_interval_has_its_nominal_coverage(name, gap):
     before, after = 200, 251
     inside = []

@@ -16,11 +16,11 @@ from teleop.trial.settings import TrialSettings
 def feedback_settings():
     """Return a function: settings of a trial without lost motion that reverses at 10 N."""
 
-    def make(law, cube, arm=400.0, seed=0, channel=None, glued=True):
+    def make(law, cube, arm=400.0, seed=0, channel=None, glued=True, duration=10.0):
         settings = TrialSettings(
             cube=cube,
             clock="virtual",
-            duration=10.0,
+            duration=duration,
             seed=seed,
             estimators=("rls",),
             feedback=FeedbackSettings(law),

@@ -37,7 +37,7 @@ def trials(tmp_path_factory):
     """Return recordings of two durations, whose chunks have 200 ticks."""
     folder = tmp_path_factory.mktemp("trials")
     paths = {}
-    for duration in (3, 12):
+    for duration in (3, 8):
         recorded = folder / f"recorded-{duration}.mcap"
         arguments = ["--clock", "virtual", "--condition", "autonomous", "--seed", "3"]
         arguments += ["--duration", str(duration), "--record", str(recorded)]
@@ -82,8 +82,8 @@ def test_the_blocks_of_a_recording_are_all_its_samples(trials, small):
 
 
 def test_of_a_long_recording_evenly_spaced_sections_are_kept(trials, small):
-    whole = recorded_signals(load(trials[12]))
-    read = RecordedSamples(trials[12], is_replayed)
+    whole = recorded_signals(load(trials[8]))
+    read = RecordedSamples(trials[8], is_replayed)
     kept = read.signals
     assert read.count == len(whole.t)
     assert 4 * 256 < len(kept.t) <= 8 * 256
@@ -122,21 +122,21 @@ def test_a_recording_that_fits_into_the_sections_is_kept_whole(trials):
 
 def test_the_result_states_that_it_is_that_of_sections(trials, small):
     text = "in evenly spaced sections"
-    read = RecordedSamples(trials[12], is_replayed)
-    reasons = evaluate(read, settings_of(trials[12])).summary()["result"]["reasons"]
+    read = RecordedSamples(trials[8], is_replayed)
+    reasons = evaluate(read, settings_of(trials[8])).summary()["result"]["reasons"]
     assert [one for one in reasons if text in one and f"{read.count} samples" in one]
-    whole = evaluate(recorded_signals(load(trials[12])), settings_of(trials[12]))
+    whole = evaluate(recorded_signals(load(trials[8])), settings_of(trials[8]))
     assert not any(text in one for one in whole.summary()["result"]["reasons"])
 
 
 def test_a_long_recording_is_averaged_and_fitted_only_in_the_averaged_part(trials, small):
-    part = AveragedPart(start=2.5, end=9.0, left_out="start and end")
-    read = RecordedSamples(trials[12], is_replayed)
-    found = evaluate(read, replace(settings_of(trials[12]), averaged=part))
+    part = AveragedPart(start=2.5, end=6.0, left_out="start and end")
+    read = RecordedSamples(trials[8], is_replayed)
+    found = evaluate(read, replace(settings_of(trials[8]), averaged=part))
     assert found.online.as_recorded
     first, last = found.analysis.record.t[[0, -1]]
     assert 2.5 <= first < 4.6
-    assert 6.9 < last < 9.0
+    assert 4.5 < last < 6.0
     fitted = int(np.sum(part.contains(read.signals.t)))
     summary = found.summary()
     assert 256 < fitted < len(read.signals.t)
@@ -181,23 +181,23 @@ def test_before_the_analysed_part_the_contact_is_that_at_its_start(trials):
 
 
 def test_the_figure_of_the_fit_has_no_line_between_the_sections(trials, small):
-    read = RecordedSamples(trials[12], is_replayed)
-    figure = fit_figure("trial", evaluate(read, settings_of(trials[12])))
+    read = RecordedSamples(trials[8], is_replayed)
+    figure = fit_figure("trial", evaluate(read, settings_of(trials[8])))
     t, f = next(line.get_data() for line in figure.axes[1].lines if line.get_label() == "measured")
     for start in read.signals.t[list(read.signals.gaps)]:
         assert np.isnan(f[np.abs(t - start) < 0.03]).any()
 
 
 def test_the_last_ticks_of_a_long_recording_are_kept(trials, small):
-    kept = RecordedSamples(trials[12], is_replayed).recording
-    whole = load(trials[12])
+    kept = RecordedSamples(trials[8], is_replayed).recording
+    whole = load(trials[8])
     assert 1000 <= len(kept) < 1000 + 2 * stream.BLOCK
     for name, column in kept.columns.items():
         np.testing.assert_array_equal(column, whole[name][-len(column) :])
 
 
 def test_estimates_in_blocks_are_those_of_the_run(trials, small):
-    path = trials[12]
+    path = trials[8]
     found = evaluate(RecordedSamples(path, is_replayed), settings_of(path))
     assert found.online.as_recorded
     online = load(path).estimated()
@@ -241,8 +241,8 @@ def test_summaries_do_not_depend_on_the_size_of_the_blocks(trials, monkeypatch, 
 
 def test_a_table_of_a_long_recording_has_all_samples(trials, small, tmp_path):
     out = tmp_path / "table.csv"
-    assert main(["estimate", str(trials[12]), "--out", str(out), "--json"]) == 0
-    whole = load(trials[12]).estimated()
+    assert main(["estimate", str(trials[8]), "--out", str(out), "--json"]) == 0
+    whole = load(trials[8]).estimated()
     with out.open() as file:
         heading, *rows = csv.reader(file)
     table = np.array(rows, dtype=np.float64)
@@ -254,14 +254,14 @@ def test_a_table_of_a_long_recording_has_all_samples(trials, small, tmp_path):
 def test_memory_does_not_depend_on_the_duration(trials, small, monkeypatch):
     monkeypatch.setattr("teleop.evaluation.evaluation.KEPT", 2000)
     peaks = {}
-    command = ["estimate", "--estimators", "rls", "--json"]
+    command = ["estimate", "--estimators", "ai", "--json"]
     assert main([*command, str(trials[3])]) == 0  # libraries are imported
-    for duration in (3, 12):
+    for duration in (3, 8):
         tracemalloc.start()
         assert main([*command, str(trials[duration])]) == 0
         peaks[duration] = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-    assert peaks[12] < 1.5 * peaks[3]
+    assert peaks[8] < 1.5 * peaks[3]
 
 
 @given(

@@ -120,7 +120,7 @@ def test_an_oscillation_at_the_end_of_a_trial_in_blocks_is_found():
 
 
 def test_the_tremor_of_a_stiff_arm_is_not_counted_as_unstable(feedback_settings):
-    result = run_trial(feedback_settings("model-mediated", "soft", 1500.0, seed=2))
+    result = run_trial(feedback_settings("model-mediated", "soft", 1500.0, seed=2, duration=6.0))
     assert result.feedback()["stable"]
 
 
@@ -130,7 +130,7 @@ def test_an_oscillation_without_a_stop_is_counted_as_unstable_with_and_without_t
 ):
     monkeypatch.setattr(operators, "TREMOR_AMPLITUDE", tremor)
     monkeypatch.setattr(bilateral, "MOST_SHARE", np.inf)
-    settings = feedback_settings("position-force", "hard", 150.0)
+    settings = feedback_settings("position-force", "hard", 150.0, duration=6.0)
     result = run_trial(settings)
     assert result.fault is None
     assert not result.feedback()["stable"]

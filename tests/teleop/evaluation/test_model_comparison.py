@@ -52,7 +52,7 @@ def test_the_yardstick_beside_itself_is_one():
 
 @pytest.fixture(scope="module")
 def trial():
-    return run_trial(TrialSettings(condition="autonomous", duration=4.0, clock="virtual"))
+    return run_trial(TrialSettings(condition="autonomous", duration=2.5, clock="virtual"))
 
 
 def test_methods_are_held_against_the_cube_that_was_palpated(trial):

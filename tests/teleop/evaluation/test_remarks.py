@@ -42,7 +42,7 @@ def test_damping_that_is_not_resolved_is_called_so():
 
 def test_relaxation_is_certain_only_if_a_hold_shows_it_because_lost_motion_is_similar():
     settings = TrialSettings(
-        clock="virtual", cube="medium", condition="mimic", duration=8.0, count_in=3.0
+        clock="virtual", cube="medium", condition="mimic", duration=6.0, count_in=3.0
     )
     recording = run_trial(settings).recording.estimated()
     t, x, f = (recording[name] for name in ("time", "slave_position", "contact_force"))

@@ -109,7 +109,7 @@ def test_intervals_of_a_sine_with_drift_contain_the_truth_and_are_not_too_wide(s
 
 
 def test_trials_of_different_length_give_the_same_stiffness():
-    lengths = (2.0, 3.0, 5.0, 10.0, 30.0)
+    lengths = (2.0, 3.0, 5.0, 8.0, 12.0)
     results = [analyse(sine(length, seed=seed)).result for length in lengths for seed in range(5)]
     # 20 or more of 25 intervals of 95 % contain the truth with a probability of 99.9 %.
     assert sum(r.k_low <= 2000.0 <= r.k_high for r in results) >= 20
@@ -152,13 +152,13 @@ def models_of_a_poke(seed, drift):
 
 @pytest.mark.parametrize("drift", [0.0, 1.0])
 def test_the_models_of_a_motion_with_a_transient_are_those_of_the_body(drift):
-    found = [models_of_a_poke(seed, drift)["stiffening"] for seed in range(20)]
+    found = [models_of_a_poke(seed, drift)["stiffening"] for seed in range(12)]
     assert found[0].parameters["k"].value == pytest.approx(2000.0, rel=0.01)
     assert found[0].parameters["k3"].value == pytest.approx(3e7, rel=0.01)
     assert found[0].rms < 0.02
     for name, true in (("k", 2000.0), ("k3", 3e7)):
         inside = [fit.parameters[name].low <= true <= fit.parameters[name].high for fit in found]
-        assert sum(inside) >= 17
+        assert sum(inside) >= 10
 
 
 @pytest.mark.parametrize(

@@ -60,6 +60,7 @@ def test_lost_motion_is_not_taken_for_saturation(seed, play, preload, noise):
 def test_the_lost_motion_of_the_simulated_rig_is_not_taken_for_saturation(tmp_path, capsys):
     path = str(tmp_path / "trial.mcap")
     run = ["run", "--condition", "autonomous", "--cube", "medium", "--clock", "virtual"]
+    run += ["--duration", "5"]
     assert main([*run, "--record", path, "--json"]) == 0
     capsys.readouterr()
     assert main(["estimate", path, "--force-lag", "0.00266", "--json"]) == 0
@@ -71,6 +72,7 @@ def test_the_lost_motion_of_the_simulated_rig_is_not_taken_for_saturation(tmp_pa
 def test_lost_motion_at_the_lowest_force_is_not_taken_for_free_motion(tmp_path, capsys):
     path = str(tmp_path / "trial.mcap")
     run = ["run", "--condition", "mimic", "--cube", "hard", "--seed", "2", "--clock", "virtual"]
+    run += ["--duration", "8"]
     assert main([*run, "--record", path, "--json"]) == 0
     capsys.readouterr()
     assert main(["estimate", path, "--json"]) == 0

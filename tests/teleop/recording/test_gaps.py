@@ -60,16 +60,16 @@ def test_many_gaps_are_listed_in_one_line():
     assert text.endswith(" and 15 more gaps")
 
 
-def linear(hole=(3.1, 5.47), name="slave_position", cycle=1.0):
-    """Return a 1 Hz motion on k = 2000 N/m, b = 20 N s/m at 1 kHz, with a gap in the samples."""
-    t = np.arange(0.0, 8.0, 1e-3)
-    w = 2.0 * np.pi * cycle
+def linear(hole=(3.1, 5.47), period=1e-3):
+    """Return a 1 Hz motion on k = 2000 N/m, b = 20 N s/m, with a gap in the samples."""
+    t = np.arange(0.0, 8.0, period)
+    w = 2.0 * np.pi
     x, v = 4e-3 - 3e-3 * np.cos(w * t), 3e-3 * w * np.sin(w * t)
     f = 2000.0 * x + 20.0 * v + np.random.default_rng(0).normal(0.0, 0.02, t.size)
     kept = (t <= hole[0]) | (t >= hole[1])
     t, x, f = t[kept], x[kept], f[kept]
     gaps = tuple((1 + np.flatnonzero(np.diff(t) > 0.01)).tolist())
-    return Signals(t, x, f, periods(t), name, gaps)
+    return Signals(t, x, f, periods(t), "slave_position", gaps)
 
 
 CONDITIONING = ("matched", "svf", "foaw", "difference")
@@ -77,7 +77,7 @@ CONDITIONING = ("matched", "svf", "foaw", "difference")
 
 @pytest.mark.parametrize("conditioning", CONDITIONING)
 def test_conditioned_signals_after_a_gap_do_not_depend_on_those_before_it(conditioning):
-    signals = linear()
+    signals = linear(period=2e-3)
     start = signals.gaps[0]
     moved = signals._replace(x=signals.x.copy(), f=signals.f.copy())
     moved.x[:start] *= 3.0
@@ -114,7 +114,7 @@ def test_estimators_receive_the_duration_of_a_gap():
     assert evaluation.gaps == (pytest.approx((3.1, 5.47)),)
 
 
-@pytest.mark.parametrize("end", [5.1, 5.3, 5.47, 5.6, 5.8])
+@pytest.mark.parametrize("end", [5.1, 5.47, 5.8])
 def test_a_gap_does_not_shift_the_estimates_after_it(end):
     evaluation = evaluate(
         linear((3.1, end)), EstimateSettings(datum="file", preset="paper", whole=True)
@@ -126,7 +126,7 @@ def test_a_gap_does_not_shift_the_estimates_after_it(end):
 @pytest.mark.parametrize("conditioning", CONDITIONING)
 def test_a_gap_of_any_length_does_not_change_the_settings_that_follow_the_data(conditioning):
     signals, settings = (
-        linear(),
+        linear(period=2e-3),
         EstimateSettings(datum="file", conditioning=conditioning, resolution=1e-6),
     )
     t = signals.t + 3600.0 * (signals.t > 4.0)
@@ -149,7 +149,7 @@ def test_signals_without_a_gap_are_conditioned_as_one():
 
 def test_gaps_that_leave_no_settled_sample_are_refused():
     whole = linear((9.0, 9.0))
-    signals = Signals(*(column[:2000] for column in whole[:4]), whole.position_name)
+    signals = Signals(*(column[:600] for column in whole[:4]), whole.position_name)
     every = signals._replace(gaps=tuple(range(0, len(signals.t), 20)))
     with pytest.raises(InputError, match="far enough from a gap for the filters to settle"):
         evaluate(every, EstimateSettings(datum="file", preset="paper", whole=True))
@@ -157,10 +157,10 @@ def test_gaps_that_leave_no_settled_sample_are_refused():
 
 def test_a_gap_in_a_table_is_reported(tmp_path, capsys):
     path = tmp_path / "a.csv"
-    t, x, f, *_ = linear()
+    t, x, f, *_ = linear(period=2e-3)
     lines = [f"{a:.4f},{b:.9f},{c:.6f}" for a, b, c in zip(t, x, f, strict=True)]
     path.write_text("\n".join(["Time [s],Displacement [m],Force [N]", *lines]))
-    assert read_signals(path).gaps == (3101,)
+    assert read_signals(path).gaps == (1551,)
     assert main(["estimate", str(path), "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["gaps"] == [{"from_s": 3.1, "to_s": 5.47}]
@@ -207,28 +207,28 @@ def slow(monkeypatch):
     return during
 
 
-SETTINGS = TrialSettings(clock="virtual", duration=3.0)
+SETTINGS = TrialSettings(clock="virtual", duration=1.5)
 
 
 def test_a_run_reports_dropped_ticks_as_such(slow, tmp_path):
-    slow(*range(1000, 2500))
+    slow(*range(1000, 1300))
     trial = run_trial(SETTINGS, tmp_path / "a.mcap")
     summary = trial.summary()
     assert summary["loop"]["longest_gap_s"] == pytest.approx(1e-3)
     assert summary["loop"]["mean_rate_hz"] == pytest.approx(1000.0)
     first = trial.recording["time"][0]
     (gap,) = summary["recording"]["missing_ticks"]
-    assert gap["ticks"] == 1500
+    assert gap["ticks"] == 300
     assert gap["from_s"] == pytest.approx(first + 0.999)
-    assert gap["to_s"] == pytest.approx(first + 2.5)
+    assert gap["to_s"] == pytest.approx(first + 1.3)
     assert not summary["recording"]["complete"]
     assert summary["recording"]["problem"] is None
 
 
 def test_a_command_names_the_missing_ticks_and_does_not_advise_to_recover(slow, tmp_path, capsys):
-    slow(*range(1000, 1500), *range(2000, 2100))
+    slow(*range(1000, 1500), *range(1700, 1800))
     path = tmp_path / "a.mcap"
-    assert main(["run", "--clock", "virtual", "--duration", "3", "--record", str(path)]) == 2
+    assert main(["run", "--clock", "virtual", "--duration", "2", "--record", str(path)]) == 2
     out, err = capsys.readouterr()
     text = "600 ticks are missing from the recording: 500 from "
     assert text in out
@@ -255,11 +255,11 @@ def test_a_command_names_the_missing_ticks_and_does_not_advise_to_recover(slow, 
 
 
 def test_ticks_that_were_dropped_last_are_reported(slow, tmp_path):
-    slow(*range(3000, 4000))
+    slow(*range(1200, 2000))
     path = tmp_path / "a.mcap"
     trial = run_trial(SETTINGS, path)
     recording = load(path)
-    assert len(recording) == 3000
+    assert len(recording) == 1200
     (gap,) = recording.gaps
     assert gap.start == recording["time"][-1]
     assert gap.end is None
@@ -281,7 +281,7 @@ def test_ticks_that_were_dropped_first_are_reported(slow, tmp_path, capsys):
 
 def test_the_estimates_of_a_run_with_missing_ticks_are_not_claimed_to_be_reproduced(slow, tmp_path):
     path = tmp_path / "a.mcap"
-    slow(*range(2000, 2002))
+    slow(*range(1200, 1202))
     run_trial(SETTINGS, path)
     recording = load(path)
     signals = recorded_signals(recording)

@@ -29,7 +29,7 @@ FLUSHED = 50
 def whole(tmp_path_factory):
     """Return a recording of a trial in many chunks, as a run in real time writes it."""
     folder = tmp_path_factory.mktemp("trial")
-    command = ["run", "--clock", "virtual", "--duration", "0.3"]
+    command = ["run", "--clock", "virtual", "--duration", "0.3", "--rate", "500"]
     assert main([*command, "--record", f"{folder}/a.mcap"]) == 0
     contents = read_intact(folder / "a.mcap")
     path = folder / "whole.mcap"

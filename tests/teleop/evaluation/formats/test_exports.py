@@ -16,7 +16,7 @@ LIBRARY = {"h5": "h5py", "parquet": "pyarrow"}
 @pytest.fixture(scope="module")
 def trial(tmp_path_factory):
     path = tmp_path_factory.mktemp("trial") / "trial.mcap"
-    arguments = ["--clock", "virtual", "--duration", "2", "--force-lag", "0.005"]
+    arguments = ["--clock", "virtual", "--duration", "1.5", "--force-lag", "0.005"]
     assert main(["run", *arguments, "--record", str(path)]) == 0
     return path
 
@@ -55,8 +55,10 @@ def expected(trial):
     return {options: evaluated(trial, *options) for options in OPTIONS}
 
 
-@pytest.mark.parametrize("ending", ["csv", "h5", "mat", "parquet"])
-@pytest.mark.parametrize("options", OPTIONS)
+@pytest.mark.parametrize(
+    ("ending", "options"),
+    [("csv", OPTIONS[0]), ("csv", OPTIONS[1]), *((one, ()) for one in ("h5", "mat", "parquet"))],
+)
 def test_an_export_gives_the_same_numbers_as_the_recording(exported, expected, ending, options):
     assert evaluated(exported(ending), *options) == expected[options]
     assert expected[options]["as_online"] is (not options)
