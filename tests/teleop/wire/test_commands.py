@@ -66,9 +66,7 @@ def emulated(path, folder, *arguments):
         assert process.returncode == 0
 
 
-def test_a_rig_is_run_and_recorded_against_its_emulated_devices(
-    tmp_path, capsys, undemanding_rig
-):
+def test_a_rig_is_run_and_recorded_against_its_emulated_devices(tmp_path, capsys, undemanding_rig):
     board = undemanding_rig("serial-board", tmp_path / "board.toml")
     with emulated(board, tmp_path, "--condition", "autonomous") as (rig, document):
         assert set(document["ports"]) == set(read_rig_file(rig).sections.buses)
