@@ -26,16 +26,23 @@ for name in ("SIGINT", "SIGHUP", "SIGQUIT"):
         signal.signal(ending, signal.SIG_DFL if quits else signal.default_int_handler)
 
 os.environ.pop("COLUMNS", None)  # set by readline for the workers of pytest-xdist
-# Threads of a linear-algebra library would compete with the other worker for the two cores.
+# Threads of a linear-algebra library would compete with the other workers for the two cores.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 ROOT = Path(__file__).parents[1]
 # The tests start hundreds of processes, which read this bytecode instead of compiling all modules.
-# They write none, since a process whose disk is full would leave a truncated file.
+# They write none, since a process whose disk is full would leave a truncated file. Only the workers
+# do: the next run then reads the test files with rewritten assertions.
 if "PYTEST_XDIST_WORKER" not in os.environ:
     for package in ("estimation", "drivers", "sim_backend", "teleop"):
         compileall.compile_dir(ROOT / package, quiet=1)
 os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
+sys.dont_write_bytecode = False
 gc.unfreeze = lambda: None  # a trial in real time would end what `quick_garbage_collection` does
+
+
+def pytest_collection_modifyitems(items):
+    """Begin with the tests in real time: one worker runs them all while the others compute."""
+    items.sort(key=lambda item: item.get_closest_marker("real_time") is None)
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -189,6 +189,7 @@ def emulator_commands() -> list[str]:
     ]
 
 
+@pytest.mark.real_time
 def test_the_first_hour_with_a_board_works(tmp_path, undemanding_rig, monkeypatch):
     pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
     (tmp_path / "rigs").mkdir()

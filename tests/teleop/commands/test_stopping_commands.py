@@ -66,6 +66,7 @@ def test_ctrl_c_while_a_silent_rig_opens_ends_with_130(tmp_path, arguments):
     os.close(follower)
 
 
+@pytest.mark.real_time
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
 def test_ctrl_c_twice_ends_a_run_in_virtual_time_whose_recorder_is_stopped(tmp_path):
     """The loop waits for the pipe, and does not respond to requests."""

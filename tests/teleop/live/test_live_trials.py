@@ -18,7 +18,10 @@ from teleop.recording.recording import load
 
 from .live_client import page
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="the live page needs POSIX")
+pytestmark = [
+    pytest.mark.real_time,
+    pytest.mark.skipif(os.name != "posix", reason="the live page needs POSIX"),
+]
 
 
 RATE = ("--rate", "100")

@@ -76,6 +76,7 @@ def test_every_kind_of_fault_ends_as_docs_safety_states_under_every_condition():
     "kind",
     ["contact_force NaN", "slave_position stale", "runaway plant", "rig unplugged", "Ctrl-C twice"],
 )
+@pytest.mark.real_time
 def test_a_fault_in_real_time_stops_the_slave_and_is_named(kind):
     for _ in range(3):  # the loop stops first if the machine is busy for 80 ms
         row = campaign.real("autonomous", "soft", kind, seed=1)
@@ -132,6 +133,7 @@ class Run:
         return os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
 
 
+@pytest.mark.real_time
 def test_the_enter_key_is_an_emergency_stop(tmp_path):
     run = Run(tmp_path, "--duration", "60", "--condition", "autonomous", "--record", "a.mcap")
     run.wait_until_moving()
@@ -145,6 +147,7 @@ def test_the_enter_key_is_an_emergency_stop(tmp_path):
     assert not recording["commanded_slave_velocity"][after].any()
 
 
+@pytest.mark.real_time
 def test_ctrl_c_ramps_down_and_keeps_the_recording(tmp_path):
     run = Run(tmp_path, "--duration", "60", "--condition", "autonomous", "--record", "a.mcap")
     run.wait_until_moving()
@@ -156,6 +159,7 @@ def test_ctrl_c_ramps_down_and_keeps_the_recording(tmp_path):
     assert recording["commanded_slave_velocity"][-1] == 0.0
 
 
+@pytest.mark.real_time
 def test_a_closed_terminal_ends_the_run_with_a_ramp(tmp_path):
     run = Run(tmp_path, "--duration", "60", "--record", "a.mcap")
     run.wait_until_moving()

@@ -66,6 +66,7 @@ def emulated(path, folder, *arguments):
         assert process.returncode == 0
 
 
+@pytest.mark.real_time
 def test_a_rig_is_run_and_recorded_against_its_emulated_devices(tmp_path, capsys, undemanding_rig):
     board = undemanding_rig("serial-board", tmp_path / "board.toml")
     with emulated(board, tmp_path, "--condition", "autonomous") as (rig, document):
@@ -105,6 +106,7 @@ def served(path, folder):
             thread.join()
 
 
+@pytest.mark.real_time
 def test_the_check_reports_channels_round_trips_and_watchdogs(tmp_path, undemanding_rig):
     path = undemanding_rig("odrive-bota", tmp_path / "odrive-bota.toml")
     with served(path, tmp_path) as (rig, emulator):
@@ -134,6 +136,7 @@ def controller(rig):
     )  # fmt: skip
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_when_the_controller_is_killed_the_drives_stop_by_their_own_watchdogs(
     name, tmp_path, undemanding_rig

@@ -26,6 +26,7 @@ from teleop.studies.series.journal import Journal
 from teleop.trial.settings import TrialSettings
 
 pty = pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
+pytestmark = pytest.mark.real_time
 
 SHORT = """
 name = "short"
