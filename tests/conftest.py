@@ -42,7 +42,18 @@ gc.unfreeze = lambda: None  # a trial in real time would end what `quick_garbage
 
 def pytest_collection_modifyitems(items):
     """Begin with the tests in real time: one worker runs them all while the others compute."""
-    items.sort(key=lambda item: item.get_closest_marker("real_time") is None)
+    items.sort(key=computes)
+
+
+def pytest_runtest_setup(item):
+    """Lower the priority of a worker that computes: tests in real time get a processor at once."""
+    if computes(item) and hasattr(os, "nice") and not os.nice(0):
+        os.nice(10)
+
+
+def computes(item):
+    """Whether a test does not wait for devices and processes in real time."""
+    return item.get_closest_marker("real_time") is None
 
 
 @pytest.fixture(scope="module", autouse=True)
