@@ -20,6 +20,8 @@ from teleop.live.server import MOST_CONNECTIONS, Server
 
 from .live_client import TOKEN, page, served
 
+pytestmark = pytest.mark.real_time
+
 PAGES = {"/": Page("text/html; charset=utf-8", b"<!doctype html>")}
 
 
@@ -280,7 +282,6 @@ def test_a_client_that_does_not_read_is_aborted_and_others_are_still_served(feed
     run(scenario())
 
 
-@pytest.mark.real_time
 def test_half_open_connections_are_closed_and_do_not_keep_others_out(feed):
     async def scenario():
         async with served(feed, PAGES) as (server, address):

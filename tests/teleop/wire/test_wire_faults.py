@@ -127,6 +127,7 @@ def test_a_device_that_was_reset_stops_the_rig(in_memory, wired):
     check_stopped(trial, emulator)
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize("wired", WIRES, ids=NAMES)
 def test_a_line_at_another_baud_rate_is_reported_at_the_start(stepped, wired, monkeypatch):
     monkeypatch.setattr("drivers.devices.board.PATIENCE", 0.5)

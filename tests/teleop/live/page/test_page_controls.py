@@ -6,6 +6,8 @@ import pytest
 
 from .conftest import wait_for
 
+pytestmark = pytest.mark.real_time
+
 FAULT = "document.getElementById('mode').textContent === 'fault'"
 
 

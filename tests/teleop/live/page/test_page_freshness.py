@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import pytest
+
 from .conftest import wait_for
+
+pytestmark = pytest.mark.real_time
 
 IS_STALE = "document.body.classList.contains('is-stale')"
 

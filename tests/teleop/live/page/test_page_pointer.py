@@ -6,6 +6,8 @@ import pytest
 
 from .conftest import wait_for
 
+pytestmark = pytest.mark.real_time
+
 DEEPEST, ABOVE = 0.02, 0.45
 """Depth at the lower edge of the picture [m], and the part above the surface relative to it."""
 

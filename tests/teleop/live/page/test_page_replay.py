@@ -13,6 +13,8 @@ from teleop.recording.recording import load
 
 from .conftest import wait_for
 
+pytestmark = pytest.mark.real_time
+
 PICTURE = "document.querySelector('.strip-position canvas').toDataURL()"
 
 KEEP = """() => {

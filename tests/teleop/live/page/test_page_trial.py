@@ -15,6 +15,8 @@ import pytest
 
 from .conftest import wait_for
 
+pytestmark = pytest.mark.real_time
+
 LATEST = "[teleop.last('rls_k'), teleop.last('contact_force'), teleop.last('slave_position')]"
 
 
