@@ -96,6 +96,7 @@ class Served:
         self.drive = EmulatedCia402("drive", settings, self.mount)
         self._bus = can.Bus(interface="virtual", channel=channel)
         self._on = True
+        self.sent = 0
         self.calls = deque()
         self._thread = threading.Thread(target=self._serve)
         self._thread.start()
@@ -109,6 +110,7 @@ class Served:
                 self.drive.receive(frame, time.monotonic())
             for out in self.drive.emit(time.monotonic()):
                 self._bus.send(out)
+                self.sent += 1
 
     def close(self):
         self._on = False
@@ -144,6 +146,7 @@ def node(channel, served):
     node = canopen.BaseNode402(5, dictionary())
     node.sdo.RESPONSE_TIMEOUT = 10.0  # s; 0.3 s are too short on a busy machine
     network.add_node(node)
+    assert soon(lambda: served.sent)  # the boot-up message of the power-up, which is not received
     network.connect(interface="virtual", channel=channel)
     beats = []
     node.nmt.add_heartbeat_callback(beats.append)
