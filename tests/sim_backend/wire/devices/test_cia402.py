@@ -134,6 +134,7 @@ def channel():
 @pytest.fixture
 def served(channel):
     served = Served(channel)
+    assert soon(lambda: served.sent)  # the boot-up message, before which it receives nothing
     yield served
     served.close()
 
@@ -146,7 +147,6 @@ def node(channel, served):
     node = canopen.BaseNode402(5, dictionary())
     node.sdo.RESPONSE_TIMEOUT = 10.0  # s; 0.3 s are too short on a busy machine
     network.add_node(node)
-    assert soon(lambda: served.sent)  # the boot-up message of the power-up, which is not received
     network.connect(interface="virtual", channel=channel)
     beats = []
     node.nmt.add_heartbeat_callback(beats.append)
