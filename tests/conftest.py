@@ -30,8 +30,8 @@ os.environ.pop("COLUMNS", None)  # set by readline for the workers of pytest-xdi
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 ROOT = Path(__file__).parents[1]
 # The tests start hundreds of processes, which read this bytecode instead of compiling all modules.
-# They write none, since a process whose disk is full would leave a truncated file. Only the workers
-# do: the next run then reads the test files with rewritten assertions.
+# They write none, since a process whose disk is full would leave a truncated file. Pytest itself
+# writes that of the test files, which the next run reads.
 if "PYTEST_XDIST_WORKER" not in os.environ:
     for package in ("estimation", "drivers", "sim_backend", "teleop"):
         compileall.compile_dir(ROOT / package, quiet=1)
