@@ -167,7 +167,6 @@ def test_the_report_of_a_run_in_real_time_shows_the_timing_of_the_loop(tmp_path,
     assert page.count("<svg") == 5
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_a_run_stopped_by_a_fault_reports_it_and_exits_with_3(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with fault_injected(Replaced("slave_position", float("inf")), at=0.5):

@@ -72,6 +72,15 @@ def test_every_kind_of_fault_ends_as_docs_safety_states_under_every_condition():
     assert sorted(row["kind"] for row in rows if row["kind"] in linked) == sorted([*linked] * 3)
 
 
+def test_a_cube_with_an_inclusion_behind_a_spring_is_compressed_as_its_force_requires():
+    cube, compliance = sys.modules["fault_kinds"].Inclusion(2000.0, 1e6, 3.0), 1e-5
+    object.__setattr__(cube, "inside", 5e-3)
+    object.__setattr__(cube, "stiffness_inside", 20e3)
+    for x in (-1e-3, 1e-3, 5e-3, 6e-3, 20e-3):
+        y = cube.compressed(x, compliance)
+        assert y + compliance * cube.force(y, 0.0) == pytest.approx(x, abs=1e-12)
+
+
 @pytest.mark.parametrize(
     "kind",
     ["contact_force NaN", "slave_position stale", "runaway plant", "rig unplugged", "Ctrl-C twice"],

@@ -115,4 +115,4 @@ def test_the_drawing_of_the_tracking_of_ten_minutes_is_small():
     position = np.roll(target, 40)
     columns = {"time": t, "target": target, "slave_position": position}
     found = tracking(t, target, position, 1.0)._asdict()
-    assert len(svg(tracking_figure("", Recording(columns, {}), found))) < 300_000
+    assert len(svg(tracking_figure("", Recording(columns, {}), found))) < 200_000

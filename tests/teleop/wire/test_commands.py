@@ -19,6 +19,8 @@ from teleop.cli import main
 from teleop.rig.emulation import make_emulator
 from teleop.trial.settings import TrialSettings
 
+from .conftest import was_busy
+
 RIGS = Path(__file__).parents[3] / "rigs"
 BOARD = str(RIGS / "serial-board.toml")
 RUN = ("run", "--specimen", "soft", "--depth", "10mm", "--yes", "--rig")
@@ -77,7 +79,7 @@ def test_a_rig_is_run_and_recorded_against_its_emulated_devices(tmp_path, capsys
                 *RUN, rig, "--condition", "autonomous", "--duration", 1, "--json",
                 "--record", path,
             )  # fmt: skip
-            if ran.returncode not in (2, 3):  # refused or stopped on a busy machine: try again
+            if not was_busy(ran.returncode, ran.stderr):
                 break
         assert ran.returncode == 0, ran.stderr
         summary = json.loads(ran.stdout)
@@ -132,7 +134,8 @@ def controller(rig):
         [sys.executable, "-m", "teleop", *RUN, rig, "--condition", "autonomous",
          "--no-record", "--realtime", "off"],
         stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
     )  # fmt: skip
 
 
@@ -146,14 +149,15 @@ def test_when_the_controller_is_killed_the_drives_stop_by_their_own_watchdogs(
         run = controller(rig)
         deadline = time.monotonic() + 40.0
         while abs(emulator.mechanism.measurement.slave_velocity) < 0.01:
-            if run.poll() in (2, 3):  # refused or stopped on a busy machine: try again
+            if run.poll() is not None:
+                _, error = run.communicate()
+                assert was_busy(run.returncode, error), error
                 run = controller(rig)
-            assert run.poll() is None
             assert time.monotonic() < deadline
             time.sleep(0.01)
         assert emulator.mechanism.driven
         run.kill()
-        run.wait()
+        run.communicate()
         deadline = time.monotonic() + 5.0
         while emulator.mechanism.driven:
             assert time.monotonic() < deadline

@@ -147,7 +147,7 @@ def test_bus_off_is_reported(in_memory, wired):
     check_stopped(trial, emulator)
 
 
-def test_error_frames_are_counted_while_other_frames_arrive(in_memory):
+def test_error_frames_do_not_stop_the_run_while_other_frames_arrive(in_memory):
     trial, _ = run(in_memory, ODRIVE, "error-frames")
     assert trial.fault is None
 
