@@ -191,6 +191,7 @@ def emulator_commands() -> list[str]:
 
 @pytest.mark.real_time
 def test_the_first_hour_with_a_board_works(tmp_path, undemanding_rig, monkeypatch):
+    """Rate and time limits are those of `undemanding`; `test_agreement.py` tests the file's own."""
     pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
     (tmp_path / "rigs").mkdir()
     undemanding_rig("serial-board", tmp_path / "rigs" / "serial-board.toml")

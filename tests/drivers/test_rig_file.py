@@ -125,6 +125,12 @@ def test_an_invalid_toml_file_is_reported_in_one_line(tmp_path, content):
         read_rig_file(path)
 
 
+@pytest.mark.parametrize("value", ["3", "[]", "{}", "true"])
+def test_a_device_of_an_invalid_kind_is_reported(tmp_path, value):
+    text = BOARD.replace('kind = "board"', f"kind = {value}")
+    assert any(".kind: " in line for line in problems(tmp_path, text))
+
+
 VALUES = ["3", "-1", '"x"', "[]", "[1, 2, 3]", "{}", "true", "nan", "1e400", "2026-01-01"]
 
 

@@ -413,7 +413,7 @@ def test_a_full_disk_for_standard_output_is_reported():
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.parametrize(
     ("json", "output", "reason"),
-    [("", "> /dev/full", "no space left on device"), ("--json", "| true", "broken pipe")],
+    [("--json", "> /dev/full", "no space left on device"), ("", "| true", "broken pipe")],
 )
 def test_a_safety_stop_is_reported_also_without_standard_output(json, output, reason):
     # the limits of such a small depth are below the noise of the force sensor

@@ -110,9 +110,9 @@ def test_a_name_that_the_font_does_not_have_is_drawn_without_a_warning(tmp_path,
     assert [*recwarn] == []
 
 
-def test_a_title_of_any_length_leaves_room_for_the_figure(recwarn):
+def test_a_title_of_any_length_and_characters_leaves_room_for_the_figure(recwarn):
     t = np.arange(3.0)
     series = Estimates(t, t, t, t, t > 5.0)
-    figure = estimates_figure(plain("long\n" * 1000), t, t, t, {"rls": series})
+    figure = estimates_figure(plain("\u6d4b\u8bd5 long\n" * 1000), t, t, t, {"rls": series})
     assert svg(figure).startswith("<svg")
     assert [*recwarn] == []

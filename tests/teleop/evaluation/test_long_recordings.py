@@ -255,13 +255,14 @@ def test_memory_does_not_depend_on_the_duration(trials, small, monkeypatch):
     monkeypatch.setattr("teleop.evaluation.evaluation.KEPT", 2000)
     peaks = {}
     command = ["estimate", "--estimators", "ai", "--json"]
-    assert main([*command, str(trials[3])]) == 0  # libraries are imported
+    for path in trials.values():  # libraries are imported, and `analysis_by_record` stores
+        assert main([*command, str(path)]) == 0
     for duration in (3, 8):
         tracemalloc.start()
         assert main([*command, str(trials[duration])]) == 0
         peaks[duration] = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-    assert peaks[8] < 1.5 * peaks[3]
+    assert peaks[8] < 1.25 * peaks[3]
 
 
 @given(

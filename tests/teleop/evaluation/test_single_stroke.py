@@ -33,7 +33,7 @@ def ramp() -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("noise", "contact"),
-    [(1e-4, 0.0), (1e-3, 1e-3), (0.1, 0.0), (0.1, 1e-3)],
+    [(1e-4, 0.0), (1e-3, 1e-3), (0.05, 1e-3), (0.1, 0.0), (0.1, 1e-3)],
 )
 def test_a_noisy_ramp_gives_its_stiffness(noise: float, contact: float) -> None:
     x = ramp()

@@ -290,6 +290,14 @@ def test_a_point_that_kills_its_process_has_an_error_and_no_other_point_is_lost(
     assert [number for number, one in found.items() if "error" in one] == [3]
 
 
+def test_a_sweep_that_was_killed_in_the_first_line_of_its_journal_starts_again(tmp_path, whole):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "journal.jsonl").write_text('{"plan": {')
+    swept(tmp_path / "out", written(tmp_path / "plan.toml"))
+    found = (tmp_path / "out" / "results.csv").read_bytes()
+    assert found == (whole / "results.csv").read_bytes()
+
+
 def test_a_sweep_killed_at_random_instants_ends_with_the_results_of_one_that_was_not(tmp_path):
     plan = written(tmp_path / "plan.toml", PLAN.replace("name", "seeds = 2\nname"))
     command = [sys.executable, "-m", "teleop", "sweep", str(plan), "--workers", "2", "--out"]
