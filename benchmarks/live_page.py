@@ -193,9 +193,8 @@ def main() -> None:
         assert trial.stderr is not None
         url = next(line for line in trial.stderr if "http" in line).split()[-1]
         with sync_playwright() as playwright:
-            browser = playwright.chromium.launch(
-                executable_path=shutil.which("chromium"), args=["--no-sandbox"]
-            )
+            path = shutil.which("chromium") or shutil.which("chromium-headless-shell")
+            browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
             page = browser.new_page(viewport={"width": 1280, "height": 800})
             lines = measure(url, page, options.seconds, options.stops)
             page.close()
