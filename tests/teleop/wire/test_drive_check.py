@@ -126,6 +126,7 @@ def stepped(stepped: Callable[..., Any]) -> Callable[..., Any]:
 def test_a_wrong_sign_or_scale_is_refused_before_the_slave_gets_far(in_memory, name, factor, wrong):
     checked = Checked(in_memory(name, **wrong(factor)))
     check_refused(checked, factor)
+    assert checked.travel < 0.4e-3
 
 
 @pytest.mark.parametrize("name", RIGS[:1])
