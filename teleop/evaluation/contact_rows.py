@@ -196,7 +196,7 @@ class Rows:
 
     @cached_property
     def levels(self) -> tuple[NDArray[np.intp] | None, NDArray[np.intp] | None]:
-        """Levels (digital values) of position and force at the n fitted samples (see `levels`)."""
+        """Levels (digital values) of position and force at the n fitted samples."""
         record = self.record
         return (
             levels(record.raw_x[self.rows], record.count),
