@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import compileall
+import contextlib
 import gc
 import hashlib
 import os
@@ -162,6 +163,26 @@ def third_party(driver_page, estimator_page, tmp_path_factory):
     )
     assert done.returncode == 0, done.stderr
     return folder / "site"
+
+
+@contextlib.contextmanager
+def packages_found(folder):
+    """Let this process find the packages in a folder, as if they were installed."""
+    from estimation import registry
+
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.syspath_prepend(folder)
+        registry.offered.cache_clear()
+        yield
+    registry.offered.cache_clear()
+    for name in ("acme", "acme_emulated", "acme_estimator"):
+        sys.modules.pop(name, None)
+
+
+@pytest.fixture(scope="session")
+def installed():
+    """Returns `packages_found`."""
+    return packages_found
 
 
 def undemanding(text: str, rate: int = 125) -> str:

@@ -15,7 +15,6 @@ import sys
 
 import pytest
 
-from estimation import registry
 from teleop.cli import main
 
 pytestmark = pytest.mark.skipif(
@@ -23,18 +22,6 @@ pytestmark = pytest.mark.skipif(
 )
 ATTEMPTS = 4
 """A command in real time is repeated where the machine was taken away meanwhile."""
-
-
-@contextlib.contextmanager
-def installed(folder):
-    """Let this process find the packages within the block, as if pip had installed them."""
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.syspath_prepend(folder)
-        registry.offered.cache_clear()
-        yield
-    registry.offered.cache_clear()
-    for name in ("acme", "acme_emulated", "acme_estimator"):
-        sys.modules.pop(name, None)
 
 
 @contextlib.contextmanager
@@ -80,7 +67,7 @@ RUN = "--specimen soft --depth 10mm --yes --condition autonomous --duration 1 --
 
 
 @pytest.fixture(scope="module")
-def printed(third_party, third_party_rig, tmp_path_factory):
+def printed(installed, third_party, third_party_rig, tmp_path_factory):
     """What check, tare and run print on the emulated rig, by command, and the recording.
 
     The emulator uses the processor as long as it runs, so it ends before the other commands.
@@ -107,7 +94,7 @@ def recorded(printed):
 
 
 @pytest.fixture
-def command(third_party, capsys):
+def command(installed, third_party, capsys):
     """Runs a command in this process, which finds the packages, and gives what it prints."""
 
     def run(*arguments):

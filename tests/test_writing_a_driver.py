@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import sys
 import tomllib
 
 import pytest
 
 
 @pytest.fixture
-def installed(third_party, monkeypatch):
-    monkeypatch.syspath_prepend(third_party)
-    yield
-    for name in ("acme", "acme_emulated"):
-        sys.modules.pop(name, None)
+def package_found(installed, third_party):
+    with installed(third_party):
+        yield
 
 
-@pytest.mark.usefixtures("installed")
+@pytest.mark.usefixtures("package_found")
 def test_its_tests_pass(driver_page):
     namespace: dict = {}
     exec(driver_page.block("def test_a_frame_cut"), namespace)
@@ -37,7 +34,7 @@ def test_its_toml_is_toml_and_names_what_the_code_defines(driver_page):
     assert documents[1]["devices"]["tip"]["kind"] == "acme"
 
 
-@pytest.mark.usefixtures("installed")
+@pytest.mark.usefixtures("package_found")
 def test_a_registered_device_is_known_to_rig_files(third_party_rig):
     from drivers.rig_file import read_rig_file
 

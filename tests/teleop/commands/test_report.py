@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from html.parser import HTMLParser
 
 import pytest
 from hypothesis import given
@@ -16,6 +15,8 @@ from teleop.output.settings_rows import value_text
 from teleop.recording.recording import load
 from teleop.trial.performed import performed
 from teleop.trial.settings import TrialSettings
+
+from ..html_page import Page
 
 
 @pytest.fixture(scope="module")
@@ -39,21 +40,9 @@ def without_drawings(monkeypatch):
     monkeypatch.setattr("teleop.output.report_page.svg", lambda figure: "")
 
 
-class Links(HTMLParser):
-    """The links of a page, and the addresses of what it needs."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.addresses = []
-        self.feed(text)
-
-    def handle_starttag(self, tag, attributes):
-        self.addresses += [value for name, value in attributes if name in ("src", "href")]
-
-
 def test_the_page_needs_nothing_else_and_links_to_the_recording_only(page):
-    addresses = Links(page).addresses
-    assert {address for address in addresses if not address.startswith("#")} == {"a%20trial.mcap"}
+    links = Page(page).links
+    assert {link for link in links if not link.startswith("#")} == {"a%20trial.mcap"}
 
 
 def test_the_page_has_what_was_run_the_result_the_figures_events_and_all_settings(trial, page):

@@ -3,7 +3,6 @@ from __future__ import annotations
 import csv
 import errno
 import json
-from html.parser import HTMLParser
 
 import pytest
 
@@ -14,6 +13,8 @@ from teleop.studies.paper.page import reproduction_page
 from teleop.studies.paper.reproduction import reproduce
 from teleop.studies.paper.table1 import is_calibrated, table1
 from teleop.studies.paper.trials import Damping, Outcome, paper_trial
+
+from ...html_page import Page
 
 
 def test_table_1_is_the_papers():
@@ -96,17 +97,6 @@ def test_cells_beyond_a_factor_of_two_are_counted(name, far, word):
     assert claim.evidence.startswith("0 of 27")
 
 
-class Page(HTMLParser):
-    def __init__(self):
-        super().__init__()
-        self.tags = []
-        self.links = []
-
-    def handle_starttag(self, tag, attributes):
-        self.tags.append(tag)
-        self.links += [value for name, value in attributes if name in ("src", "href")]
-
-
 def test_reproduce_writes_table_figures_and_a_page_that_needs_nothing_else(tmp_path, capsys):
     out = tmp_path / "paper"
     assert main(["reproduce", "--out", str(out), "--json"]) == 0
@@ -137,8 +127,7 @@ def test_reproduce_writes_table_figures_and_a_page_that_needs_nothing_else(tmp_p
     for figure in ("figure3", "figure4", "figure5"):
         assert (out / f"{figure}.png").read_bytes().startswith(b"\x89PNG")
         assert (out / f"{figure}.svg").read_text().startswith("<svg")
-    page = Page()
-    page.feed((out / "index.html").read_text())
+    page = Page((out / "index.html").read_text())
     assert page.tags.count("figure") == 3
     assert page.tags.count("table") == 4
     assert all(link.startswith("#") for link in page.links)
