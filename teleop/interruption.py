@@ -68,6 +68,9 @@ class Interruption:
         Number of signals that have arrived.
     reason
         Text of the latest signal in `SIGNALS`, such as "Ctrl-C"; empty before the first signal.
+    ends_program
+        Whether a signal other than Ctrl-C has arrived. It asks the whole program to end. In a
+        series, Ctrl-C asks only the present trial to end.
     timeout
         Time within which the program must call `acknowledge` after a signal [s]. With the initial
         value 0, a signal raises KeyboardInterrupt immediately.
@@ -76,6 +79,7 @@ class Interruption:
     def __init__(self) -> None:
         self.count = 0
         self.reason = ""
+        self.ends_program = False
         self.timeout = 0.0
         self._unacknowledged_since = math.inf
         self._handled = contextlib.ExitStack()
@@ -110,6 +114,7 @@ class Interruption:
         """
         self.count += 1
         self.reason = reason
+        self.ends_program = self.ends_program or reason != SIGNALS["SIGINT"]
         now = time.monotonic()
         self._unacknowledged_since = min(self._unacknowledged_since, now)
         if now - self._unacknowledged_since >= self.timeout:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from teleop.trial.live_link import LiveLink
     from teleop.trial.result import Trial
     from teleop.trial.settings import TrialSettings
+    from teleop.trial.stop_switch import StopSwitch
 
 
 @dataclass
@@ -41,8 +42,16 @@ class TrialRunner:
     """Connection to the live page, a web page that shows the trial; None without this page."""
     explained: bool = False
     """Whether a person was shown how to stop the trial before the drives were armed."""
-    interrupted: bool = False
-    """Whether a signal or the closing of the terminal ended the latest trial."""
+    switch: StopSwitch | None = None
+    """Means by which a person stops the latest trial; None before the first trial."""
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether a signal or the closing of the terminal ended the latest trial.
+
+        It is also True if the signal arrived after the trial, while the results were written.
+        """
+        return self.switch is not None and self.switch.signalled
 
     def run(self, settings: TrialSettings) -> int:
         """Run a trial, and return the exit code.
@@ -74,6 +83,7 @@ class TrialRunner:
             palpated = settings.specimen or settings.cube
             record = reserved = new_recording(settings.condition, palpated)
         with StopSwitch(key=True, explained=self.explained) as switch:
+            self.switch = switch
             try:
                 trial = run_trial(
                     settings,
@@ -85,7 +95,6 @@ class TrialRunner:
                     live=self.link,
                 )
             finally:
-                self.interrupted = switch.interrupted and not switch.page.reason
                 if reserved and reserved.exists() and not reserved.stat().st_size:
                     reserved.unlink()
             if self.link:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -69,7 +71,7 @@ def series(
     from teleop.commands.series_end import print_end, resuming_command
     from teleop.errors import InputError
     from teleop.output.console import plain_console, print_json, print_table
-    from teleop.printable import discard_output, print_error
+    from teleop.printable import discard_output
     from teleop.studies.series.conduct import (
         conduct,
         is_complete,
@@ -77,7 +79,7 @@ def series(
         unattended,
     )
     from teleop.studies.series.trials import read_series
-    from teleop.trial.stop_key import is_foreground
+    from teleop.trial.arming import check_person
 
     options = {"rig": rig, "tare": tare, "out": out, "ask": ask, "no_ask": ask is False}
     resume = resuming_command(plan, options | {"yes": yes, "json": json}, live)
@@ -102,22 +104,22 @@ def series(
     all_settings = [trial.settings for trial in trials]
     live = live.requested(all_settings)
     by_page = live.arms(all_settings, yes)
-    wired = any(one.rig for one in all_settings) and not is_complete(folder, read, trials)
-    if ask is None:
-        ask = wired and is_foreground() and not (yes or by_page)
-    if wired and not (ask or yes or by_page):
-        raise InputError(
-            f"{plan}: nobody is asked to arm the drives: expected --yes, which arms them without "
-            "asking, or --ask"
-        )
-    before, after = (person, note_of_person) if ask else (unattended, no_note)
+    rig_file = next((one.rig for one in all_settings if one.rig), None)
+    arms = bool(rig_file) and not (yes or by_page or is_complete(folder, read, trials))
+    if rig_file and arms:
+        if ask is False:
+            raise InputError("--no-ask: nobody is asked to arm the drives: expected --yes")
+        check_person(rig_file)
+    asks = arms if ask is None else ask
+    before, after = (partial(person, yes=yes), note_of_person) if asks else (unattended, no_note)
     try:
         with live.linked(all_settings, by_page, choose=False) as link:
             if link and by_page:
-                page = PageOfSeries(link, len(trials))
+                page, asks = PageOfSeries(link, len(trials)), False
                 before, after = page.ask, page.ask_note
-            one = partial(run, link=link, explained=before is person)
-            conduct(folder, read, trials, before, after, one, print_error)
+            runner = SeriesRunner(link, explained=asks)
+            is_ended = runner.is_ended
+            conduct(folder, read, trials, before, after, runner.run, report, is_ended)
     except KeyboardInterrupt:
         try:
             print(file=sys.stderr)  # the terminal has written ^C
@@ -129,47 +131,59 @@ def series(
     return 0
 
 
-def run(
-    settings: TrialSettings, path: Path, link: LiveLink | None = None, explained: bool = False
-) -> Trial:
-    """Run and record one trial of a series.
+def report(text: str) -> None:
+    """Print one line of progress. Nothing is printed if the terminal was closed."""
+    from teleop.printable import print_error
+
+    with contextlib.suppress(OSError):
+        print_error(text)
+
+
+@dataclass
+class SeriesRunner:
+    """Runs and records the trials of a series.
 
     A progress line is shown in the terminal, and Enter or Space in the terminal stops the drives.
-
-    Parameters
-    ----------
-    settings
-        Settings of the trial.
-    path
-        File of the recording.
-    link
-        Connection to the live page in a browser; None for no live page.
-    explained
-        Whether the instructions for stopping a hardware rig were already shown to a person.
-
-    Returns
-    -------
-    trial
-        Results of the trial.
     """
-    from teleop.trial.run import run_trial
-    from teleop.trial.stop_switch import StopSwitch
 
-    real: RealtimeName = "try" if settings.clock == "real" else "off"
-    with StopSwitch(key=True, explained=explained and bool(settings.rig)) as switch:
-        trial = run_trial(settings, path, sys.stderr.isatty(), switch, real, live=link)
-    if link:
-        link.show_result(trial)
-    return trial
+    link: LiveLink | None = None
+    """Connection to the live page in a browser; None for no live page."""
+    explained: bool = False
+    """Whether the instructions for stopping a hardware rig are shown to a person before a trial."""
+    ended: bool = False
+    """Whether the series must end, because of a signal during the latest trial."""
+
+    def is_ended(self) -> bool:
+        """Return the attribute `ended`."""
+        return self.ended
+
+    def run(self, settings: TrialSettings, path: Path) -> Trial:
+        """Run a trial, and record it to the file `path`.
+
+        After the trial, the series must end if the terminal was closed, or after a signal other
+        than Ctrl-C. Ctrl-C ends the trial only, unless the drives were not armed in this trial.
+        """
+        from teleop.trial.run import run_trial
+        from teleop.trial.stop_switch import StopSwitch
+
+        real: RealtimeName = "try" if settings.clock == "real" else "off"
+        with StopSwitch(key=True, explained=self.explained and bool(settings.rig)) as switch:
+            trial = run_trial(settings, path, sys.stderr.isatty(), switch, real, live=self.link)
+        self.ended = switch.ends_command or (switch.signalled and not trial.armed)
+        if self.link:
+            self.link.show_result(trial)
+        return trial
 
 
-def person(question: Question) -> tuple[Answer, str]:
+def person(question: Question, yes: bool = False) -> tuple[Answer, str]:
     """Ask a person whether to run or skip a trial, to return to the previous trial, or to quit.
 
     Parameters
     ----------
     question
         The trial and the texts of the question.
+    yes
+        Whether the drives of a hardware rig are armed even if nobody can answer at the terminal.
 
     Returns
     -------
@@ -178,24 +192,30 @@ def person(question: Question) -> tuple[Answer, str]:
         the answer is "quit".
     note
         Text that the person typed after the letter of the answer; empty if there is none.
+
+    Raises
+    ------
+    InputError
+        The answer "run" would arm a hardware rig, but nobody can answer, see `check_person`.
     """
     answers: dict[str, Answer] = {"": "run", "s": "skip", "r": "repeat", "q": "quit"}
-    from teleop.trial.arming import arming_text, discard_typed_ahead
+    from teleop.trial.arming import answer, arming_text, check_person
 
-    discard_typed_ahead()
     settings, previous = question.trial.settings, question.previous
     armed = f"\n{arming_text(settings)}" if settings.rig else ""
-    print(f"{question.text}{armed}", file=sys.stderr)
     returns = f"r returns to trial {previous.number}, " if previous else ""
-    print(f"Enter {question.running}, s {question.skipping}, {returns}q quits.", file=sys.stderr)
+    choice = f"Enter {question.running}, s {question.skipping}, {returns}q quits."
+    text = f"{question.text}{armed}\n{choice}"
     while True:
-        line = sys.stdin.readline()
-        if not line:
+        if settings.rig and not yes:
+            check_person(settings.rig)
+        line = answer(text)
+        if line is None:
             return "quit", ""
         letter, _, note = line.strip().partition(" ")
         if letter.lower() in answers:
             return answers[letter.lower()], note
-        print("Expected Enter, s, r or q.", file=sys.stderr)
+        text = "Expected Enter, s, r or q."
 
 
 def note_of_person(trial: PlannedTrial) -> str:
@@ -203,5 +223,7 @@ def note_of_person(trial: PlannedTrial) -> str:
 
     The note is empty if the person types nothing, or if the input is closed.
     """
-    print(f"Note on trial {trial.number}, {trial.label}; Enter for no note.", file=sys.stderr)
-    return sys.stdin.readline().strip()
+    from teleop.trial.arming import answer
+
+    line = answer(f"Note on trial {trial.number}, {trial.label}; Enter for no note.")
+    return (line or "").strip()

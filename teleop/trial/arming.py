@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 
 from drivers.rig_file import RigFile
@@ -30,17 +31,57 @@ def check_stated(settings: TrialSettings) -> None:
         raise InputError(f"rig {settings.rig_name!r}: expected also {' and '.join(missing)}")
 
 
-def discard_typed_ahead() -> None:
-    """Discard all keys that a person typed before a prompt is shown.
+def check_person(rig: RigFile, action: str = "arm the drives") -> None:
+    """Check that a person can answer a question at the terminal of this process.
 
-    These keys are not an answer to the prompt.
+    Parameters
+    ----------
+    rig
+        Content of the rig file. The error message contains the name of the rig.
+    action
+        What the person would do, for the error message.
+
+    Raises
+    ------
+    InputError
+        Standard input is not a terminal from which this process may read. It is for example a pipe
+        or a file, or the process is in the background.
     """
+    if not is_foreground():
+        raise InputError(
+            f"rig {rig.sections.name!r}: standard input is not a terminal, so that nobody can "
+            f"{action}: expected --yes, with which nobody is asked"
+        )
+
+
+def answer(text: str) -> str | None:
+    """Show a question on standard error, and return the line that a person types.
+
+    All keys that were typed before the question is shown are discarded: they are not an answer.
+
+    Returns
+    -------
+    The line without its line break; None if standard input has ended, for example because the
+    terminal was closed.
+    """
+    discard_typed_ahead()
+    try:
+        print(text, file=sys.stderr, flush=True)
+        line = sys.stdin.readline()
+    except OSError:  # the terminal was closed
+        return None
+    return line.removesuffix("\n") if line else None
+
+
+def discard_typed_ahead() -> None:
+    """Discard all keys that a person typed in the terminal and that were not read yet."""
     try:
         import termios
     except ImportError:  # a system without these terminals
         return
     if is_foreground():
-        termios.tcflush(sys.stdin, termios.TCIFLUSH)
+        with contextlib.suppress(termios.error):  # the terminal was closed
+            termios.tcflush(sys.stdin, termios.TCIFLUSH)
 
 
 def is_armed(rig: RigFile, text: str, yes: bool = False) -> bool:
@@ -61,19 +102,12 @@ def is_armed(rig: RigFile, text: str, yes: bool = False) -> bool:
     Raises
     ------
     InputError
-        `yes` is False, and standard input is not a terminal from which this process may read.
+        `yes` is False, and nobody can answer, see `check_person`.
     """
     if yes:
         return True
-    if not is_foreground():
-        raise InputError(
-            f"rig {rig.sections.name!r}: standard input is not a terminal, so that nobody can arm "
-            "the drives: expected --yes, which arms them without asking"
-        )
-    discard_typed_ahead()
-    print(text, file=sys.stderr)
-    print("Enter arms the drives, any other answer ends.", file=sys.stderr)
-    if sys.stdin.readline() == "\n":
+    check_person(rig)
+    if answer(f"{text}\nEnter arms the drives, any other answer ends.") == "":
         return True
     print_error("not armed: nothing was moved")
     return False

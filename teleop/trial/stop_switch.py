@@ -58,9 +58,19 @@ class StopSwitch(Interruption):
         self.page = NoPage()
 
     @property
+    def signalled(self) -> bool:
+        """Whether a signal such as Ctrl-C arrived, or the terminal was lost."""
+        return self.count > 0 or bool(self.key.lost)
+
+    @property
+    def ends_command(self) -> bool:
+        """Whether the command must end, and not only the trial: see `Interruption.ends_program`."""
+        return self.ends_program or bool(self.key.lost)
+
+    @property
     def interrupted(self) -> bool:
         """Whether a signal, the live page, or the loss of the terminal ended the run."""
-        return self.count > 0 or bool(self.key.lost or self.page.reason)
+        return self.signalled or bool(self.page.reason)
 
     @property
     def _has_key(self) -> bool:

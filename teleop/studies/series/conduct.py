@@ -92,6 +92,7 @@ def conduct(
     ask_note: AskNote = no_note,
     run: Run = run_trial,
     report: Callable[[str], None] = print,
+    is_ended: Callable[[], bool] = lambda: False,
 ) -> Journal:
     """Run the trials of a series that are not done yet, and return the journal of the series.
 
@@ -117,6 +118,9 @@ def conduct(
         Function that runs and records a trial.
     report
         Function that shows one line of progress.
+    is_ended
+        Function that returns whether the whole series must end after the trial that has just ended,
+        for example because the terminal was closed during this trial. Nobody is then asked.
 
     Raises
     ------
@@ -127,7 +131,7 @@ def conduct(
     RigError
         The rig failed in a trial of an unattended series.
     KeyboardInterrupt
-        A trial of an unattended series was interrupted.
+        A trial of an unattended series was interrupted, or `is_ended` returned True.
     SafetyStop
         A trial of an unattended series failed `ATTEMPTS` times.
     """
@@ -172,6 +176,8 @@ def conduct(
             rested = time.monotonic()
             again = "; the same trial is next" if problem and ask is not unattended else ""
             report(f"{trial.number} of {len(trials)}, {trial.label}: {problem or 'done'}{again}")
+            if is_ended():
+                raise KeyboardInterrupt
             if was_run and (after := ask_note(trial)):
                 attempts = journal.attempts(trial.number)
                 journal.write("note", trial.number, attempt=attempts, note=after)
