@@ -1,8 +1,11 @@
-"""Run the trials that a person starts in the live page, a web page that controls the trials."""
+"""Run the trials that a person starts in the live page, a web page that controls the trials.
+
+While a function of this file waits for the person, a signal such as Ctrl-C raises KeyboardInterrupt
+(see `teleop.interruption.Interruption`), which ends the command.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,34 +17,35 @@ if TYPE_CHECKING:
     from teleop.trial.settings import TrialSettings
 
 WAIT = 0.2
-"""Time between two checks whether the command must end [s]."""
+"""Time between two checks whether the live process is running [s]."""
 
 
-def next_request(link: LiveLink, stopped: Callable[[], bool]) -> dict[str, Any] | None:
+def next_request(link: LiveLink) -> dict[str, Any] | None:
     """Wait for the next request of the live page, such as the button NEXT, and return it.
 
     Parameters
     ----------
     link
         Connection to the live page, the web page in which a person controls the trials.
-    stopped
-        Function that returns whether a signal such as Ctrl-C has arrived.
 
     Returns
     -------
-    The request; None after a signal, or if the process that serves the live page has ended.
+    The request; None if the process that serves the live page has ended.
     """
-    while link.is_running and not stopped():
+    from teleop.printable import print_error
+
+    while link.is_running:
         if request := link.wait_for_request(WAIT):
             return request
+    print_error("the live process has ended")
     return None
 
 
 def run_from_page(link: LiveLink, settings: TrialSettings, runner: TrialRunner, once: bool) -> int:
     """Run each trial that the live page requests, and return the exit code of the last trial.
 
-    The function returns after a signal such as Ctrl-C, or when the process that serves the live
-    page has ended.
+    The function returns after a trial that a signal such as Ctrl-C has ended, or when the process
+    that serves the live page has ended.
 
     Parameters
     ----------
@@ -58,9 +62,10 @@ def run_from_page(link: LiveLink, settings: TrialSettings, runner: TrialRunner, 
     ------
     SafetyStop
         A fault stopped a trial, and `once` is True.
+    KeyboardInterrupt
+        A signal such as Ctrl-C arrived between two trials.
     """
     from teleop.errors import SafetyStop
-    from teleop.interruption import stop_signals
     from teleop.printable import print_error
 
     while True:
@@ -73,18 +78,13 @@ def run_from_page(link: LiveLink, settings: TrialSettings, runner: TrialRunner, 
             code = 3
         if runner.interrupted or (once and link.trial and link.trial.armed):
             return code
-        with stop_signals() as stopped:
-            following = next_settings(link, settings, stopped)
+        following = next_settings(link, settings)
         if following is None:
-            if not link.is_running:
-                print_error("the live process has ended")
             return code
         settings = following
 
 
-def next_settings(
-    link: LiveLink, settings: TrialSettings, stopped: Callable[[], bool]
-) -> TrialSettings | None:
+def next_settings(link: LiveLink, settings: TrialSettings) -> TrialSettings | None:
     """Wait for requests of the live page, and return the settings of the next trial.
 
     The settings are returned when a person presses the button NEXT or REPEAT in the page. There is
@@ -97,17 +97,15 @@ def next_settings(
         Connection to the live page, the web page in which a person controls the trials.
     settings
         Settings of the last trial.
-    stopped
-        Function that returns whether a signal such as Ctrl-C has arrived.
 
     Returns
     -------
-    The settings; None after a signal, or if the process that serves the live page has ended.
+    The settings; None if the process that serves the live page has ended.
     """
     waiting = link.trial is not None and not link.trial.armed
     why = f"{link.trial.ticks.events[-1]['text']}; " if link.trial and waiting else ""
-    link.tell({"type": "prompt", "text": f"{why}NEXT prepares another trial"})
-    while request := next_request(link, stopped):
+    link.ask(f"{why}NEXT prepares another trial", ("next", "repeat", "notes"))
+    while request := next_request(link):
         kind = request["type"]
         if kind == "choose":
             settings = chosen(settings, request)
@@ -156,8 +154,6 @@ class PageOfSeries:
     def __init__(self, link: LiveLink, count: int) -> None:
         self._link = link
         self._count = count
-        self._pending: dict[str, Any] | None = None
-        """Request that `ask_note` has received, and that is the answer to the next question."""
 
     def ask(self, question: Question) -> tuple[Answer, str]:
         """Ask the person in the live page whether to run a trial, and wait for the answer.
@@ -170,45 +166,35 @@ class PageOfSeries:
         Returns
         -------
         answer
-            "run"; "skip"; "repeat" to return to the previous trial; or "quit" after a signal such
-            as Ctrl-C, or if the process that serves the live page has ended.
+            "run"; "skip"; "repeat" to return to the previous trial; or "quit" if the process that
+            serves the live page has ended.
         note
             Notes that the person wrote before the answer; empty if there are none.
         """
-        from teleop.interruption import stop_signals
-
         previous = question.previous
         returns = f", REPEAT returns to trial {previous.number}" if previous else ""
         choice = f"NEXT {question.running}, SKIP {question.skipping}{returns}."
-        self._link.tell({"type": "prompt", "text": f"{question.text}\n{choice}"})
         notes: list[str] = []
-        answers: dict[str, Answer] = {"next": "run", "repeat": "repeat", "skip": "skip"}
-        with stop_signals() as stopped:
-            while request := self._pending or next_request(self._link, stopped):
-                self._pending = None
-                if request["type"] in answers:
-                    answer = answers[request["type"]]
-                    if answer == "run" or not self._link.position:
-                        self._link.position, self._link.of = question.trial.number, self._count
-                    return answer, "; ".join(notes)
-                if request["type"] == "notes":
-                    notes.append(request["text"])
+        answers: dict[str, Answer] = {"next": "run", "skip": "skip"}
+        if previous:
+            answers["repeat"] = "repeat"
+        self._link.ask(f"{question.text}\n{choice}", (*answers, "notes"))
+        while request := next_request(self._link):
+            if request["type"] in answers:
+                answer = answers[request["type"]]
+                if answer == "run" or not self._link.position:
+                    self._link.position, self._link.of = question.trial.number, self._count
+                return answer, "; ".join(notes)
+            if request["type"] == "notes":
+                notes.append(request["text"])
         return "quit", "; ".join(notes)
 
     def ask_note(self, trial: PlannedTrial) -> str:
         """Ask the person in the live page for a note on a trial that has ended, and return it.
 
-        The note is empty if the person presses the button NEXT, REPEAT or SKIP instead. This button
-        is then also the answer to the next question, see `ask`. After a signal such as Ctrl-C, the
-        note is empty, too.
+        The note is empty if the person presses the button NEXT instead.
         """
-        from teleop.interruption import stop_signals
-
         text = f"Note on trial {trial.number}, {trial.label}; NEXT for no note."
-        self._link.tell({"type": "prompt", "text": text})
-        with stop_signals() as stopped:
-            request = next_request(self._link, stopped)
-        if request and request["type"] == "notes":
-            return str(request["text"])
-        self._pending = request
-        return ""
+        self._link.ask(text, ("next", "notes"))
+        request = next_request(self._link)
+        return str(request["text"]) if request and request["type"] == "notes" else ""

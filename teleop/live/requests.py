@@ -22,21 +22,26 @@ FIELDS: dict[str, dict[str, tuple[type, ...]]] = {
     "release": {},
     "pointer": {"depth": (int, float), "grip": (bool,)},
     "choose": {},
-    "next": {},
-    "repeat": {},
-    "skip": {},
-    "notes": {"text": (str,)},
+    "next": {"prompt": (int,)},
+    "repeat": {"prompt": (int,)},
+    "skip": {"prompt": (int,)},
+    "notes": {"text": (str,), "prompt": (int,)},
     "seek": {"t": (int, float)},
     "play": {"rate": (int, float)},
 }
 """Fields of each kind of request, and the types of their values."""
+ANSWERS = {"next", "repeat", "skip", "notes"}
+"""Requests that answer a question, which the control process asks between two trials.
+
+The field `prompt` is the number of the question. An answer to an earlier question is refused.
+"""
 CHOICES: dict[str, tuple[type, ...]] = {
     "condition": (str,),
     "specimen": (str,),
     "duration": (int, float),
 }
 """Optional fields of the request `choose`."""
-IN_CONTROL = {"end", "unlock", "start", "pointer", "choose", "next", "repeat", "skip", "notes"}
+IN_CONTROL = {"end", "unlock", "start", "pointer", "choose", *ANSWERS}
 """Requests that only the client (connected live page) that has control may send."""
 
 

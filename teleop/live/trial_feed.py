@@ -14,7 +14,7 @@ from teleop.live.cells import ARM, END, PAGE, PROCESS, STOP, CellWriter
 from teleop.live.feed import Feed, estimator_indices, shown_columns
 from teleop.live.health import Health
 from teleop.live.history import History, decimated, decimation
-from teleop.live.requests import BadRequest
+from teleop.live.requests import ANSWERS, BadRequest
 from teleop.live.ring import RingReader
 from teleop.safety.events import ACTIVE, READY, Mode
 
@@ -31,8 +31,6 @@ IN_CONDITION = {
     "autonomous": "the controller moves the slave; leave the handle free",
 }
 """Instruction to the operator, by control condition."""
-OUTSIDE_TRIALS = {"next", "repeat", "skip", "notes"}
-"""Requests that the control process carries out only between two trials."""
 SENT = {"name": "sent", "unit": "s", "meaning": "time at which the loop wrote the tick"}
 """Description of a column that is not recorded. It is the last column of each row for the page."""
 
@@ -81,6 +79,8 @@ class TrialFeed(Feed):
         self._indices: list[int] = []
         self._mode, self._running, self._gone = Mode.IDLE, False, False
         self._text = ""
+        self._prompt: dict[str, Any] | None = None
+        """Number of the question that the control process asks, and its possible answers."""
         self._faults: list[str] = []
         self._latest = 0.0
         self._offset = 0
@@ -90,7 +90,7 @@ class TrialFeed(Feed):
     def receive(self, document: dict[str, Any]) -> None:
         """Process a message of the control process.
 
-        It is `begin` or `end` of a trial, `summary` (its results), or `prompt` (a text to show).
+        It is `begin` or `end` of a trial, `summary` (its results), or `prompt` (a question).
         """
         kind = document["type"]
         if kind == "begin":
@@ -101,6 +101,7 @@ class TrialFeed(Feed):
             self._text = document["text"]
         elif kind == "prompt":
             self._text = document["text"]
+            self._prompt = {name: document[name] for name in ("number", "answers")}
         else:
             self._publish(document)
 
@@ -136,6 +137,7 @@ class TrialFeed(Feed):
             "mode": mode,
             "faulted": bool(self._faults),
             "text": "; ".join(dict.fromkeys(filter(None, texts))) or self._advice(mode, by_page),
+            "prompt": self._prompt,
             "armed_by": ("page" if by_page else "terminal") if self._begin else None,
             "armed_at": self._armed_at,
             "loop": "gone" if self._gone or silent else "running",
@@ -166,10 +168,8 @@ class TrialFeed(Feed):
             self._cells.point(depth, request["grip"])
         elif kind == "choose":
             self._choose(request, active)
-        elif kind in OUTSIDE_TRIALS:
-            if self._running:
-                raise BadRequest(f"{kind}: a trial is running")
-            self._send(request)
+        elif kind in ANSWERS:
+            self._answer(request)
         else:
             raise BadRequest(f"{kind}: this is not a recording")
 
@@ -190,6 +190,16 @@ class TrialFeed(Feed):
         if not self._running or self._mode is not READY:
             raise BadRequest("start: expected the mode ready")
         self._cells.count(ARM)
+
+    def _answer(self, request: dict[str, Any]) -> None:
+        if self._running:
+            raise BadRequest(f"{request['type']}: a trial is running")
+        if not self._prompt or request["prompt"] != self._prompt["number"]:
+            raise BadRequest(f"{request['type']}: expected an answer to the present question")
+        if request["type"] not in self._prompt["answers"]:
+            expected = ", ".join(self._prompt["answers"])
+            raise BadRequest(f"{request['type']}: expected one of {expected}")
+        self._send(request)
 
     def _choose(self, request: dict[str, Any], active: bool) -> None:
         """Send the settings that a person has chosen in the page to the control process.
@@ -220,6 +230,7 @@ class TrialFeed(Feed):
         self._offset = begin["offset"]
         self._column = {name: place for place, name in enumerate(names)}
         self._mode, self._running, self._text, self._faults = Mode.IDLE, True, "", []
+        self._prompt = None
         self._latest = time.monotonic()
         shown = shown_columns(names, begin["estimators"])
         self._indices = [self._column[name] for name in shown]

@@ -10,6 +10,7 @@ import os
 import select
 import subprocess
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 from sim_backend import PointerOperator
@@ -98,6 +99,8 @@ class LiveLink(Sink):
         self.trials = 0
         self.trial: Trial | None = None
         self.position, self.of = 0, 0
+        self._prompt = 0
+        """Number of the latest question, see `ask`."""
         self._by_page, self._has_pointer = by_page, pointer
         self._unsent = b""
         self._received = b""
@@ -229,10 +232,27 @@ class LiveLink(Sink):
         except (OSError, ValueError):
             self._unsent = b""
 
+    def ask(self, text: str, answers: Sequence[str]) -> None:
+        """Show a question in the live page, which `wait_for_request` then waits to be answered.
+
+        The question gets a new number. An answer contains the number of its question, so that an
+        answer to an earlier question, such as the second press of a button, has no effect.
+
+        Parameters
+        ----------
+        text
+            The question.
+        answers
+            Requests that answer the question, from `teleop.live.requests.ANSWERS`.
+        """
+        self._prompt += 1
+        self.tell({"type": "prompt", "number": self._prompt, "text": text, "answers": [*answers]})
+
     def wait_for_request(self, timeout: float) -> dict[str, Any] | None:
         """Wait for the next request that a person makes in the live page, and return it.
 
         This method is used between two trials. During a trial, `PageRequests` reads the requests.
+        Answers to an earlier question are discarded, see `ask`.
 
         Parameters
         ----------
@@ -243,14 +263,17 @@ class LiveLink(Sink):
         -------
         The request; None if there was no request, or if the live process has ended.
         """
-        while b"\n" not in self._received:
-            readable, _, _ = select.select([self._output], [], [], timeout)
-            part = os.read(self._output.fileno(), 1 << 16) if readable else b""
-            if not part:
-                return None
-            self._received += part
-        line, _, self._received = self._received.partition(b"\n")
-        return loads(line)
+        while True:
+            while b"\n" not in self._received:
+                readable, _, _ = select.select([self._output], [], [], timeout)
+                part = os.read(self._output.fileno(), 1 << 16) if readable else b""
+                if not part:
+                    return None
+                self._received += part
+            line, _, self._received = self._received.partition(b"\n")
+            request = loads(line)
+            if request.get("prompt", self._prompt) == self._prompt:
+                return request
 
     @property
     def is_running(self) -> bool:

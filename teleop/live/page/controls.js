@@ -1,6 +1,10 @@
 // Buttons, choices and notes of the page. They send requests that control the trial.
 
 const MOST_BYTES = 900; // largest size of a message
+const ANSWERS = ["next", "repeat", "skip"]; // buttons that answer a question between two trials
+// Time in which nobody can have read a new question [ms]. It is longer than a double click, whose second click would
+// otherwise answer the question that follows the first click.
+const READING = 700;
 const CHOICES = ["condition", "specimen", "duration"];
 
 export class Controls {
@@ -10,7 +14,10 @@ export class Controls {
     this.welcome = null;
     this.series = null;
     this.state = null;
-    for (const type of ["unlock", "start", "end", "next", "repeat", "skip"]) {
+    this.prompt = null; // number of the question
+    this.readable = 0; // time from which an answer is possible [ms]
+    for (const type of ANSWERS) byId(type).addEventListener("click", () => this.#answer({ type }));
+    for (const type of ["unlock", "start", "end"]) {
       byId(type).addEventListener("click", () => this.#request({ type }));
     }
     byId("control").addEventListener("click", () => {
@@ -34,6 +41,18 @@ export class Controls {
 
   #request(message) {
     if (this.take()) this.connection.send(message);
+  }
+
+  #answer(message) {
+    this.#request({ ...message, prompt: this.prompt });
+    this.#wait();
+    this.#update(this.state);
+  }
+
+  // Accept no answer for the time READING, after a new question and after an answer.
+  #wait() {
+    this.readable = performance.now() + READING;
+    setTimeout(() => this.#update(this.state), READING + 1);
   }
 
   #welcome(message) {
@@ -66,9 +85,9 @@ export class Controls {
   }
 
   #saveNotes() {
-    const message = { type: "notes", text: this.byId("notes").value };
+    const message = { type: "notes", text: this.byId("notes").value, prompt: this.prompt };
     const fits = new TextEncoder().encode(JSON.stringify(message)).length <= MOST_BYTES;
-    if (fits) this.#request(message);
+    if (fits) this.#answer(message);
     const saved = this.series ? "The notes are saved with this trial." : "The next recording will contain the notes.";
     this.byId("notes-text").textContent = fits ? saved : "Too long: shorten the notes.";
   }
@@ -80,17 +99,22 @@ export class Controls {
     const mode = state ? state.mode : "";
     const running = mode === "active" || mode === "stopping";
     const mayArm = allowed && Boolean(welcome.may_arm) && mode === "ready";
-    const between = allowed && (mode === "ended" || mode === "idle");
+    const prompt = (state && state.prompt) || { number: null, answers: [] };
+    if (prompt.number !== this.prompt) {
+      this.prompt = prompt.number;
+      this.#wait();
+    }
+    const answers = allowed && performance.now() >= this.readable ? prompt.answers : [];
     byId("skip").hidden = !this.series;
     byId("next").hidden = byId("repeat").hidden = !this.series && Boolean(welcome && !welcome.may_arm);
-    for (const name of ["next", "repeat", "skip"]) byId(name).disabled = !between;
+    for (const name of ANSWERS) byId(name).disabled = !answers.includes(name);
     byId("unlock").disabled = !mayArm;
     byId("unlock").hidden = byId("start").hidden = Boolean(welcome && !welcome.may_arm);
     byId("start").disabled = !(mayArm && state.unlocked);
     byId("start").classList.toggle("ready", mayArm && Boolean(state.unlocked));
     byId("end").disabled = !(allowed && running);
     for (const name of CHOICES) byId(name).disabled = !allowed || running;
-    byId("notes-save").disabled = !between;
+    byId("notes-save").disabled = !answers.includes("notes");
     const control = byId("control");
     const mine = Boolean(state && state.control === "you");
     control.disabled = !state || state.control === "other";

@@ -15,6 +15,8 @@ from teleop.cli import main
 from teleop.interruption import CLEAN_UP
 from teleop.recording import new_recording
 from teleop.safety import Request
+from teleop.studies.json_lines import locked
+from teleop.studies.series.journal import Journal
 from teleop.trial.stop_switch import RESPONSE_TIME
 
 ROOT = Path(__file__).parents[3]
@@ -129,3 +131,50 @@ def test_runs_that_are_started_at_the_same_time_are_all_recorded(tmp_path):
 def test_a_refused_run_leaves_no_empty_recording(tmp_path):
     assert main(["run", "--rate", "90000"]) == 2
     assert [path for path in tmp_path.rglob("*.mcap") if not path.stat().st_size] == []
+
+
+PLAN = """
+name = "one"
+factors = { cube = ["soft"] }
+[settings]
+rate_hz = 100
+duration_s = 30
+estimators = ["rls"]
+"""
+BOARD = str(ROOT / "rigs" / "serial-board.toml")
+PROMPTS = {
+    "question": (("series", "plan.toml", "--ask", "--out", "asked"), b"q quits."),
+    "trial": (("series", "plan.toml", "--ask", "--out", "run"), b"active"),
+    "trial without --ask": (("series", "plan.toml", "--out", "alone"), b"active"),
+    "run": (("run", "--rig", BOARD, "--specimen", "a", "--depth", "3mm"), b"other answer ends."),
+    "check": (("rig", "check", BOARD, "--move"), b"other answer ends."),
+    "tare": (("rig", "tare", "--rig", BOARD, "--contact", "touch"), b"other answer ends."),
+}
+"""Commands, and the text after which the terminal is closed."""
+
+
+@pytest.mark.real_time
+def test_a_closed_terminal_ends_a_command_wherever_it_waits(tmp_path):
+    pty = pytest.importorskip("pty", reason="needs a pseudo-terminal")
+    (tmp_path / "plan.toml").write_text(PLAN)
+    started = {}
+    for name, (arguments, _) in PROMPTS.items():
+        pid, terminal = pty.fork()
+        if pid == 0:
+            os.execv(sys.executable, [sys.executable, "-m", "teleop", *arguments])
+        started[name] = pid, terminal
+    for name, (_, terminal) in started.items():
+        text = b""
+        while PROMPTS[name][1] not in text:
+            text += os.read(terminal, 4096)
+            if name == "trial" and b"q quits." in text:
+                os.write(terminal, b"\n")
+                text = b""
+    for _, terminal in started.values():
+        os.close(terminal)
+    codes = {name: os.waitpid(pid, 0)[1] for name, (pid, _) in started.items()}
+    assert {os.waitstatus_to_exitcode(status) for status in codes.values()} == {130}, codes
+    for folder in ("asked", "run", "alone"):
+        with locked(tmp_path / folder):
+            entries = [entry["entry"] for entry in Journal(tmp_path / folder).entries]
+        assert entries == ["plan"] + ["started", "spoilt"] * (folder != "asked")

@@ -41,6 +41,16 @@ class Client:
     async def send(self, kind, **fields):
         await self.connection.send(json.dumps({"type": kind, **fields}))
 
+    async def answer(self, kind, question="", **fields):
+        """Wait for a question that contains a text, and answer it."""
+        await self.until(lambda: self.prompt and question in self.latest["state"]["text"])
+        await self.send(kind, prompt=self.prompt["number"], **fields)
+
+    @property
+    def prompt(self):
+        """Number and possible answers of the present question; None without a question."""
+        return self.latest.get("state", {}).get("prompt")
+
     async def receive(self):
         message = await self.connection.recv()
         if isinstance(message, bytes):

@@ -339,8 +339,10 @@ def test_only_the_client_in_control_may_act_but_everybody_may_stop(feed):
             await one.send("control")
             await one.until(lambda: one.latest["state"]["control"] == "you")
             await two.until(lambda: two.latest.get("state", {}).get("control") == "other")
-            for kind in ("control", "unlock", "start", "end", "next", "stop"):
+            for kind in ("control", "unlock", "start", "end"):
                 await two.send(kind)
+            await two.send("next", prompt=1)
+            await two.send("stop")
             await two.until(lambda: len(two.errors) == 4)
             assert feed.requests == ["stop"]
             await one.send("start")

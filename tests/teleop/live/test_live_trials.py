@@ -15,6 +15,8 @@ import numpy as np
 import pytest
 
 from teleop.recording.recording import load
+from teleop.studies.json_lines import locked
+from teleop.studies.series.journal import Journal
 
 from .live_client import page
 
@@ -194,8 +196,8 @@ def test_after_end_or_stop_from_any_page_next_runs_another_trial_with_other_sett
             await client.send("choose", specimen="hard", duration=5)
             await client.send("choose", specimen="steel")
             await client.until(lambda: client.errors)
-            await client.send("notes", text="second <b>trial</b>")
-            await client.send("next")
+            await client.answer("notes", text="second <b>trial</b>")
+            await client.answer("next")
             await arm(client)
             assert client.latest["trial"]["specimen"] == "hard cube"
             assert client.latest["trial"]["duration"] == 5.0
@@ -209,7 +211,7 @@ def test_after_end_or_stop_from_any_page_next_runs_another_trial_with_other_sett
             assert client.latest["state"]["faulted"]
             advice = "emergency stop: live page; NEXT prepares another trial"
             await client.until(lambda: client.latest["state"]["text"] == advice)
-            await client.send("repeat")
+            await client.answer("repeat")
             await client.until(client.is_in("ready"))
             await client.send("choose", specimen="medium")  # the trial that waits begins again
             await client.until(lambda: client.latest["trial"]["specimen"] == "medium cube")
@@ -345,32 +347,95 @@ estimators = ["rls"]
 """
 
 
-def test_a_series_is_run_from_the_page(start, tmp_path):
-    (tmp_path / "plan.toml").write_text(PLAN)
+def test_a_series_is_run_from_the_page_and_an_answer_sent_twice_answers_one_question(
+    start, tmp_path
+):
+    (tmp_path / "plan.toml").write_text(PLAN.replace('"hard"', '"medium", "hard"'))
 
     async def scenario(command):
         async with command.page() as client, beating(client):
 
-            async def prompted(text):
-                await client.until(lambda: text in client.latest.get("state", {}).get("text", ""))
+            async def answer_twice(kind, question):
+                await client.answer(kind, question)
+                await client.send(kind, prompt=client.prompt["number"])
 
-            await prompted("trial 1 of 2")
+            await answer_twice("skip", "trial 1 of 3")
             for is_repeated in (False, True):
                 if is_repeated:
-                    await client.send("repeat")
-                    await prompted("trial 1 of 2")
-                await client.send("next")
+                    await answer_twice("repeat", "trial 3 of 3")
+                await answer_twice("next", "trial 2 of 3")
                 await arm(client)
-                assert client.latest["trial"]["series"] == {"position": 1, "of": 2}
-                await prompted("Note on trial 1")
-                await client.send("notes", text="touched at an edge")
-                await prompted("trial 2 of 2")
-            await client.send("skip")
+                assert client.latest["trial"]["series"] == {"position": 2, "of": 3}
+                await client.answer("notes", "Note on trial 2", text="touched at an edge")
+            await client.until(lambda: "trial 3 of 3" in client.latest["state"]["text"])
+            number = client.prompt["number"]
+            for _ in range(10):  # the question remains, and no trial begins
+                await client.send("next", prompt=number - 1)
+                await client.until(lambda: client.latest.pop("error", None))
+            assert client.prompt["number"] == number
+            await client.answer("skip")
+
+    command = start("series", "plan.toml", "--out", "three")
+    run(scenario(command))
+    code, out, err = command.end(None)
+    assert code == 0, err
+    assert "1 of 3 trials done, 2 skipped" in out
+    entries = Journal(tmp_path / "three").entries[1:]
+    run_once = [("started", 2), ("done", 2), ("note", 2)]
+    expected = [("skipped", 1), *run_once, *run_once, ("skipped", 3)]
+    assert [(e["entry"], e["trial"]) for e in entries] == expected
+    assert "touched at an edge" in (tmp_path / "three" / "trials.csv").read_text()
+
+
+@pytest.mark.parametrize(
+    ("when", "number"),
+    [
+        ("first question", signal.SIGTERM),
+        ("before START", signal.SIGINT),
+        ("trial", signal.SIGTERM),
+    ],
+)
+def test_a_signal_ends_a_series_and_its_live_process_wherever_it_waits(
+    start, tmp_path, when, number
+):
+    (tmp_path / "plan.toml").write_text(PLAN.replace("duration_s = 0.5", "duration_s = 30.0"))
+
+    async def scenario(command):
+        async with command.page() as client, beating(client):
+            await client.until(lambda: client.prompt)
+            if when != "first question":
+                await client.answer("next", "trial 1 of 2")
+                await client.until(client.is_in("ready"))
+            if when == "trial":
+                await arm(client)
+            command.process.send_signal(number)
+            await client.until(lambda: client.latest["state"]["loop"] == "gone")
 
     command = start("series", "plan.toml", "--out", "two")
     run(scenario(command))
     code, out, err = command.end(None)
-    assert code == 0, err
-    assert "1 of 2 trials done, 1 skipped" in out
-    table = (tmp_path / "two" / "trials.csv").read_text()
-    assert "touched at an edge" in table
+    assert code == 130, err
+    assert "two: 0 of 2 trials done, 0 skipped, 2 pending" in out
+    with locked(tmp_path / "two"):
+        last = Journal(tmp_path / "two").last(1)
+    assert (last and last["entry"]) == (None if when == "first question" else "spoilt")
+
+
+def test_one_ctrl_c_ends_the_trial_of_a_series_and_another_one_ends_the_series(start, tmp_path):
+    (tmp_path / "plan.toml").write_text(PLAN.replace("duration_s = 0.5", "duration_s = 30.0"))
+
+    async def scenario(command):
+        async with command.page() as client, beating(client):
+            await client.answer("next", "trial 1 of 2")
+            await arm(client)
+            command.process.send_signal(signal.SIGINT)
+            await client.until(lambda: "Note on trial 1" in client.latest["state"]["text"])
+            command.process.send_signal(signal.SIGINT)
+            await client.until(lambda: client.latest["state"]["loop"] == "gone")
+
+    command = start("series", "plan.toml", "--out", "two")
+    run(scenario(command))
+    code, out, err = command.end(None)
+    assert code == 130
+    assert "interrupted; the same trial is next" in err
+    assert "0 of 2 trials done, 0 skipped, 2 pending" in out

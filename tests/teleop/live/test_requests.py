@@ -45,6 +45,6 @@ def test_a_page_of_another_server_is_refused(host):
     [(kind, name) for kind, fields in FIELDS.items() for name in fields if int in fields[name]],
 )
 def test_an_integer_that_is_not_exact_as_a_floating_point_number_is_refused(kind, name, value):
-    others = {other: True for other in FIELDS[kind] if other != name}
+    others = {other: types[0]() for other, types in FIELDS[kind].items() if other != name}
     with pytest.raises(BadRequest, match=f"{kind}.{name}: expected a smaller number"):
         parse_request(json.dumps({"type": kind, **others, name: value}))

@@ -175,6 +175,7 @@ class TrialFeed(Feed):
         self.text = "a text"
         self.is_sending = True
         self.is_over = self.is_faulted = False
+        self.prompt = {"number": 1, "answers": ["next", "repeat", "skip", "notes"]}
         self.armed_at = 0.0
         self.requests = []
         self.welcome = {
@@ -261,6 +262,7 @@ class TrialFeed(Feed):
             "mode": self.mode,
             "faulted": self.is_faulted,
             "text": self.text,
+            "prompt": self.prompt if self.mode in ("ended", "idle") else None,
             "armed_by": None,
             "armed_at": self.armed_at,
             "loop": "gone" if self.is_over else "running",

@@ -79,9 +79,10 @@ def test_space_in_the_notes_writes_a_space_and_escape_stops(trial_feed, serve, o
     page.locator("#notes-area summary").click()
     page.focus("#notes")
     page.keyboard.type("a b")
+    wait_for(page, "!document.getElementById('notes-save').disabled")
     page.locator("#notes-save").press("Enter")
     wait_for_request(page, feed, "notes")
-    assert feed.requests == [{"type": "notes", "text": "a b"}]
+    assert feed.requests == [{"type": "notes", "text": "a b", "prompt": 1}]
     page.focus("#notes")
     page.keyboard.press("Escape")
     wait_for(page, FAULT)
@@ -140,6 +141,35 @@ def test_a_series_has_next_repeat_and_skip(trial_feed, serve, open_page):
         page.get_by_role("button", name=name).click()
         wait_for_request(page, feed, name.lower())
     assert feed.kinds() == ["next", "repeat", "skip"]
+
+
+def test_a_double_click_answers_one_question_only(trial_feed, serve, open_page):
+    feed = trial_feed(mode="ended", series={"position": 2, "of": 5})
+    answer = feed.request
+
+    def ask_again(request):
+        answer(request)
+        feed.prompt = feed.prompt | {"number": feed.prompt["number"] + 1}
+
+    feed.request = ask_again
+    page = open_page(serve(feed).url())
+    for number in (1, 2):
+        page.get_by_role("button", name="Skip").dblclick(delay=20)
+        wait_for(page, f"teleop.state().prompt.number === {number + 1}")
+        assert page.get_by_role("button", name="Skip").is_disabled()
+        assert feed.requests[-1] == {"type": "skip", "prompt": number}
+        assert len(feed.requests) == number
+
+
+def test_only_the_possible_answers_to_a_question_can_be_pressed(trial_feed, serve, open_page):
+    feed = trial_feed(mode="ended", series={"position": 2, "of": 5})
+    feed.prompt = {"number": 4, "answers": ["next", "notes"]}
+    page = open_page(serve(feed).url())
+    wait_for(page, "!document.getElementById('next').disabled")
+    assert page.get_by_role("button", name="Skip").is_disabled()
+    assert page.get_by_role("button", name="Repeat").is_disabled()
+    feed.prompt = None
+    wait_for(page, "document.getElementById('next').disabled")
 
 
 def test_the_result_shows_the_tracking(trial_feed, serve, open_page):
