@@ -7,6 +7,7 @@ URL of pyserial, it is read by pyserial.
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import os
 import select
@@ -14,10 +15,16 @@ import time
 
 import serial
 
+from drivers.claims import lock_holder, process_text
+
 CHUNK = 65_536
 """Largest number of bytes per read. One read returns all waiting bytes, which are always fewer."""
 POLL_PERIOD = 1e-3
 """Time between two checks for bytes [s], for a port without a function that waits for bytes."""
+
+
+class BusyPortError(OSError):
+    """Error: another process has opened a serial port for exclusive use."""
 
 
 class PortablePort:
@@ -145,10 +152,17 @@ def open_port(channel: str, baud: int) -> PortablePort:
 
     Raises
     ------
+    BusyPortError
+        Another process has opened the port for exclusive use.
     OSError, ValueError
         The port cannot be opened.
     """
-    port = serial.serial_for_url(channel, baud, timeout=0, write_timeout=0, exclusive=True)
+    try:
+        port = serial.serial_for_url(channel, baud, timeout=0, write_timeout=0, exclusive=True)
+    except OSError as error:
+        if error.errno == errno.EAGAIN:
+            raise BusyPortError(f"it is used by {process_text(lock_holder(channel))}") from error
+        raise
     with contextlib.suppress(AttributeError, NotImplementedError, ValueError, OSError):
         port.set_low_latency_mode(True)
     with contextlib.suppress(io.UnsupportedOperation):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import json
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -10,6 +12,7 @@ from typing import Any
 
 import can
 
+from drivers.claims import claim, claimant, process_text
 from drivers.rig import RigError, reason
 from drivers.transports.bus import Bus
 from drivers.transports.slcan import SlcanBus, StatusFlags
@@ -27,6 +30,9 @@ BUS_OFF = 0x40
 """Bit in the identifier of a Linux error frame. It is set if the CAN controller is bus-off."""
 EXTENDED = 1 << 31
 """Bit that is set in an identifier of 29 bits, as in DBC files."""
+UNSHARED = ("slcan", "virtual")
+"""Interfaces that are not claimed. `SlcanBus` locks its serial port, and a virtual bus exists only
+in one process."""
 
 
 class CanBus(Bus):
@@ -63,6 +69,7 @@ class CanBus(Bus):
         self._bitrate = bitrate
         self._options = options
         self._bus: can.BusABC | None = None
+        self._claim = contextlib.ExitStack()
         self._drain: Callable[[], list[can.Message]] = list
         self._routes: dict[int, Callable[[can.Message, float], object]] = {}
         self._polled = now()
@@ -89,11 +96,18 @@ class CanBus(Bus):
     def open(self) -> None:
         """Open the adapter.
 
+        Before, the bus is claimed, because several processes can open the same SocketCAN interface:
+        they would send commands to the same drives. Only Linux has such claims. The devices on the
+        bus, also emulated ones, do not claim it.
+
         Raises
         ------
         RigError
-            The adapter cannot be opened, or an entry of `options` is invalid.
+            The adapter cannot be opened, an entry of `options` is invalid, or another process of
+            this machine has claimed the bus.
         """
+        if self.interface not in UNSHARED:
+            self._claim_bus()
         try:
             if self.interface == "slcan":
                 bus = SlcanBus(self.channel, bitrate=self._bitrate, **self._options)
@@ -105,11 +119,29 @@ class CanBus(Bus):
                 other = can.Bus(interface=self.interface, channel=self.channel, **options)
                 self._bus, self._drain = other, lambda: waiting(other)
         except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
+            self._claim.close()
             raise RigError(
                 f"{self.name}: CAN bus {self.channel} ({self.interface}) cannot be opened: "
                 f"{reason(error)}"
             ) from error
         self._polled = self.now()
+
+    def _claim_bus(self) -> None:
+        """Claim the bus, until `close`; raise RigError if another process has claimed it."""
+        # the channel identifies a SocketCAN interface; the options may identify other adapters
+        options = {} if self.interface == "socketcan" else dict(self._options)
+        identity = json.dumps([self.interface, self.channel, options], sort_keys=True, default=str)
+        name = f"CAN bus {hashlib.sha256(identity.encode()).hexdigest()[:32]}"
+        try:
+            held = claim(name)
+        except (AttributeError, OSError):  # a system without these claims
+            return
+        if held is None:
+            raise RigError(
+                f"{self.name}: CAN bus {self.channel} ({self.interface}) is used by "
+                f"{process_text(claimant(name) or 0)}: expected a bus that no other process uses"
+            )
+        self._claim.enter_context(held)
 
     def poll(self) -> None:
         """Pass each received frame to the function registered for its identifier.
@@ -219,6 +251,7 @@ class CanBus(Bus):
             with contextlib.suppress(can.CanError, OSError):
                 self._bus.shutdown()
         self._bus = None
+        self._claim.close()
 
     def _gone(self, error: Exception) -> RigError:
         where = "" if self.interface == "slcan" else f"CAN bus {self.channel} ({self.interface}): "

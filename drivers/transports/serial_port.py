@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Callable
 
 from drivers.rig import RigError, reason
-from drivers.transports.bulk_port import PortablePort, open_port
+from drivers.transports.bulk_port import BusyPortError, PortablePort, open_port
 from drivers.transports.bus import Bus
 
 BITS = 10
@@ -48,15 +48,18 @@ class SerialPort(Bus):
         Raises
         ------
         RigError
-            The port cannot be opened.
+            The port cannot be opened, for example because another process uses it.
         """
         try:
             self._opened = open_port(self.port, self.baud)
             self._opened.discard_input()
         except (OSError, ValueError) as error:
+            expected = "a serial port, see teleop rig list"
+            if isinstance(error, BusyPortError):
+                expected = "a port that no other process uses"
             raise RigError(
-                f"{self.name}: port {self.port} cannot be opened: {reason(error)}: expected a "
-                "serial port, see teleop rig list"
+                f"{self.name}: port {self.port} cannot be opened: {reason(error)}: expected "
+                f"{expected}"
             ) from error
         self._polled = self.now()
 

@@ -16,9 +16,9 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from typing import Self, get_args
 
+from drivers.claims import claim, is_claimed
 from teleop.errors import InputError
 from teleop.names import RealtimeName
-from teleop.trial.processor_claims import claim, is_claimed
 
 PRIORITY = 80
 """Priority of SCHED_FIFO for a control loop on a claimed processor.

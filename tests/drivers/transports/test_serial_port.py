@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import sys
 import time
 from unittest.mock import patch
 
@@ -114,3 +115,18 @@ def test_a_port_without_a_descriptor_that_accepts_no_bytes_is_reported_as_full()
     with pytest.raises(RigError, match="does not send: its buffer is full"):
         port.write(b"command")
     port.close()
+
+
+@pytest.mark.usefixtures("calls")
+def test_a_port_that_is_in_use_is_refused_with_the_process_that_uses_it(terminal):
+    terminal.port.open()
+    with pytest.raises(RigError) as refused:
+        terminal.another().open()
+    assert f"port {terminal.path} cannot be opened: it is used by" in str(refused.value)
+    assert str(refused.value).endswith("expected a port that no other process uses")
+    if sys.platform == "linux":
+        assert f"used by process {os.getpid()} (" in str(refused.value)
+    terminal.port.close()
+    other = terminal.another()
+    other.open()
+    other.close()

@@ -36,7 +36,7 @@ def policy():
 def names(monkeypatch):
     """Use names of claims that other processes of this machine do not use."""
     monkeypatch.setattr(
-        "teleop.trial.processor_claims.address",
+        "drivers.claims.address",
         lambda name: f"\0test {os.getpid()} {name}".encode(),
     )
 
@@ -187,7 +187,7 @@ def test_other_commands_do_not_run_on_a_claimed_processor(processors):
 
 CLAIM = """
 import os, sys
-from teleop.trial import processor_claims as claims
+from drivers import claims
 claims.address = lambda name: sys.argv[1].encode().replace(b"@", bytes(1)) + name.encode()
 held = claims.claim("processor 1")
 print(bool(held), flush=True)
@@ -196,7 +196,7 @@ sys.stdin.read()
 
 
 def test_a_claim_excludes_other_processes_and_ends_with_its_process_even_if_killed():
-    from teleop.trial import processor_claims as claims
+    from drivers import claims
 
     name = f"@test {os.getpid()} "
     process = subprocess.Popen(
@@ -204,6 +204,8 @@ def test_a_claim_excludes_other_processes_and_ends_with_its_process_even_if_kill
     )
     assert process.stdout.readline() == b"True\n"
     assert claims.is_claimed("processor 1")
+    assert claims.claimant("processor 1") == process.pid
+    assert f"process {process.pid} (-c" in claims.process_text(process.pid)
     assert claims.claim("processor 1") is None
     process.kill()
     process.communicate()

@@ -1,0 +1,101 @@
+"""A CAN bus that several processes could open is used by one of them only."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+
+import can
+import pytest
+
+from drivers.rig import RigError
+from drivers.transports.can_bus import CanBus
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="needs abstract sockets")
+CHANNEL = f"bus-of-{os.getpid()}"
+
+
+class Adapter:
+    """An adapter without a lock, as SocketCAN has none."""
+
+    def __init__(self, interface, channel, **options):
+        if channel == "missing":
+            raise can.CanInitializationError("no such device")
+        self.is_open = True
+
+    def shutdown(self):
+        self.is_open = False
+
+
+@pytest.fixture(autouse=True)
+def adapters(monkeypatch):
+    monkeypatch.setattr(can, "Bus", Adapter)
+
+
+def bus(channel=CHANNEL, interface="socketcan", **options):
+    return CanBus("drives", time.monotonic, interface, channel, None, options)
+
+
+def refusal(of):
+    with pytest.raises(RigError) as refused:
+        of.open()
+    assert "\n" not in str(refused.value)
+    return str(refused.value)
+
+
+def test_an_open_bus_cannot_be_opened_again_until_it_is_closed():
+    first, second = bus(), bus(receive_own_messages=True)
+    first.open()
+    line = refusal(second)
+    assert line.startswith(
+        f"drives: CAN bus {CHANNEL} (socketcan) is used by process {os.getpid()}"
+    )
+    assert line.endswith("expected a bus that no other process uses")
+    second.close()
+    refusal(second)
+    first.close()
+    second.open()
+    second.close()
+
+
+def test_other_channels_interfaces_and_adapters_are_other_buses():
+    opened = [
+        bus(),
+        bus(CHANNEL + "-2"),
+        bus(interface="ixxat", unique_hardware_id="1"),
+        bus(interface="ixxat", unique_hardware_id="2"),
+        bus(interface="virtual"),
+        bus(interface="virtual"),
+    ]
+    for one in opened:
+        one.open()
+    for one in opened:
+        one.close()
+
+
+def test_a_bus_that_could_not_be_opened_is_not_claimed():
+    for _ in range(2):
+        assert "cannot be opened: no such device" in refusal(bus("missing"))
+
+
+HOLD = """
+import sys, time, can
+from drivers.transports.can_bus import CanBus
+can.Bus = lambda **given: None
+CanBus("drives", time.monotonic, "socketcan", sys.argv[1], None, {}).open()
+print(flush=True)
+sys.stdin.read()
+"""
+
+
+def test_another_process_is_named_and_its_claim_ends_if_it_is_killed():
+    held = bus(CHANNEL + "-held")
+    command = [sys.executable, "-c", HOLD, held.channel]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        process.stdout.readline()
+        assert f"is used by process {process.pid} (-c" in refusal(held)
+        process.kill()
+    held.open()
+    held.close()
