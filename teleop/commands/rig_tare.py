@@ -27,7 +27,9 @@ def tare(
 
     The zero offsets of the forces are measured with disabled drives and without load: nobody holds
     the handle. If the rig moves or a force changes, the command waits until the rig is at rest. It
-    ends with an error if this takes more than 5 s. It cannot detect a small constant load.
+    ends with an error if this takes more than 5 s. If a reading is above 1 % of the range of the
+    sensor or of the hard force limit, it may be a constant load. A person then has to confirm that
+    nothing loads the sensors, and the command measures again. A reading above 10 % is refused.
     `teleop run --tare` reads the file.
 
     Example: `teleop rig tare --contact touch --out tare.json`
@@ -43,7 +45,8 @@ def tare(
         slave forward slowly, by at most 4 mm, until contact; or a position such as 1.5mm. On a
         hardware rig, a person has to arm the drives before `touch`.
     yes
-        Arm the drives for `--contact touch` without asking, for scripts.
+        Arm the drives for `--contact touch`, and accept a reading above 1 %, without asking, for
+        scripts.
     cube
         Cube on the simulated rig.
     seed
@@ -61,9 +64,12 @@ def tare(
     from teleop.files import check_outputs
     from teleop.output import console
     from teleop.output.rig_tables import print_tare
+    from teleop.printable import print_error
     from teleop.rig.touching import arming_text, dated_tare, rig_away_from_cube, touch
-    from teleop.rig.zeroing import force_zero
-    from teleop.trial.arming import is_armed
+    from teleop.rig.zeroing import ForceZero, confirmed_zero, force_zero
+    from teleop.safety import Limits
+    from teleop.safety.rig_limits import rig_limits
+    from teleop.trial.arming import answer, check_person, is_armed
     from teleop.trial.rig_loading import load_rig_file
 
     given = 0.0 if contact in ("keep", "touch") else quantity(contact, "position")
@@ -75,15 +81,32 @@ def tare(
     touches = contact == "touch"
     if rig_file and touches and not is_armed(rig_file, arming_text(rig_file), yes):
         return 130
-    clock: Clock
-    if rig_file:
-        clock = RealClock(rig_file.sections.rate_hz)
-        opened: Rig = WiredRig(rig_file, clock.now)
-    else:
-        clock = VirtualClock(1000.0)
-        opened = rig_away_from_cube(cube, clock.now, sensors, seed)
-    with opened:
-        zero = force_zero(opened, clock)
+
+    def measure() -> ForceZero:
+        clock: Clock
+        if rig_file:
+            clock = RealClock(rig_file.sections.rate_hz)
+            opened: Rig = WiredRig(rig_file, clock.now)
+        else:
+            clock = VirtualClock(1000.0)
+            opened = rig_away_from_cube(cube, clock.now, sensors, seed)
+        with opened:
+            return force_zero(opened, clock)
+
+    def confirm(reading: str) -> bool:
+        if yes or not rig_file:
+            print_error(f"{reading}: accepted without a question")
+            return True
+        check_person(rig_file, f"confirm that no sensor is loaded ({reading})")
+        text = f"{rig_file.sections.name}: {reading}. Check that nothing touches tip and handle."
+        choice = "Enter measures again, any other answer ends."
+        return answer(f"{console.wrapped(text, console.terminal_width())}\n{choice}") == ""
+
+    limits = rig_limits(rig_file.sections) if rig_file else Limits()
+    zero = confirmed_zero(measure, limits, confirm)
+    if zero is None:
+        print_error("no zero offsets were stored")
+        return 130
     if touches:
         given = touch(zero, rig_file, cube, sensors, seed)
     found = dated_tare(zero, given, rig_file.sections.name if rig_file else "simulated")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from estimation.compiled import Floats
 from teleop.control.clock import Clock
 from teleop.control.tare import LARGEST_ZERO
 from teleop.errors import InputError
+from teleop.safety import Limits
 
 LISTENING = 1.0
 """Time over which the forces are averaged [s]."""
@@ -37,6 +39,18 @@ The range is the largest minus the smallest mean. The moving range is the mean a
 between the means of successive blocks. For independent Gaussian noise, the probability of a larger
 ratio is 0.4 %. If the force only increases or only decreases, the ratio is `BLOCKS` - 1.
 """
+USUAL_ZERO = 0.01
+"""Largest zero offset that is accepted without a question, as a fraction of `full_scale`.
+
+Data sheets of strain-gauge sensors state a zero balance of about 1 % of the rated force.
+"""
+POSSIBLE_ZERO = 0.1
+"""Largest zero offset that is accepted at all, as a fraction of `full_scale`.
+
+If a load is taken for a zero offset, the true force can exceed the force limits by this load.
+"""
+CHANGE = 0.1
+"""Change between two measurements that is accepted, as a fraction of the usual zero offset."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +67,16 @@ class ForceZero:
     """Standard deviation of the measured contact force [N]."""
     position: float
     """Mean of the readings of the slave's encoder [m]."""
+
+    @property
+    def forces(self) -> dict[str, float]:
+        """Mean forces [N], by the name of the sensor."""
+        return {"master": self.master, "contact": self.contact}
+
+    @property
+    def noise(self) -> dict[str, float]:
+        """Standard deviations of the forces [N], by the name of the sensor."""
+        return {"master": self.master_noise, "contact": self.contact_noise}
 
 
 def force_zero(rig: Rig, clock: Clock) -> ForceZero:
@@ -101,6 +125,85 @@ def force_zero(rig: Rig, clock: Clock) -> ForceZero:
     raise InputError(f"{problem} (after {PATIENCE:g} s of waiting)")
 
 
+def confirmed_zero(
+    measure: Callable[[], ForceZero], limits: Limits, confirm: Callable[[str], bool]
+) -> ForceZero | None:
+    """Measure the zero offsets; measure again after a person has confirmed a large offset.
+
+    A constant load looks like a zero offset. An offset that is larger than usual is therefore
+    accepted only if a person confirms that nothing loads the sensor, and if a second measurement
+    gives the same offset, or an offset of the usual size.
+
+    Parameters
+    ----------
+    measure
+        Function that measures the zero offsets, see `force_zero`.
+    limits
+        Limits of the rig.
+    confirm
+        Function that asks whether no sensor is loaded. Its argument states what was measured.
+
+    Returns
+    -------
+    The zero offsets; None if `confirm` returned False.
+
+    Raises
+    ------
+    InputError
+        A zero offset is too large for the rig, or differs between the two measurements.
+    """
+    first = measure()
+    check_possible(first, limits)
+    unusual = unusual_zeros(first, limits)
+    if not unusual:
+        return first
+    if not confirm("; ".join(unusual.values())):
+        return None
+    second = measure()
+    check_possible(second, limits)
+    for name in unusual_zeros(second, limits):
+        before, after = first.forces[name], second.forces[name]
+        noise = max(first.noise[name], second.noise[name])
+        if not abs(after - before) <= max(CHANGE * USUAL_ZERO * full_scale(limits, name), noise):
+            raise InputError(
+                f"the {name} force sensor reads {after:.2f} N, and {before:.2f} N before: expected "
+                "the same without load"
+            )
+    return second
+
+
+def unusual_zeros(zero: ForceZero, limits: Limits) -> dict[str, str]:
+    """Return texts about the zero offsets that may be loads, by the name of the sensor."""
+    usual = {name: USUAL_ZERO * full_scale(limits, name) for name in zero.forces}
+    return {
+        name: f"the {name} force sensor reads {force:.2f} N, without load usually at most "
+        f"{usual[name]:.2g} N"
+        for name, force in zero.forces.items()
+        if not abs(force) <= usual[name]
+    }
+
+
+def check_possible(zero: ForceZero, limits: Limits) -> None:
+    """Raise InputError if a zero offset is larger than `POSSIBLE_ZERO` permits."""
+    for name, force in zero.forces.items():
+        largest = POSSIBLE_ZERO * full_scale(limits, name)
+        if not abs(force) <= largest:
+            raise InputError(
+                f"the {name} force sensor reads {force:.2f} N: expected no load, and a zero within "
+                f"{largest:.2g} N, {POSSIBLE_ZERO:.0%} of its range or of hard_force_n (for the "
+                f"weight of a tool, set offset_n of channels.{name}_force)"
+            )
+
+
+def full_scale(limits: Limits, name: str) -> float:
+    """Return the largest force that a sensor of the rig measures in normal operation [N].
+
+    It is the smaller one of the range of the sensor `name` and the hard limit of the contact force.
+    """
+    channel = limits.channels[f"{name}_force"]
+    return min(max(-channel.low, channel.high), limits.hard_force)
+
+
 def motion_problem(position: Floats) -> str:
     """Return a text that describes the motion of the slave; empty if the slave is at rest.
 
@@ -124,7 +227,7 @@ def load_problem(name: str, force: Floats) -> str:
     increases the range and the moving range. A slow change or a single step increases mainly the
     range. A load is therefore detected if the range is much larger than the moving range.
 
-    A small constant load cannot be distinguished from a zero offset, and is not detected.
+    A constant load cannot be distinguished from a zero offset, see `confirmed_zero`.
 
     Parameters
     ----------

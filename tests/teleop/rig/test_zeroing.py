@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +20,17 @@ from teleop.control.tare import Tare, read_tare, write_tare
 from teleop.errors import InputError, SafetyStop
 from teleop.recording.recording import load
 from teleop.rig.touching import touch, touch_limits
-from teleop.rig.zeroing import LISTENING, REST, force_zero, load_problem
-from teleop.safety import Fault
+from teleop.rig.zeroing import (
+    LISTENING,
+    REST,
+    ForceZero,
+    confirmed_zero,
+    force_zero,
+    full_scale,
+    load_problem,
+)
+from teleop.safety import Fault, Limits
+from teleop.safety.channels import ChannelLimits
 from teleop.trial.assembly import make_controller
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
@@ -143,6 +154,93 @@ def test_a_loaded_rig_is_refused(sensors, word):
     clock = VirtualClock(1000.0)
     with pytest.raises(InputError, match=word):
         force_zero(rig_of(sensors, clock), clock)
+
+
+def limits_of(range_n, hard_force):
+    limits = Limits()
+    names = ("master_force", "contact_force")
+    ranges = dict.fromkeys(names, ChannelLimits(-range_n, range_n))
+    soft = min(limits.soft_force, hard_force)
+    return replace(
+        limits, soft_force=soft, hard_force=hard_force, channels=limits.channels | ranges
+    )
+
+
+def two_looks(first, second, confirms=True, range_n=500.0, hard_force=250.0):
+    """Return the contact zero and the questions, for two readings of the contact force [N]."""
+    readings, questions = [first, second], []
+
+    def confirm(question):
+        questions.append(question)
+        return confirms
+
+    def measure():
+        return ForceZero(0.0, readings.pop(0), 0.02, 0.02, 0.0)
+
+    zero = confirmed_zero(measure, limits_of(range_n, hard_force), confirm)
+    return zero and zero.contact, questions
+
+
+@pytest.mark.parametrize(("range_n", "hard_force"), [(500.0, 250.0), (250.0, 400.0)])
+def test_an_offset_of_one_percent_of_range_and_force_limit_is_accepted_at_once(range_n, hard_force):
+    limits = limits_of(range_n, hard_force)
+    assert full_scale(limits, "master") == full_scale(limits, "contact") == 250.0
+    assert two_looks(-2.4, None, range_n=range_n, hard_force=hard_force) == (-2.4, [])
+
+
+def test_a_larger_offset_is_accepted_if_a_person_confirms_it_and_it_stays():
+    zero, (question,) = two_looks(8.67, 8.65)
+    assert zero == 8.65
+    assert "contact force sensor reads 8.67 N, without load usually at most 2.5 N" in question
+    assert two_looks(8.67, 0.3)[0] == 0.3  # the load was removed
+    assert two_looks(8.67, None, confirms=False)[0] is None
+
+
+def test_an_offset_that_changes_between_two_measurements_is_refused():
+    with pytest.raises(InputError, match=r"reads 7\.90 N, and 8\.67 N before: expected the same"):
+        two_looks(8.67, 7.9)
+
+
+@pytest.mark.parametrize(
+    ("first", "second"), [(1.1, None), (0.5, 1.1), (-1.1, None), (math.nan, 0)]
+)
+def test_an_offset_above_ten_percent_is_refused_whatever_a_person_confirms(first, second):
+    with pytest.raises(InputError, match="expected no load, and a zero within 1 N, 10% of its"):
+        two_looks(first, second, range_n=10.0)
+
+
+@pytest.fixture
+def pressed(monkeypatch, tmp_path):
+    """Replace the rig of devices by one whose contact force is 8.67 N; return `rig tare` on it."""
+
+    def make(file, now):
+        return SimulatedRig(CUBES["soft"], now, sensors=Sensors(contact_zero=8.67))
+
+    monkeypatch.setattr("drivers.wired_rig.WiredRig", make)
+    monkeypatch.setattr("teleop.rig.zeroing.LISTENING", 0.1)
+    monkeypatch.chdir(tmp_path)
+    return "rig", "tare", "--rig", str(Path(__file__).parents[3] / "rigs" / "serial-board.toml")
+
+
+def test_a_constant_load_is_not_stored_without_a_person_who_confirms_it(
+    pressed, refused, monkeypatch, capsys
+):
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n"))
+    line = refused(*pressed)
+    assert "nobody can confirm that no sensor is loaded (the contact force sensor reads" in line
+    assert "expected --yes" in line
+    monkeypatch.setattr("teleop.trial.arming.is_foreground", lambda: True)
+    monkeypatch.setattr("teleop.trial.arming.discard_typed_ahead", lambda: None)
+    monkeypatch.setattr("sys.stdin", io.StringIO("no\n"))
+    assert main([*pressed]) == 130
+    assert "no zero offsets were stored" in capsys.readouterr().err
+    assert not Path("tare.json").exists()
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n"))
+    assert main([*pressed]) == 0
+    assert "Enter measures again" in capsys.readouterr().err
+    assert read_tare(Path("tare.json")).contact_force == pytest.approx(8.67, abs=0.02)
+    assert main([*pressed, "--yes", "--overwrite"]) == 0
+    assert "accepted without a question" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("cube", ["soft", "medium", "hard"])
