@@ -76,18 +76,18 @@ NARROWEST = 20
 
 
 def prepare_streams() -> None:
-    """Change standard output and standard error so that printing to them does not fail.
+    """Change the standard streams so that reading lines from them and printing does not fail.
 
     A closed stream is replaced by the null device. A character that the encoding of the stream does
-    not contain is printed as an escape sequence. The environment variable COLUMNS, which sets the
-    width of the terminal, is removed if the width is less than `NARROWEST` characters.
+    not contain is printed, or read, as an escape sequence. The environment variable COLUMNS, which
+    sets the width of the terminal, is removed if the width is less than `NARROWEST` characters.
     """
     columns = os.environ.get("COLUMNS", "")
     if columns.isdecimal() and int(columns[:9]) < NARROWEST:
         del os.environ["COLUMNS"]  # its value is 0 on some terminals of unknown size
-    for name in ("stdout", "stderr"):
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
-            setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115
+            setattr(sys, name, Path(os.devnull).open(mode))  # noqa: SIM115
         elif hasattr(getattr(sys, name), "reconfigure"):
             getattr(sys, name).reconfigure(errors="backslashreplace")
 

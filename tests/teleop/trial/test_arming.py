@@ -7,11 +7,13 @@ import io
 import os
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from drivers.rig_file import read_rig_file
 from teleop.cli import main
+from teleop.commands.series import note_of_person
 from teleop.control.excitation_signals import Sine
 from teleop.errors import InputError
 from teleop.trial.arming import arming_text, is_armed
@@ -59,7 +61,7 @@ class Typist(io.StringIO):
         self.leader, self.line = leader, line
 
     def write(self, text):
-        if "Enter arms" in text:
+        if "Enter arms" in text or "Enter for no note" in text:
             os.write(self.leader, self.line)
         return super().write(text)
 
@@ -119,6 +121,12 @@ def test_a_key_typed_before_the_prompt_does_not_arm(terminal):
     leader = terminal(b"no\n")
     os.write(leader, b"\n")
     assert not is_armed(read_rig_file(BOARD), "moves")
+
+
+def test_a_line_typed_before_the_question_for_a_note_is_not_the_note(terminal):
+    leader = terminal(b"a note\n")
+    os.write(leader, b"typed too early\n")
+    assert note_of_person(SimpleNamespace(number=1, label="soft-1")) == "a note"
 
 
 def test_a_refusal_ends_the_command_before_the_rig_is_opened(terminal, unopened, tmp_path):

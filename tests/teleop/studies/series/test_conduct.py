@@ -490,6 +490,24 @@ def test_after_q_or_ctrl_c_the_counts_and_the_command_that_resumes_are_shown(
     assert "resume" not in out
 
 
+@pytest.mark.parametrize("typed", ["printf '\\377\\nq\\n' | ", "<&- "])
+def test_an_answer_that_is_not_text_is_refused_and_a_closed_input_quits(tmp_path, typed):
+    if os.name != "posix":
+        pytest.skip("needs a POSIX shell")
+    (tmp_path / "plan.toml").write_text(PLAN)
+    command = [sys.executable, "-m", "teleop", "series", "plan.toml", "--ask"]
+    done = subprocess.run(
+        ["sh", "-c", f'{typed}"$@"', "sh", *command],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONIOENCODING": "utf-8:strict"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr
+    assert ("Expected Enter, s, r or q." in done.stderr) == ("377" in typed)
+
+
 def test_after_ctrl_c_the_document_has_the_counts(command):
     code, out, _ = command([INTERRUPT], "--json")
     assert code == 130
