@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -11,9 +12,11 @@ import threading
 import time
 from pathlib import Path
 
+import can
 import pytest
 
 from drivers.rig_file import read_rig_file
+from drivers.transports.can_bus import CanBus
 from sim_backend.wire.emulator import Emulator, host_file
 from teleop.cli import main
 from teleop.rig.emulation import make_emulator
@@ -184,6 +187,44 @@ def test_each_problem_of_a_rig_file_is_reported_on_its_own_line(tmp_path, capsys
 )
 def test_a_missing_port_is_reported_in_one_line(refused, arguments):
     assert "port /dev/ttyACM0 cannot be opened" in refused(*arguments, BOARD)
+
+
+@pytest.fixture
+def used_bus(tmp_path, monkeypatch):
+    """A rig file and a plan, whose CAN bus is used by this process; no adapter is opened."""
+    channel = f"bus-of-{os.getpid()}"
+    text = (RIGS / "odrive-bota.toml").read_text().replace('"slcan"', '"socketcan"')
+    (tmp_path / "rig.toml").write_text(text.replace("/dev/ttyACM0", channel))
+    (tmp_path / "plan.toml").write_text(PLAN)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(can, "Bus", lambda **options: None)
+    bus = CanBus("can", time.monotonic, "socketcan", channel, None, {})
+    bus.open()
+    monkeypatch.setattr(can, "Bus", lambda **options: pytest.fail("the bus was opened"))
+    yield
+    bus.close()
+
+
+PLAN = """
+name = "one"
+factors = { specimen = ["soft"] }
+settings = { rig = "rig.toml", depth_m = 0.01 }
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs abstract sockets")
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("rig", "check", "rig.toml"),
+        ("rig", "tare", "--rig", "rig.toml"),
+        (*RUN[:-1], "--no-record", "--rig", "rig.toml"),
+        ("series", "plan.toml", "--yes"),
+    ],
+    ids=" ".join,
+)
+def test_a_bus_that_another_process_uses_is_not_opened(used_bus, refused, arguments):
+    assert f"(socketcan) is used by process {os.getpid()} (" in refused(*arguments)
 
 
 @pytest.mark.parametrize(
