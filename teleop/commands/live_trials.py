@@ -32,12 +32,9 @@ def next_request(link: LiveLink) -> dict[str, Any] | None:
     -------
     The request; None if the process that serves the live page has ended.
     """
-    from teleop.printable import print_error
-
     while link.is_running:
         if request := link.wait_for_request(WAIT):
             return request
-    print_error("the live process has ended")
     return None
 
 
@@ -76,10 +73,13 @@ def run_from_page(link: LiveLink, settings: TrialSettings, runner: TrialRunner, 
                 raise
             print_error(str(error))
             code = 3
-        if runner.interrupted or (once and link.trial and link.trial.armed):
+        if runner.interrupted:
+            return code or 130
+        if once and link.trial and link.trial.armed:
             return code
         following = next_settings(link, settings)
         if following is None:
+            print_error("the live process has ended")
             return code
         settings = following
 
@@ -171,6 +171,8 @@ class PageOfSeries:
         note
             Notes that the person wrote before the answer; empty if there are none.
         """
+        from teleop.printable import print_error
+
         previous = question.previous
         returns = f", REPEAT returns to trial {previous.number}" if previous else ""
         choice = f"NEXT {question.running}, SKIP {question.skipping}{returns}."
@@ -187,6 +189,7 @@ class PageOfSeries:
                 return answer, "; ".join(notes)
             if request["type"] == "notes":
                 notes.append(request["text"])
+        print_error("the live process has ended")
         return "quit", "; ".join(notes)
 
     def ask_note(self, trial: PlannedTrial) -> str:
