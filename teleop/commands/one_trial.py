@@ -83,6 +83,7 @@ class TrialRunner:
                     self.realtime if settings.clock == "real" else "off",
                     overwrite=bool(reserved),
                     live=self.link,
+                    arm=True,  # `teleop run` has asked, or the live page asks
                 )
             finally:
                 self.interrupted = switch.interrupted and not switch.page.reason

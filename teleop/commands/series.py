@@ -157,7 +157,7 @@ def run(
 
     real: RealtimeName = "try" if settings.clock == "real" else "off"
     with StopSwitch(key=True, explained=explained and bool(settings.rig)) as switch:
-        trial = run_trial(settings, path, sys.stderr.isatty(), switch, real, live=link)
+        trial = run_trial(settings, path, sys.stderr.isatty(), switch, real, live=link, arm=True)
     if link:
         link.show_result(trial)
     return trial
