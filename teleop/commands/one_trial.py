@@ -72,7 +72,7 @@ class TrialRunner:
         record, reserved = self.record, None
         if not (record or self.no_record):
             palpated = settings.specimen or settings.cube
-            record = reserved = new_recording(settings.condition, palpated)
+            record = reserved = new_recording(settings.condition_name, palpated)
         with StopSwitch(key=True, explained=self.explained) as switch:
             try:
                 trial = run_trial(

@@ -11,8 +11,8 @@ from teleop.software import software
 def settings_summary(settings: EstimateSettings) -> dict[str, Any]:
     """Return the settings that influenced the result of an evaluation, for a report.
 
-    The keys are `software` (version and commit), `conditioning` (name of the filters of position and
-    force) and `force_lag_s` (the setting of the force lag [s]; 0 if it is not set).
+    The keys are `software` (version and commit), `conditioning` (filters of position and force)
+    and `force_lag_s` (the setting of the force lag [s]; 0 if it is not set).
     """
     return {
         "software": f"teleop {software()}",

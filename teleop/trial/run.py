@@ -214,7 +214,8 @@ def check_armed(settings: TrialSettings, rig: Rig, arm: bool, live: LiveLink | N
     InputError
         Nobody has, nor can, and the rig is not a simulated one.
     """
-    if not (arm or isinstance(rig, SimulatedRig) or (live and live.by_page)):
+    simulated = settings.is_simulated or isinstance(rig, SimulatedRig)
+    if not (simulated or arm or (live and live.by_page)):
         raise InputError(
             f"rig {settings.rig_name!r}: nobody has armed the drives: expected arm=True, after a "
             "person has permitted them to move"
