@@ -88,7 +88,7 @@ class Case:
         self.limits = settings.limits
         self.bank = settings.estimation_preset.bank()
         self.layout = make_layout(settings, self.bank)
-        self.box = BlackBox(self.layout, settings.rate)
+        self.box = BlackBox(self.layout, settings.loop_rate)
         self.switch = StopSwitch()
         self.sinks: list[Sink] = [self.box]
         self.random = random.Random(0)

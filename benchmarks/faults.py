@@ -74,7 +74,7 @@ def virtual(
         admittance=TRIALS[law].admittance,
         channel=None if law == "none" else CHANNEL,
     )
-    clock = CampaignClock(settings.rate)
+    clock = CampaignClock(settings.loop_rate)
     rig = FaultyRig(make_rig(settings, clock.now))
     rig.open()
     case = Case(settings, rig, clock)
@@ -132,7 +132,7 @@ def real(condition: str, cube: str, name: str, seed: int) -> dict[str, Any]:
             time.sleep(stall * PERIOD)
             return super().wait()
 
-    clock = Clock(settings.rate)
+    clock = Clock(settings.loop_rate)
     rig = FaultyRig(make_rig(settings, clock.now))
     rig.open()
     case = Case(settings, rig, clock)

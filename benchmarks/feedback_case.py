@@ -173,7 +173,7 @@ def stopping(recording: Recording, settings: TrialSettings, time: float) -> dict
         "stop_speed": v,
         "stop_position": float(x[n]),
         "advance": float(np.max(x[n:]) - x[n]),
-        "stopping_distance": v * (1.0 / settings.rate + servo)
+        "stopping_distance": v * (1.0 / settings.loop_rate + servo)
         + v * v / (2.0 * settings.limits.max_acceleration),
     }
 

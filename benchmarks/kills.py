@@ -133,6 +133,7 @@ def victim(path: Path, shared: Path, address: str, real: Any) -> None:
         path,
         real=real,
         rig_maker=lambda now: RemoteRig(Client(address)),
+        arm=True,
     )
     COUNTS.pack_into(counts, 0, pushed, 0, 1 + bool(trial.incomplete))
 

@@ -33,10 +33,10 @@ from teleop.trial.realtime import avoid_claimed_processors
 
 
 def installed_version() -> str:
-    """Return the version of the installed package `teleop`."""
-    from importlib.metadata import version
+    """Return the version and the commit of the installed package `teleop`."""
+    from teleop.software import software
 
-    return version("teleop")
+    return software()
 
 
 app = App(

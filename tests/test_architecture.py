@@ -78,6 +78,7 @@ FLAT = {
     "interruption",
     "json_documents",
     "names",
+    "software",
     "printable",
 }
 """Modules of `teleop` outside the rooms."""

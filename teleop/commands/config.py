@@ -61,8 +61,8 @@ def check(file: Path, /, *, json: Annotated[bool, Parameter(negative="")] = Fals
         print_json(to_document(settings))
     else:
         plain_console().print(
-            f"{file}: {settings.condition}, {settings.palpated}, {settings.duration:g} s at "
-            f"{settings.rate:g} Hz: no problem found"
+            f"{file}: {settings.condition_name}, {settings.palpated}, {settings.duration:g} s at "
+            f"{settings.loop_rate:g} Hz: no problem found"
         )
     return 0
 

@@ -81,7 +81,7 @@ class TrialRunner:
         record, reserved = self.record, None
         if not (record or self.no_record):
             palpated = settings.specimen or settings.cube
-            record = reserved = new_recording(settings.condition, palpated)
+            record = reserved = new_recording(settings.condition_name, palpated)
         with StopSwitch(key=True, explained=self.explained) as switch:
             self.switch = switch
             try:
@@ -93,6 +93,7 @@ class TrialRunner:
                     self.realtime if settings.clock == "real" else "off",
                     overwrite=bool(reserved),
                     live=self.link,
+                    arm=True,  # `teleop run` has asked, or the live page asks
                 )
             finally:
                 if reserved and reserved.exists() and not reserved.stat().st_size:

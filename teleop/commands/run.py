@@ -180,8 +180,6 @@ def run(
 
     settings = read_configuration(config) if config else TrialSettings()
     rig_file = load_rig_file(rig) if rig else None
-    if rate is None and rig_file:
-        rate = rig_file.sections.rate_hz
     if signal or frequency is not None:
         usual = FREQUENCY.get(condition or settings.condition, 2.0)
         kind = signal or settings.excitation.kind
@@ -211,6 +209,10 @@ def run(
         "model": model and choose_model(model),
         "tare": tare and read_tare(tare),
     }
+    if condition:
+        settings = replace(settings, custom_condition=None)
+    if rig_file:  # a recorded rate is that of the recorded rig
+        settings = replace(settings, custom_rig=None, rate=None)
     settings = replace(settings, **{name: v for name, v in options.items() if v is not None})
     if cube and settings.rig:
         raise InputError("--cube: belongs to the simulated rig: expected --specimen and --depth")

@@ -168,7 +168,15 @@ class SeriesRunner:
 
         real: RealtimeName = "try" if settings.clock == "real" else "off"
         with StopSwitch(key=True, explained=self.explained and bool(settings.rig)) as switch:
-            trial = run_trial(settings, path, sys.stderr.isatty(), switch, real, live=self.link)
+            trial = run_trial(
+                settings,
+                path,
+                sys.stderr.isatty(),
+                switch,
+                real,
+                live=self.link,
+                arm=True,  # `series` has checked that a person, a page or --yes arms the drives
+            )
         self.ended = switch.ends_command or (switch.signalled and not trial.armed)
         if self.link:
             self.link.show_result(trial)

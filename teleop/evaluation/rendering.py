@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,14 @@ SETTLING = 4.0
 master renders has not converged. At most half of the trial is omitted."""
 LEAST_FORCE = 0.5
 """Contact force, multiplied by the force gain, above which a tick is evaluated [N]."""
+FEWEST = 100
+"""Smallest number of evaluated ticks."""
+SMALLEST = 0.5e-3
+"""Depth below which lost motion of a tenth of a millimetre, as on the simulated rig, prevents an
+estimate of the specimen [m]."""
+MOST_PRIOR = 0.05
+"""Largest share of the ticks without remark at which the hand feels the stiff prior. After a change
+of the specimen, the model-mediated law returns to the prior for about 0.2 s."""
 OLDEST = 10.0
 """Time for which position and force of the hand are stored [s]. They are compared with the slave,
 which receives the motion of the hand with the delay of the communication channel. This time is
@@ -43,10 +52,13 @@ class Rendering(NamedTuple):
     """Smallest value in the trial of the energy that the hand has given to the displayed
     environment since the start [J]. A negative value means that the environment gave energy to the
     hand. The energy in the virtual damping and mass of the admittance is not included."""
-    stable: bool
+    stable: bool | None
     """Whether the trial had no safety stop, and no oscillation of the loop (see
     `teleop.evaluation.loop_oscillation`). A slow instability that has not reached the threshold of
-    a stop by the end of the trial is counted as stable."""
+    a stop by the end of the trial is counted as stable. None: the trial had neither, but also too
+    little contact to show that the loop is stable."""
+    remarks: tuple[str, ...] = ()
+    """Why a value is missing, and what the hand felt instead of the specimen."""
 
 
 class Hand(NamedTuple):
@@ -150,6 +162,9 @@ class RunningRendering:
     arm_damping
         Function that takes frequencies [Hz] and returns the damping of the operator's arm at these
         frequencies [N s/m]. None: the damping of the arm is not known.
+    prior
+        Stiffness of the stiff prior at the hand [N/m], which the model-mediated law displays until
+        an estimate is accepted. None for another law.
     """
 
     def __init__(
@@ -159,11 +174,14 @@ class RunningRendering:
         gain: float,
         end: float,
         arm_damping: ArmDamping | None = None,
+        prior: float | None = None,
     ) -> None:
         self._hand, self._scale, self._gain = hand, scale, gain
         self._settled = min(SETTLING, 0.5 * end)
         self._spectra = RunningSpectra(arm_damping)
-        self._ticks = self._evaluated = 0
+        self._prior = prior
+        self._ticks = self._evaluated = self._considered = self._of_prior = 0
+        self._deepest = self._strongest = 0.0
         self._energy = self._lowest = 0.0
         self._sums = np.zeros(6)
         self._earlier: Floats = np.empty((3, 0))
@@ -190,6 +208,12 @@ class RunningRendering:
             felt.velocity[settled], active["drive_force"][settled], active["dt"][settled]
         )
         part = settled & (np.abs(f) > LEAST_FORCE)
+        self._considered += int(settled.sum())
+        self._deepest = float(np.max(np.abs(x[settled]), initial=self._deepest))
+        self._strongest = float(np.max(np.abs(f[settled]), initial=self._strongest))
+        if self._prior is not None:
+            displayed = active["model_stiffness"][settled]
+            self._of_prior += int(np.isclose(displayed, self._prior).sum())
         times, positions, forces = self._earlier = np.concatenate(
             (self._earlier, (t, felt.position, felt.force)), axis=1
         )
@@ -214,14 +238,37 @@ class RunningRendering:
         if not self._ticks:
             return Rendering(math.nan, math.nan, math.nan, math.nan, stable=False)
         stable = not fault and self._spectra.sustained_share() < MOST_SUSTAINED
-        count = self._evaluated
-        if count < 100:
-            return Rendering(math.nan, math.nan, math.nan, self._lowest, stable)
+        count, remarks = self._evaluated, tuple(self._remarks())
+        if count < FEWEST:
+            unknown = None if stable else False
+            return Rendering(math.nan, math.nan, math.nan, self._lowest, unknown, remarks)
         felt, felt_square, touched, touched_square, error, square = self._sums.tolist()
         rendered = felt / felt_square
         expected = self._scale * (touched / touched_square)
         relative = math.sqrt((error / count) / (square / count))
-        return Rendering(rendered, rendered / expected - 1.0, relative, self._lowest, stable)
+        return Rendering(
+            rendered, rendered / expected - 1.0, relative, self._lowest, stable, remarks
+        )
+
+    def _remarks(self) -> Iterator[str]:
+        """Yield why the felt stiffness is missing, and whether the hand felt the stiff prior."""
+        if self._evaluated < FEWEST:
+            yield (
+                f"no felt stiffness: after {self._settled:.3g} s, the contact force times the "
+                f"force gain was at most {self._strongest:.2g} N and above {LEAST_FORCE:g} N at "
+                f"{self._evaluated} ticks: expected {FEWEST}"
+            )
+        if self._of_prior > MOST_PRIOR * self._considered:
+            cause = "the misfit or the interval of each estimate was too large"
+            if self._deepest < SMALLEST:
+                cause = (
+                    f"this model kept the motion within {self._deepest * 1e3:.2g} mm, where lost "
+                    "motion and noise prevent an estimate"
+                )
+            yield (
+                f"at {self._of_prior / self._considered:.0%} of the ticks the hand felt the stiff "
+                f"first model of {self._prior:.0f} N/m and not the specimen: {cause}"
+            )
 
 
 def cumulative_sum(values: Floats, start: float) -> Floats:

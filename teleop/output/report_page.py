@@ -37,7 +37,7 @@ from teleop.output.trial_figures import ambiguity_figure, fault_figure, timing_f
 from teleop.output.trial_tables import tracking_lines
 from teleop.output.web_page import svg, web_page
 from teleop.recording.gaps import missing_text
-from teleop.recording.recording import Recording
+from teleop.recording.recording import Recording, stated_settings
 from teleop.recording.sinks import BEGIN
 
 MARGIN = 0.1
@@ -168,10 +168,11 @@ def facts(recording: Recording, motion: Mapping[str, str]) -> Iterator[tuple[str
         Texts that describe the motion, by name: the depth, and the target or the excitation signal.
     """
     session = recording.session
+    settings = stated_settings(recording.settings)
     yield "date", session.get("created", "not known")
     yield "rig", session.get("rig", "not known")
     for name in STATED:
-        value = recording.settings.get(name)
+        value = settings.get(name)
         if name.endswith("_s") and value is not None:
             yield name.removesuffix("_s"), f"{value:g} s"
         elif value not in (None, ""):

@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.console import Console
 
-from teleop.output.console import number, plain_console
+from teleop.output.console import number, plain_console, wrapped
 from teleop.output.estimate_tables import left_out_lines, print_estimated, print_estimates
 from teleop.output.next_command import print_command
 from teleop.recording.gaps import Gap, missing_text
@@ -199,8 +199,11 @@ def print_feedback(console: Console, feedback: Mapping[str, Any] | None) -> None
             f"  error of the felt force {feedback['felt_force_error']:.1%} rms, lowest energy at "
             f"the hand {feedback['energy_min_j'] * 1e3 + 0.0:.1f} mJ"
         )
-    if not feedback["stable"]:
+    if feedback["stable"] is False:
         console.print("  not stable", style="yellow")
+    if feedback["law"] != "none":
+        for remark in feedback["remarks"]:
+            console.print(wrapped(f"  {remark}", console.width), style="yellow")
 
 
 def print_loop(console: Console, summary: Mapping[str, Any]) -> None:

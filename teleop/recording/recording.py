@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -206,6 +206,12 @@ def from_messages(
         settings=json.loads(metadata.get("settings", {}).get("json", "{}")),
         gaps=gaps_of(columns, dropped_in_all(metadata)),
     )
+
+
+def stated_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return recorded settings whose condition is the class of the user, if there was one."""
+    custom = settings.get("custom_condition")
+    return {**settings, **({"condition": custom["name"]} if custom else {})}
 
 
 def gaps_of(columns: dict[str, Floats], total_dropped: int = 0) -> tuple[Gap, ...]:

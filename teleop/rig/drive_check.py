@@ -261,7 +261,7 @@ def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
     )
     bank = settings.estimation_preset.bank()
     layout = Layout(bank)
-    box = BlackBox(layout, settings.rate)
+    box = BlackBox(layout, settings.loop_rate)
     controller = make_controller(settings, tested, bank, clock, test)
     try:
         with StopSwitch(key=True) as switch, switch.reading_keys():

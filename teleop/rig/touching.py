@@ -122,22 +122,24 @@ def touch(
     """
     settings = TrialSettings(
         condition="autonomous",
+        specimen="tare",
         rig=rig,
         cube=cube,
         duration=REACH / SPEED,
         clock="real" if rig else "virtual",
-        rate=rig.sections.rate_hz if rig else 1000.0,
         seed=seed,
         sensors=sensors,
         tare=Tare(zero.master, zero.contact, zero.position),
     )
-    settings = replace(settings, custom_limits=touch_limits(settings.raw_limits))
+    limits = touch_limits(settings.raw_limits)
+    settings = replace(settings, custom_limits=limits, depth=REACH)
     threshold = max(TOUCH, 10.0 * zero.contact_noise)
     with StopSwitch(key=rig is not None) as switch:
         trial = run_trial(
             settings,
             record,
             switch=switch,
+            arm=rig is not None,
             condition=Touch(settings.admittance.damping * SPEED, threshold, 0.5 * AWAY),
             rig_maker=None if rig else lambda now: rig_away_from_cube(cube, now, sensors, seed),
         )

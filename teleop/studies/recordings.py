@@ -19,6 +19,7 @@ from teleop.errors import InputError
 from teleop.evaluation.comparison import SUBJECT
 from teleop.files import RECORDING, unreadable
 from teleop.json_documents import loads
+from teleop.recording.recording import stated_settings
 from teleop.studies.series.journal import NAME as JOURNAL
 from teleop.studies.series.journal import RECORDINGS, Journal
 from teleop.studies.series.plan import Plan
@@ -238,7 +239,7 @@ def known_factors(source: Source, settings: Mapping[str, Any]) -> dict[str, str]
         Settings of the recorded trial by name; empty if another program wrote the file.
     """
     found = {"file": source.path.name, "folder": source.path.absolute().parent.name}
-    for name, value in settings.items():
+    for name, value in stated_settings(settings).items():
         if isinstance(value, float):
             found[name] = f"{value:g}"
         elif isinstance(value, str | int) and value != "":

@@ -24,8 +24,10 @@ from teleop.control.controller import Controller
 from teleop.control.estimation import Estimation
 from teleop.control.injector import Injector
 from teleop.control.link import DirectLink, Link
+from teleop.errors import InputError
 from teleop.recording.message import Layout
 from teleop.recording.tick_columns import FEEDBACK_COLUMNS
+from teleop.trial.custom_class import create_condition
 from teleop.trial.feedback_checks import expected_stiffness
 from teleop.trial.settings import TrialSettings
 
@@ -40,7 +42,11 @@ RigMaker = Callable[[Callable[[], float]], Rig]
 
 def make_clock(settings: TrialSettings) -> Clock:
     """Return a new clock of the control loop, in real or virtual time as the settings state."""
-    return RealClock(settings.rate) if settings.clock == "real" else VirtualClock(settings.rate)
+    return (
+        RealClock(settings.loop_rate)
+        if settings.clock == "real"
+        else VirtualClock(settings.loop_rate)
+    )
 
 
 def make_rig(
@@ -59,6 +65,11 @@ def make_rig(
         shows the trial). None for the simulated operator of the control condition. Not used on a
         hardware rig.
     """
+    if settings.custom_rig:
+        raise InputError(
+            f"rig {settings.custom_rig}: a recording cannot create it: expected rig_maker= in "
+            "Python, or another rig"
+        )
     if settings.rig is None:
         return make_simulated_rig(settings, now, pointer=pointer)
     from drivers.wired_rig import WiredRig  # imports python-can
@@ -130,7 +141,14 @@ def make_condition(settings: TrialSettings) -> Condition:
 
     In `mimic`, the object contains the target that the operator follows. In `autonomous`, it
     contains the PE (persistent excitation) injector, which moves the slave along a given signal.
+
+    Raises
+    ------
+    InputError
+        The settings state a class of the user that cannot be created, see `create_condition`.
     """
+    if settings.custom_condition:
+        return create_condition(settings.custom_condition)
     if settings.condition == "free":
         return Teleoperation()
     if settings.condition == "mimic":
@@ -221,7 +239,7 @@ def make_controller(
         condition or make_condition(settings),
         make_link(settings),
         estimation or Estimation(settings.make_conditioner(), bank),
-        1.0 / settings.rate,
+        1.0 / settings.loop_rate,
         settings.limits,
         settings.tare,
         clock.stopwatch,

@@ -27,9 +27,9 @@ def averaged_part(recording: Recording | RecordingFile, settings: TrialSettings)
         Settings of the trial. They state the count-in and the duration.
     """
     part, count_in = WHOLE, settings.target.count_in
-    if settings.condition == "mimic" and count_in and "target" in recording.units:
+    if settings.condition_name == "mimic" and count_in and "target" in recording.units:
         part = AveragedPart(start=count_in, left_out=f"the count-in of {count_in:g} s")
-    elif settings.condition == "autonomous":
+    elif settings.condition_name == "autonomous":
         ramp = ramp_time(settings.duration)
         text = f"the ramp of the excitation to zero, the last {ramp:g} s"
         part = AveragedPart(end=settings.duration - ramp, left_out=text)

@@ -86,7 +86,7 @@ def lag(settings: TrialSettings) -> float:
     This delay is the sum of the lag of the contact force sensor and the delay of the control loop.
     It does not include the delay of the communication channel.
     """
-    return sensor_lag(settings) + LOOP_DELAY / settings.rate
+    return sensor_lag(settings) + LOOP_DELAY / settings.loop_rate
 
 
 def sensor_lag(settings: TrialSettings) -> float:
@@ -110,7 +110,7 @@ def arm_lag(settings: TrialSettings) -> float:
     """
     plant = settings.plant_parameters
     servo = 1.0 / (2.0 * math.pi * plant.handle_bandwidth)
-    return servo + plant.master_force_lag + LOOP_DELAY / settings.rate
+    return servo + plant.master_force_lag + LOOP_DELAY / settings.loop_rate
 
 
 def arm_damping(settings: TrialSettings, frequency: Floats) -> Floats:

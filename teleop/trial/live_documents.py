@@ -68,21 +68,21 @@ def trial_document(
         Both are 0 for a single trial.
     """
     limits, target = settings.limits, settings.target
-    true = None if settings.rig else truth(settings, settings.setup.depth)
+    true = truth(settings, settings.setup.depth) if settings.is_simulated else None
     return {
         "type": "trial",
         "number": number,
-        "condition": settings.condition,
+        "condition": settings.condition_name,
         "specimen": settings.palpated,
         "duration": settings.duration,
         "choice": {
             "condition": settings.condition,
-            "specimen": settings.palpated if settings.rig else settings.cube,
+            "specimen": settings.cube if settings.is_simulated else settings.palpated,
             "duration": settings.duration,
         },
         "depth": settings.depth if settings.rig else settings.setup.depth,
         "rig": settings.rig_name,
-        "simulated": settings.rig is None,
+        "simulated": settings.is_simulated,
         "limits": {
             "soft_position": list(limits.soft_position),
             "hard_position": list(limits.hard_position),
@@ -97,7 +97,7 @@ def trial_document(
             "low": target.position(0.0),
             "count_in": target.count_in,
         }
-        if settings.condition == "mimic"
+        if settings.condition_name == "mimic"
         else None,
         "feedback": None,
         "operator": settings.operator,

@@ -101,7 +101,7 @@ class LiveLink(Sink):
         self.position, self.of = 0, 0
         self._prompt = 0
         """Number of the latest question, see `ask`."""
-        self._by_page, self._has_pointer = by_page, pointer
+        self.by_page, self._has_pointer = by_page, pointer
         self._unsent = b""
         self._received = b""
         sizes = {"ring": (SLOTS, size), "events": (EVENT_SLOTS, EVENT_SIZE)}
@@ -174,12 +174,12 @@ class LiveLink(Sink):
                 "definition": layout.definition,
                 "columns": [column._asdict() for column in layout.columns],
                 "estimators": layout.estimators,
-                "rate": settings.rate,
+                "rate": settings.loop_rate,
                 "trial": trial_document(settings, self.trials, self.position, self.of),
-                "by_page": self._by_page,
+                "by_page": self.by_page,
             }
         )
-        return PageRequests(self._cells, self._by_page, self._stops)
+        return PageRequests(self._cells, self.by_page, self._stops)
 
     def push(self, message: bytes) -> None:
         """Send all recorded values of one tick (period of the control loop) to the live process.

@@ -10,6 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from drivers.registry import device_class
 from teleop.json_documents import dumps
+from teleop.software import software
 from teleop.trial.settings import TrialSettings
 from teleop.trial.settings_json import to_document
 
@@ -40,7 +41,7 @@ def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
     """
     return {
         "session": {
-            "software": f"teleop {version('teleop')}",
+            "software": f"teleop {software()}",
             "python": platform.python_version(),
             "libraries": ", ".join(libraries()),
             "machine": f"{platform.node()}, {platform.platform()}",

@@ -18,13 +18,15 @@ def performed(settings: TrialSettings) -> dict[str, str]:
     target motion, and `count-in` the time before the target starts to move. In the condition
     `autonomous`, `signal` is the excitation signal.
     """
+    if settings.custom_condition:
+        return {name: f"{v}" for name, v in settings.custom_condition.parameters.items()}
     found = {"depth": f"{settings.setup.depth * 1e3:.4g} mm"}
-    if settings.condition == "mimic":
+    if settings.condition_name == "mimic":
         target = settings.target
         low, high = (1e3 * depth for depth in (target.position(0.0), target.depth))
         found["target"] = f"sine of {target.frequency:g} Hz, from {low:.4g} to {high:.4g} mm"
         found["count-in"] = f"{target.count_in:g} s"
-    if settings.condition == "autonomous":
+    if settings.condition_name == "autonomous":
         found["signal"] = signal_text(settings.excitation)
     return found
 

@@ -56,10 +56,12 @@ def tick_cost(settings: TrialSettings) -> float:
     Exception
         An exception that a tick raised.
     """
-    rate = min(settings.rate, 1000.0)
+    rate = min(settings.loop_rate, 1000.0)
     rehearsal = replace(
         settings,
         rig=None,
+        custom_rig=None,
+        custom_condition=None,
         tare=NO_TARE,
         custom_limits=None,
         tightened_limits=NOT_TIGHTENED,
@@ -110,10 +112,10 @@ def check_rate(settings: TrialSettings) -> float:
     cost = math.inf
     for _ in range(3):
         cost = min(cost, tick_cost(settings))
-        if cost <= SHARE / settings.rate:
+        if cost <= SHARE / settings.loop_rate:
             return cost
     other = "" if settings.rig else ", or --clock virtual"
-    raise InputError(f"{too_slow(settings.rate, cost)}{other}")
+    raise InputError(f"{too_slow(settings.loop_rate, cost)}{other}")
 
 
 def check_wire(rig: Rig, clock: Clock, cost: float) -> None:

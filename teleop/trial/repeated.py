@@ -125,7 +125,7 @@ def repeated(recording: Recording) -> Recording:
     if recording.gaps:
         raise InputError("ticks of the recording are missing: expected a complete recording")
     settings = from_document(recording.settings)
-    clock = RecordedClock(recording, settings.rate)
+    clock = RecordedClock(recording, settings.loop_rate)
     depths, grips = recording["pointer_depth"].tolist(), recording["pointer_grip"].tolist()
     pointer = PointerOperator(lambda: (depths[clock.tick], bool(grips[clock.tick])))
     bank, memory, switch = settings.estimation_preset.bank(), Memory(), StopSwitch()

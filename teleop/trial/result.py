@@ -115,7 +115,7 @@ class Trial(Presented):
     def about(self) -> str:
         """Short description: condition, palpated body, and duration."""
         settings = self.settings
-        return f"{settings.condition}, {settings.palpated}, {settings.duration:g} s"
+        return f"{settings.condition_name}, {settings.palpated}, {settings.duration:g} s"
 
     @property
     def armed(self) -> dict[str, Any] | None:
@@ -188,7 +188,7 @@ class Trial(Presented):
         found = tracking_of(ticks, self.settings)
         if found is None:
             raise InputError(
-                f"no tracking in a trial of {self.settings.condition} and "
+                f"no tracking in a trial of {self.settings.condition_name} and "
                 f"{self.settings.duration:g} s: expected mimic and two periods of the target"
             )
         with figure_style(width):
@@ -217,7 +217,7 @@ class Trial(Presented):
         from teleop.output.figure_files import plain
 
         return (
-            plain(f"{self.settings.condition}, {self.settings.palpated}")
+            plain(f"{self.settings.condition_name}, {self.settings.palpated}")
             if title is None
             else title
         )
@@ -244,8 +244,8 @@ class Trial(Presented):
         """Return the results of the trial as a dictionary, which `teleop run --json` prints."""
         settings, found = self.settings, self.statistics
         return {
-            "condition": settings.condition,
-            "cube": None if settings.rig else settings.cube,
+            "condition": settings.condition_name,
+            "cube": settings.cube if settings.is_simulated else None,
             "specimen": settings.palpated,
             "operator": settings.operator,
             "notes": settings.notes,
@@ -268,7 +268,7 @@ class Trial(Presented):
             "estimates": found.estimates(self.shown.recording)
             if found.contact_time >= LEAST_CONTACT or not self.interrupted
             else {},
-            "truth": None if settings.rig else truth(settings, found.depth),
+            "truth": truth(settings, found.depth) if settings.is_simulated else None,
             "left_out": found.left_out,
             "excitation": found.excitation,
             "contact": found.contact,

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from drivers import RigError
+from drivers import Rig, RigError
+from sim_backend import SimulatedRig
 from teleop.control.conditions import Condition
 from teleop.errors import InputError
 from teleop.files import FAULT_REPORT, unwritable
@@ -17,7 +19,15 @@ from teleop.recording.recording import Recording, from_messages
 from teleop.recording.recording_file import RecordingFile, recorded_ticks
 from teleop.recording.sinks import Memory, Outcome, Sink
 from teleop.trial.arming import check_stated
-from teleop.trial.assembly import RigMaker, make_clock, make_controller, make_layout, make_rig
+from teleop.trial.assembly import (
+    RigMaker,
+    make_clock,
+    make_condition,
+    make_controller,
+    make_layout,
+    make_rig,
+)
+from teleop.trial.custom_class import described
 from teleop.trial.later_estimates import LaterEstimates
 from teleop.trial.live_link import LiveLink
 from teleop.trial.loop import Loop
@@ -40,6 +50,7 @@ def run_trial(
     condition: Condition | None = None,
     rig_maker: RigMaker | None = None,
     live: LiveLink | None = None,
+    arm: bool = False,
 ) -> Trial:
     """Run a trial until its end, a fault, or Ctrl-C. Then disable the drives; return the result.
 
@@ -53,24 +64,31 @@ def run_trial(
         Whether to show a progress line on standard error.
     switch
         Stop switch, with which a person stops the trial. Call this function within its `with`
-        block. By default, signals such as Ctrl-C stop the trial, but no other key does.
+        block. By default, signals such as Ctrl-C stop the trial. On a hardware rig, Enter and Space
+        in the terminal also stop it.
     real
         Whether to apply real-time settings: `require`, `try` or `off`, see `realtime`.
     overwrite
         Whether to overwrite an existing MCAP file.
     condition
-        Control condition that replaces the condition of the settings.
+        Control condition that replaces the condition of the settings. Its class is recorded. The
+        recorded trial can be run again if the class is a dataclass in an installed package.
     rig_maker
         Function that creates a rig, which replaces the rig of the settings.
     live
         Link to the process that serves the live page (a web page); None for no live page.
+    arm
+        Whether a person has permitted the drives to move, for example by the answer to
+        `teleop.trial.arming.is_armed`. Needed on every rig except the simulated rig, unless the
+        drives are armed in the live page.
 
     Raises
     ------
     InputError
         The trial is too long to be kept in memory, the machine cannot run at the rate, the
-        recording cannot be written, a required real-time step failed, or the settings of a trial on
-        a hardware rig have no specimen or no depth.
+        recording cannot be written, a required real-time step failed, the settings of a trial on
+        a hardware rig have no specimen or no depth, nobody has armed its drives, or the class of
+        the user that the settings state is not installed.
     RigError
         The rig cannot be opened, a device cannot be read before the loop starts, or the drives did
         not become ready.
@@ -79,19 +97,28 @@ def run_trial(
         stopped and the recording is complete.
     """
     if switch is None:
-        with StopSwitch() as switch:
+        with StopSwitch(key=not settings.is_simulated or rig_maker is not None) as switch:
             return run_trial(
-                settings, record, show, switch, real, overwrite, condition, rig_maker, live
+                settings, record, show, switch, real, overwrite, condition, rig_maker, live, arm
             )
-    if condition is None:
-        check_stated(settings)
-    if not record and settings.duration * settings.rate > IN_MEMORY:
+    check_stated(settings)
+    if condition:
+        settings = replace(settings, custom_condition=described(condition))
+    else:
+        condition = make_condition(settings)
+    if not record and settings.duration * settings.loop_rate > IN_MEMORY:
         raise InputError(
             f"duration {settings.duration:g} s without a recording: expected at most "
-            f"{IN_MEMORY / settings.rate:g} s, because the ticks are kept in memory, or a recording"
+            f"{IN_MEMORY / settings.loop_rate:g} s, because the ticks are kept in memory, or a "
+            "recording"
         )
-    bank = settings.estimation_preset.bank()
     pointer = live.make_operator() if live else None
+    clock = make_clock(settings)
+    rig = rig_maker(clock.now) if rig_maker else make_rig(settings, clock.now, pointer)
+    if rig_maker:
+        settings = replace(settings, custom_rig=described(rig))
+    check_armed(settings, rig, arm, live)
+    bank = settings.estimation_preset.bank()
     layout = make_layout(settings, bank, pointer)
     metadata = session_metadata(settings)
     recorder = loop = None
@@ -107,21 +134,19 @@ def run_trial(
             overwrite,
             switch.hint,
             "" if switch.explained else switch.instructions,
-            (target.depth, target.count_in) if settings.condition == "mimic" else None,
+            (target.depth, target.count_in) if settings.condition_name == "mimic" else None,
         )
     memory = None if record else Memory()
-    box = BlackBox(layout, settings.rate)
+    box = BlackBox(layout, settings.loop_rate)
     sinks: list[Sink] = [sink for sink in (recorder, memory, box, live) if sink]
     later = None
     if settings.clock == "virtual" and not live:
         later = LaterEstimates(settings.make_conditioner(), bank, layout, sinks)
     try:
         cost = check_rate(settings) if settings.clock == "real" else 0.0
-        clock = make_clock(settings)
         start = time.time_ns() + round((settings.limits.preflight + clock.period) * 1e9)
         if recorder:
             recorder.begin(start)
-        rig = rig_maker(clock.now) if rig_maker else make_rig(settings, clock.now, pointer)
         rejected: dict[str, dict[str, int]] = {}
         try:
             with switch.reading_keys(), realtime(real) as real_time, rig:
@@ -179,6 +204,22 @@ def run_trial(
         folder,
         box_problem,
     )
+
+
+def check_armed(settings: TrialSettings, rig: Rig, arm: bool, live: LiveLink | None) -> None:
+    """Check that a person has permitted the drives to move, or can do so in the live page.
+
+    Raises
+    ------
+    InputError
+        Nobody has, nor can, and the rig is not a simulated one.
+    """
+    simulated = settings.is_simulated or isinstance(rig, SimulatedRig)
+    if not (simulated or arm or (live and live.by_page)):
+        raise InputError(
+            f"rig {settings.rig_name!r}: nobody has armed the drives: expected arm=True, after a "
+            "person has permitted them to move"
+        )
 
 
 def write_black_box(

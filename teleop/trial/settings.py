@@ -29,6 +29,7 @@ from teleop.safety.palpation_limits import palpation_limits
 from teleop.safety.rig_limits import rig_limits
 from teleop.safety.tightened_limits import NOT_TIGHTENED, TightenedLimits
 from teleop.trial import ranges
+from teleop.trial.custom_class import CustomClass
 from teleop.trial.settings_checks import check_settings
 
 
@@ -61,8 +62,8 @@ class TrialSettings:
     """Duration of the trial [s]."""
     clock: ClockName = "real"
     """Clock of the control loop: real or virtual time."""
-    rate: float = 1000.0
-    """Ticks per second [Hz]."""
+    rate: float | None = None
+    """Ticks per second [Hz]. Default: the rate in the rig file, or 1000 Hz (`loop_rate`)."""
     seed: int = 0
     """Seed of the simulated operator and of the sensor noise."""
     signal: Annotated[AnySignal, Discriminator("kind")] | None = None
@@ -112,6 +113,11 @@ class TrialSettings:
     """The hardware rig. Default: the simulated rig."""
     depth: float | None = None
     """Depth of palpation [m], required on a hardware rig. Default: the depth in the paper."""
+    custom_condition: CustomClass | None = None
+    """Class that computed the force in place of `condition`. Set by `run_trial(condition=...)`."""
+    custom_rig: CustomClass | None = None
+    """Class of the rig that replaced the rig file or the simulated rig. Set by
+    `run_trial(rig_maker=...)`."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -142,18 +148,37 @@ class TrialSettings:
         return Target(self.excitation.highest, self.setup.depth, count_in)
 
     @property
+    def loop_rate(self) -> float:
+        """Ticks per second [Hz]: the setting `rate`, or the rate in the rig file, or 1000 Hz."""
+        if self.rate is not None:
+            return self.rate
+        return self.rig.sections.rate_hz if self.rig else ranges.RATE
+
+    @property
+    def condition_name(self) -> str:
+        """Name of the control condition, or of the class that replaced it."""
+        return self.custom_condition.name if self.custom_condition else self.condition
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether the trial runs on the simulated rig that these settings describe."""
+        return not (self.rig or self.custom_rig)
+
+    @property
     def rig_name(self) -> str:
-        """Name of the rig; `simulated` if there is no rig file."""
+        """Name of the rig: that in the rig file, that of a class of the user, or `simulated`."""
+        if self.custom_rig:
+            return self.custom_rig.name
         return self.rig.sections.name if self.rig else "simulated"
 
     @property
     def palpated(self) -> str:
         """Name of the palpated body.
 
-        This is the setting `specimen`. If `specimen` is empty, it is the name of the hardware rig
-        or, on the simulated rig, the name of the cube.
+        This is the setting `specimen`. If `specimen` is empty, it is the name of the rig or, on the
+        simulated rig, the name of the cube.
         """
-        return self.specimen or (self.rig_name if self.rig else f"{self.cube} cube")
+        return self.specimen or (f"{self.cube} cube" if self.is_simulated else self.rig_name)
 
     @property
     def has_link(self) -> bool:
@@ -240,6 +265,6 @@ class TrialSettings:
             preset,
             estimators=self.estimators,
             model=self.model,
-            correlation=self.make_conditioner().correlation(1.0 / self.rate),
+            correlation=self.make_conditioner().correlation(1.0 / self.loop_rate),
             own=self.estimator_parameters,
         )

@@ -100,16 +100,17 @@ def values_out_of_range(settings: Any) -> Iterator[tuple[tuple[str, ...], str]]:
     ):
         if value not in allowed:
             yield (name,), f"{name} {value!r}: expected one of {', '.join(allowed)}"
-    if not ranges.RATES[0] <= settings.rate <= ranges.RATES[1]:
+    if not ranges.RATES[0] <= settings.loop_rate <= ranges.RATES[1]:
         yield (
             ("rate",),
-            f"rate {settings.rate:g} Hz: expected {ranges.RATES[0]:g} to {ranges.RATES[1]:g} Hz",
+            f"rate {settings.loop_rate:g} Hz: expected {ranges.RATES[0]:g} to "
+            f"{ranges.RATES[1]:g} Hz",
         )
-    elif settings.excitation.highest > 0.05 * settings.rate:
+    elif settings.excitation.highest > 0.05 * settings.loop_rate:
         yield (
             ("rate", "signal"),
             f"frequency {settings.excitation.highest:g} Hz in the excitation: expected at most "
-            f"a twentieth of the rate, {0.05 * settings.rate:g} Hz",
+            f"a twentieth of the rate, {0.05 * settings.loop_rate:g} Hz",
         )
     if settings.depth is not None and not 0.0 < settings.depth <= ranges.DEEPEST:
         most = ranges.DEEPEST * 1e3
@@ -133,7 +134,7 @@ def values_out_of_range(settings: Any) -> Iterator[tuple[tuple[str, ...], str]]:
         settings.make_conditioner()
     except ValueError as error:
         yield ("conditioning", "bandwidth", "force_lag"), str(error)
-    longest = ranges.longest_duration(settings.rate)
+    longest = ranges.longest_duration(settings.loop_rate)
     if not 0.0 < settings.duration <= longest:
         yield (
             ("duration",),
@@ -156,10 +157,10 @@ def inconsistent_values(settings: Any) -> Iterator[str]:
         settings.estimation_preset.bank()
     except ValueError as error:
         yield from str(error).splitlines()
-    if settings.duration < 1.0 / settings.rate:
+    if settings.duration < 1.0 / settings.loop_rate:
         yield (
             f"duration {settings.duration:g} s: expected at least one tick, "
-            f"{1.0 / settings.rate:g} s"
+            f"{1.0 / settings.loop_rate:g} s"
         )
 
 

@@ -34,6 +34,7 @@ from teleop.control.tare import Tare
 from teleop.errors import InputError
 from teleop.safety import ChannelLimits, Limits
 from teleop.safety.tightened_limits import TightenedLimits
+from teleop.trial.custom_class import CustomClass
 from teleop.trial.settings import TrialSettings
 from teleop.trial.settings_checks import SettingsError
 from teleop.trial.settings_keys import FIELDS, NAMES, expected_form, unknown_key
@@ -41,6 +42,7 @@ from teleop.trial.settings_keys import FIELDS, NAMES, expected_form, unknown_key
 DERIVED = {
     "preset": ": expected estimator_parameters or custom_preset",
     "encoder_resolution_m": "",
+    "loop_rate_hz": ": expected rate_hz",
     "limits": ": expected tightened_limits",
     "setup": ": expected custom_setup",
 }
@@ -55,6 +57,7 @@ PARTS = (
     Chirp,
     Coupling,
     Cube,
+    CustomClass,
     FeedbackSettings,
     Grid,
     Limits,
@@ -84,14 +87,16 @@ def to_document(settings: TrialSettings) -> dict[str, Any]:
     number becomes the text `Infinity`, which `from_document` converts back.
     """
     stated = {field.name: getattr(settings, field.name) for field in fields(settings)}
+    if not settings.is_simulated:
+        del stated["cube"]
     if rig := settings.rig:
         stated["rig"] = {"name": settings.rig_name, "path": rig.path, "toml": rig.text}
-        del stated["cube"]
     derived = {
         "preset": settings.estimation_preset,
         "encoder_resolution_m": settings.encoder_resolution,
+        "loop_rate_hz": settings.loop_rate,
         "limits": asdict(settings.limits),
-        **({} if rig else {"setup": settings.setup}),
+        **({"setup": settings.setup} if settings.is_simulated else {}),
     }
     document = {NAMES.get(name, name): value for name, value in stated.items()} | derived
     text = json.dumps(to_jsonable_python(document))

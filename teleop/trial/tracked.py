@@ -18,7 +18,7 @@ def tracking_of(recording: Recording, settings: TrialSettings) -> Tracking | Non
     target. The result is None in three cases: the condition is not `mimic`, the recording has no
     target, or the target moved for too few periods (`FEWEST` in `teleop.evaluation.tracking`).
     """
-    if settings.condition != "mimic" or "target" not in recording.columns:
+    if settings.condition_name != "mimic" or "target" not in recording.columns:
         return None
     t, target, position = (recording[name] for name in ("time", "target", "slave_position"))
     return tracking(t, target, position, settings.target.frequency)

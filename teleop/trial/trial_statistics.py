@@ -10,6 +10,7 @@ import numpy as np
 
 from estimation import Bank
 from estimation.presets import GATE
+from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.evaluation.averages import RunningAverages
 from teleop.evaluation.rendering import RunningHand, RunningRendering
 from teleop.recording.recording import Recording
@@ -134,7 +135,7 @@ class TrialStatistics:
     @property
     def loop(self) -> dict[str, Any]:
         """Statistics of the timing of the control loop, see `RunningTiming.summary`."""
-        return self._timing.summary(self._settings.rate)
+        return self._timing.summary(self._settings.loop_rate)
 
     def estimates(self, shown: Recording) -> dict[str, Any]:
         """Return averages, errors and last estimates of each estimator, by its name.
@@ -189,4 +190,6 @@ def rendering_of(ticks: Recording | RecordingFile, settings: TrialSettings) -> R
     admittance, scale = settings.admittance, settings.coupling.scale
     hand = RunningHand(admittance.mass, admittance.damping, admittance.stiffness, scale)
     arm = None if settings.rig else partial(arm_damping, settings)
-    return RunningRendering(hand, scale, settings.feedback.gain, end, arm)
+    gain = settings.feedback.gain
+    prior = gain * scale * STIFF_PRIOR if settings.feedback.law == "model-mediated" else None
+    return RunningRendering(hand, scale, gain, end, arm, prior)

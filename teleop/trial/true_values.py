@@ -77,10 +77,12 @@ def recorded_truth(recording: Recording) -> dict[str, Any] | None:
 
     The result is None for a hardware rig, or if the settings in the recording are not valid.
     """
-    if not recording.settings or recording.session.get("rig") != "simulated":
+    if not recording.settings:
         return None
     try:
         settings = from_document(recording.settings)
     except InputError:
+        return None
+    if not settings.is_simulated:
         return None
     return truth(settings, float(np.max(np.abs(recording["slave_position"]), initial=0.0)))

@@ -81,7 +81,7 @@ def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
         paper_preset(settings.cube),
         estimators=methods.estimators,
         model=model,
-        correlation=conditioner.correlation(1.0 / settings.rate),
+        correlation=conditioner.correlation(1.0 / settings.loop_rate),
     )
     bank = preset.bank()
     estimates = bank.run(*regression)

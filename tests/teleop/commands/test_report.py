@@ -115,7 +115,7 @@ def test_the_settings_have_rounded_values_with_units_and_the_defaults_in_effect(
     table = page.split("Settings<")[1]
     settings = dict(re.findall(r'<tr><td>(.*?)</td><td class="left">(.*?)</td></tr>', table))
     assert not {"", "None", "False", "True", "Infinity"} & set(settings.values())
-    assert settings["rate_hz"] == "1000 Hz"
+    assert settings["loop_rate_hz"] == "1000 Hz"
     assert settings["limits.hard_force"].endswith(" N")
     assert settings["estimators"] == "rls, ai, me"
     fractions = re.findall(r"\d+\.\d+", str(settings))

@@ -30,6 +30,7 @@ from teleop.trial.feedback_checks import (
 )
 from teleop.trial.rehearsal import tick_cost
 from teleop.trial.rig_loading import load_rig_file
+from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
 ROOT = Path(__file__).parents[3]
@@ -256,10 +257,36 @@ def test_the_summary_reports_what_the_hand_felt(capsys):
         "felt_force_error",
         "energy_min_j",
         "stable",
+        "remarks",
     }
     assert (feedback["law"], feedback["channel"]) == ("model-mediated", "delay=10ms")
     assert main([*RUN, *options]) == 0
     assert "feedback: model-mediated, channel delay=10ms" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("cube", "condition"), [("medium", "free"), ("hard", "mimic")])
+def test_a_hand_that_felt_only_the_stiff_prior_is_reported(cube, condition, capsys):
+    options = (f"--cube={cube}", f"--condition={condition}", "--feedback=model-mediated")
+    command = ("run", "--clock=virtual", "--no-record", "--duration=5", "--seed=41")
+    assert main([*command, *options, "--estimators=rls", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["feedback"]
+    assert (found["rendered_k"], found["stable"]) == (None, None)
+    few, prior = found["remarks"]
+    assert few.startswith("no felt stiffness: after 2.5 s, the contact force")
+    assert prior.startswith("at 100% of the ticks the hand felt the stiff first model of 20000 N/m")
+    assert "lost motion" in prior
+    assert main([*command, *options, "--estimators=rls"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert few in shown
+    assert prior in shown
+
+
+def test_a_hand_that_felt_the_specimen_has_no_remark():
+    settings = TrialSettings(
+        cube="soft", clock="virtual", feedback=FeedbackSettings("model-mediated"), seed=41
+    )
+    found = run_trial(settings).feedback()
+    assert (found["remarks"], found["stable"]) == ((), True)
 
 
 def test_without_feedback_the_summary_has_none(capsys):

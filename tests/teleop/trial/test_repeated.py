@@ -85,7 +85,7 @@ class LateClock(VirtualClock):
 )
 def test_the_repeated_trial_is_identical_to_the_bit(tmp_path, monkeypatch, clock, last):
     settings = TrialSettings(operator="pointer", clock="virtual", duration=1.5, cube="medium")
-    monkeypatch.setattr("teleop.trial.run.make_clock", lambda settings: clock(settings.rate))
+    monkeypatch.setattr("teleop.trial.run.make_clock", lambda settings: clock(settings.loop_rate))
     path = tmp_path / "trial.mcap"
     run_trial(settings, path, live=Hand(last))
     recording = load(path)

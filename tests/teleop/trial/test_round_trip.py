@@ -60,7 +60,16 @@ VARIED = {
     "channel": st.none() | st.builds(ChannelSettings, st.floats(0.0, 0.1), st.floats(0.0, 0.01)),
 }
 """Values of the settings; `condition` besides, whose values depend on the signal."""
-OTHER = {"condition", "clock", "preset", "custom_setup", "custom_limits", "rig"}
+OTHER = {
+    "condition",
+    "clock",
+    "preset",
+    "custom_setup",
+    "custom_limits",
+    "custom_condition",
+    "custom_rig",
+    "rig",
+}
 """Settings that are not varied here: see `test_settings_json.py` for those of other objects."""
 SIGNALS = st.sampled_from([None, Multisine((1.0, 2.0)), Chirp(1.0, 4.0, 1.0)])
 

@@ -4,11 +4,14 @@ import functools
 import json
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from drivers import STANDSTILL
+from drivers.rig_file import read_rig_file
+from drivers.wired_rig import WiredRig
 from estimation import force_error, rise_time
 from sim_backend import (
     CUBES,
@@ -22,17 +25,23 @@ from sim_backend import (
     SimulatedRig,
 )
 from teleop.control.clock import VirtualClock
+from teleop.control.conditions import Teleoperation
 from teleop.control.tare import NO_TARE, Tare
 from teleop.errors import InputError
 from teleop.recording.recording import Recording, load
 from teleop.recording.timing import PARTS, RunningTiming
 from teleop.safety import Mode, Request
 from teleop.trial import later_estimates
+from teleop.trial.assembly import make_clock
+from teleop.trial.configuration import read_configuration
 from teleop.trial.loop import Loop
 from teleop.trial.rehearsal import check_wire, tick_cost
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
+from teleop.trial.settings_json import to_document
+from teleop.trial.stop_switch import StopSwitch
 
+RIGS = Path(__file__).parents[3] / "rigs"
 QUICK = TrialSettings(clock="virtual", duration=3.0)
 
 
@@ -415,3 +424,61 @@ def test_an_interrupt_while_the_estimates_are_completed_closes_the_recording(mon
     with pytest.raises(KeyboardInterrupt):
         run_trial(replace(QUICK, duration=0.5), path)
     load(path)  # raises an error if the recording is not complete
+
+
+def test_the_rate_comes_from_the_rig_file_wherever_it_is_not_given(tmp_path):
+    text = (RIGS / "serial-board.toml").read_text()
+    file = tmp_path / "slow.toml"
+    file.write_text(text.replace("rate_hz = 1000\n", "rate_hz = 250\n", 1))
+    rig = read_rig_file(file)
+    configured = tmp_path / "trial.toml"
+    configured.write_text('rig = "slow.toml"\n')
+    on_rig = TrialSettings(rig=rig)
+    for settings in (on_rig, replace(TrialSettings(), rig=rig), read_configuration(configured)):
+        assert settings.loop_rate == make_clock(settings).rate == 250.0
+    assert replace(on_rig, rate=500.0).loop_rate == 500.0
+    assert to_document(on_rig)["loop_rate_hz"] == 250.0
+    assert TrialSettings().loop_rate == 1000.0
+
+
+class Opened(Exception):
+    """The rig was opened."""
+
+
+def test_a_hardware_rig_is_opened_only_if_a_person_has_armed_it(monkeypatch):
+    def opened(rig):
+        raise Opened
+
+    monkeypatch.setattr("drivers.wired_rig.WiredRig.open", opened)
+    monkeypatch.setattr("teleop.trial.run.check_rate", lambda settings: 0.0)
+    settings = TrialSettings(
+        rig=read_rig_file(RIGS / "serial-board.toml"), specimen="liver", depth=3e-3
+    )
+    for own in (None, Teleoperation()):
+        with pytest.raises(InputError, match=r"nobody has armed the drives: expected arm=True"):
+            run_trial(settings, condition=own)
+        with pytest.raises(Opened):
+            run_trial(settings, condition=own, arm=True)
+    with pytest.raises(InputError, match="nobody has armed"):
+        run_trial(TrialSettings(), rig_maker=lambda now: WiredRig(settings.rig, now))
+
+
+def test_an_own_condition_on_a_hardware_rig_needs_specimen_and_depth():
+    settings = TrialSettings(rig=read_rig_file(RIGS / "serial-board.toml"))
+    with pytest.raises(InputError, match=r"expected also a specimen .* and a depth"):
+        run_trial(settings, condition=Teleoperation(), arm=True)
+
+
+def test_a_hardware_rig_has_a_stop_key_by_default(monkeypatch):
+    keys = []
+
+    class Switch(StopSwitch):
+        def __init__(self, key=False, explained=False):
+            keys.append(key)
+            super().__init__(key, explained)
+
+    monkeypatch.setattr("teleop.trial.run.StopSwitch", Switch)
+    with pytest.raises(InputError):
+        run_trial(TrialSettings(rig=read_rig_file(RIGS / "serial-board.toml")))
+    run_trial(TrialSettings(clock="virtual", duration=0.1, estimators=("rls",)))
+    assert keys == [True, False]

@@ -193,7 +193,7 @@ class SteppedTrial:
         return self.kind(self.file, self.settings, now, self.faults, self.prepare, self.rewrite)
 
     def run(self) -> Trial:
-        return run_trial(self.settings, rig_maker=self.make_rig)
+        return run_trial(self.settings, rig_maker=self.make_rig, arm=True)
 
 
 def stepped_trial(

@@ -29,7 +29,7 @@ def test_estimates_are_those_of_the_simulated_rig(in_memory, name):
     plain = TrialSettings(
         condition="autonomous",
         clock="virtual",
-        rate=wired.settings.rate,
+        rate=wired.settings.loop_rate,
         duration=SECONDS,
         custom_limits=wired.settings.custom_limits,
     )

@@ -69,7 +69,7 @@ class Checked:
 
     def __init__(self, trial: Any, move: bool = True) -> None:
         self.travel = self.force = 0.0
-        clock = VirtualClock(trial.settings.rate)
+        clock = VirtualClock(trial.settings.loop_rate)
         with trial.make_rig(clock.now) as rig:
             self.limits = rig_limits(rig.file.sections)
             step = rig.emulator.step

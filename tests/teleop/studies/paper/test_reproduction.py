@@ -39,7 +39,7 @@ def test_force_channel_and_slave_are_the_same_in_all_nine_trials():
 
 def test_a_trial_has_the_papers_settings():
     settings = paper_trial("mimic", "hard")
-    assert (settings.duration, settings.rate) == (10.0, 1000.0)
+    assert (settings.duration, settings.loop_rate) == (10.0, 1000.0)
     parameters = settings.estimation_preset.bank()["ai"].parameters
     assert (parameters.rk4, parameters.Gamma) == (True, (50_000.0, 1e7))
 

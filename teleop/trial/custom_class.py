@@ -1,0 +1,114 @@
+"""State in a recording which class of the user took part in a trial, and create it again."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from importlib.metadata import PackageNotFoundError, packages_distributions, version
+from typing import Any
+
+from teleop.control.conditions import Condition
+from teleop.errors import InputError
+
+
+@dataclass(frozen=True)
+class CustomClass:
+    """Class of a control condition or a rig that the user passed to `run_trial`."""
+
+    name: str
+    """Name of the class."""
+    module: str
+    """Module that defines the class."""
+    distribution: str = ""
+    """Installed distribution that contains the module; empty if there is none."""
+    version: str = ""
+    """Version of the distribution."""
+    parameters: Mapping[str, bool | int | float | str | None] = field(default_factory=dict)
+    """Fields of the object if its class is a dataclass, otherwise its attributes. Only numbers,
+    texts, truth values and None are stated."""
+    complete: bool = False
+    """Whether `parameters` are sufficient to create the object again."""
+
+    def __str__(self) -> str:
+        return f"{self.name} of {self.distribution or self.module} {self.version}".rstrip()
+
+
+def described(custom: object) -> CustomClass:
+    """Return the statement about an object of a class of the user."""
+    kind = type(custom)
+    distribution = distribution_of(kind.__module__)
+    parameters, complete = parameters_of(custom)
+    return CustomClass(
+        kind.__qualname__,
+        kind.__module__,
+        distribution,
+        version(distribution) if distribution else "",
+        parameters,
+        complete,
+    )
+
+
+def distribution_of(module: str) -> str:
+    """Return the name of the installed distribution that contains a module; empty if none does."""
+    found = packages_distributions().get(module.partition(".")[0], [])
+    return found[0] if found else ""
+
+
+def parameters_of(custom: object) -> tuple[dict[str, Any], bool]:
+    """Return the parameters of an object, and whether they are sufficient to create it again.
+
+    Only the fields of a dataclass are known to be arguments of its constructor. An attribute of
+    another class may have been computed from an argument of the same name.
+    """
+    if is_dataclass(custom):
+        values = {one.name: getattr(custom, one.name) for one in fields(custom) if one.init}
+    else:
+        values = getattr(custom, "__dict__", {})
+    plain = {
+        name: value
+        for name, value in values.items()
+        if value is None or type(value) in (bool, int, float, str)
+    }
+    return plain, is_dataclass(custom) and len(plain) == len(values)
+
+
+def create_condition(stated: CustomClass) -> Condition:
+    """Create the control condition that a recording states.
+
+    Raises
+    ------
+    InputError
+        The class is not installed in the recorded version, or the recording does not contain all
+        parameters of the object.
+    """
+    what = f"condition {stated}"
+    if not stated.distribution:
+        raise InputError(f"{what}: expected a class of an installed distribution, to run it again")
+    try:
+        installed = version(stated.distribution)
+    except PackageNotFoundError:
+        raise InputError(f"{what}: is not installed") from None
+    if installed != stated.version:
+        raise InputError(f"{what}: expected this version, but {installed} is installed")
+    if not stated.complete:
+        raise InputError(
+            f"{what}: its parameters are not recorded: expected a dataclass whose fields are "
+            "numbers or texts, to run it again"
+        )
+    # A recording may come from anyone: import only what the stated distribution contains.
+    if distribution_of(stated.module) != stated.distribution:
+        raise InputError(f"{what}: module {stated.module} is not in this distribution")
+    try:
+        kind: Any = importlib.import_module(stated.module)
+        for name in stated.name.split("."):
+            kind = getattr(kind, name)
+    except (ImportError, AttributeError) as error:
+        raise InputError(f"{what}: cannot be imported: {error}") from error
+    if not (isinstance(kind, type) and issubclass(kind, Condition)):
+        raise InputError(f"{what}: expected a class derived from Condition")
+    try:
+        condition: Condition = kind(**stated.parameters)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what}: {error}") from error
+    return condition

@@ -1,0 +1,177 @@
+"""Trials with a condition or a rig of the user: what is recorded, and what runs again."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_backend import SimulatedRig
+from teleop.control.conditions import Condition
+from teleop.errors import InputError
+from teleop.recording.recording import load
+from teleop.trial.assembly import make_simulated_rig
+from teleop.trial.configuration import read_configuration
+from teleop.trial.result import Trial
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
+from teleop.trial.settings_json import from_document, to_document
+from teleop.trial.true_values import recorded_truth
+
+SETTINGS = TrialSettings(
+    condition="autonomous", clock="virtual", duration=1.0, estimators=("rls",), seed=7
+)
+LAB = '''
+from dataclasses import dataclass
+from teleop.control.conditions import Condition
+
+@dataclass
+class Step(Condition):
+    """A step of the force."""
+
+    amplitude: float = 1.0
+    start: float = 0.2
+
+    def drive_force(self, t, measurement):
+        return self.amplitude if t > self.start else 0.0
+
+class Hidden(Condition):
+    def __init__(self, amplitude):
+        self.twice = 2.0 * amplitude
+
+    def drive_force(self, t, measurement):
+        return self.twice
+
+@dataclass
+class NoCondition:
+    amplitude: float = 1.0
+'''
+
+
+class Push(Condition):
+    """A constant force, from a module that is not installed."""
+
+    def drive_force(self, t, measurement):
+        return 2.0
+
+
+class LabRig(SimulatedRig):
+    """A rig whose body is not that of the settings."""
+
+
+@pytest.fixture
+def lab(tmp_path, monkeypatch):
+    """An installed distribution `mylab` 1.2 with conditions; its folder."""
+    folder = tmp_path / "site"
+    about = folder / "mylab-1.2.dist-info"
+    about.mkdir(parents=True)
+    (folder / "mylab_steps.py").write_text(LAB)
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: mylab\nVersion: 1.2\n")
+    (about / "top_level.txt").write_text("mylab_steps\n")
+    monkeypatch.syspath_prepend(folder)
+    yield folder
+    sys.modules.pop("mylab_steps", None)
+
+
+def make_lab_rig(now):
+    rig = make_simulated_rig(replace(SETTINGS, cube="hard"), now)
+    rig.__class__ = LabRig
+    return rig
+
+
+def recorded(path: Path, **options) -> Trial:
+    return run_trial(SETTINGS, path, **options)
+
+
+def test_the_class_of_a_condition_is_recorded_with_its_distribution_and_parameters(lab, tmp_path):
+    from mylab_steps import Step
+
+    trial = recorded(tmp_path / "step.mcap", condition=Step(3.0))
+    assert load(tmp_path / "step.mcap").settings["custom_condition"] == {
+        "name": "Step",
+        "module": "mylab_steps",
+        "distribution": "mylab",
+        "version": "1.2",
+        "parameters": {"amplitude": 3.0, "start": 0.2},
+        "complete": True,
+    }
+    assert trial.summary()["condition"] == "Step"
+    assert trial.about == "Step, soft cube, 1 s"
+    assert trial.summary()["left_out"] == "", "a step does not end like the excitation"
+
+
+def test_an_installed_condition_runs_again_to_the_bit(lab, tmp_path):
+    from mylab_steps import Step
+
+    first = recorded(tmp_path / "step.mcap", condition=Step(3.0, start=0.1)).recording
+    again = run_trial(read_configuration(tmp_path / "step.mcap")).recording
+    sine = run_trial(SETTINGS).recording
+    for name, column in first.columns.items():
+        np.testing.assert_array_equal(again[name], column)
+    assert not np.array_equal(sine["drive_force"], first["drive_force"])
+
+
+def test_a_condition_that_is_not_installed_is_not_run_again(tmp_path):
+    recorded(tmp_path / "push.mcap", condition=Push())
+    settings = read_configuration(tmp_path / "push.mcap")
+    with pytest.raises(InputError, match=r"condition Push of .*expected a class of an installed"):
+        run_trial(settings)
+    again = run_trial(settings, condition=Push())
+    assert again.settings.custom_condition == settings.custom_condition
+
+
+def test_a_condition_of_another_version_is_not_run_again(lab, tmp_path):
+    from mylab_steps import Step
+
+    recorded(tmp_path / "step.mcap", condition=Step())
+    about = lab / "mylab-1.2.dist-info" / "METADATA"
+    about.write_text(about.read_text().replace("1.2", "1.3"))
+    with pytest.raises(InputError, match=r"mylab 1\.2: expected this version, but 1\.3"):
+        run_trial(read_configuration(tmp_path / "step.mcap"))
+
+
+def test_a_condition_whose_constructor_is_not_known_is_not_run_again(lab, tmp_path):
+    from mylab_steps import Hidden
+
+    trial = recorded(tmp_path / "hidden.mcap", condition=Hidden(1.0))
+    assert trial.settings.custom_condition.parameters == {"twice": 2.0}
+    with pytest.raises(InputError, match="its parameters are not recorded"):
+        run_trial(read_configuration(tmp_path / "hidden.mcap"))
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"distribution": "nolab"}, "is not installed"),
+        ({"module": "antigravity"}, "module antigravity is not in this distribution"),
+        ({"module": "mylab_steps.absent"}, "cannot be imported"),
+        ({"name": "Absent"}, "cannot be imported"),
+        ({"name": "NoCondition"}, "expected a class derived from Condition"),
+        ({"parameters": {"speed": 1.0}}, "unexpected keyword argument"),
+    ],
+)
+def test_a_recording_that_states_anything_else_is_refused_in_one_line(lab, changes, problem):
+    from mylab_steps import Step
+
+    document = to_document(run_trial(SETTINGS, condition=Step()).settings)
+    document["custom_condition"] |= changes
+    with pytest.raises(InputError, match=problem) as caught:
+        run_trial(from_document(document))
+    assert "\n" not in str(caught.value)
+    assert "antigravity" not in sys.modules
+
+
+def test_a_rig_of_the_user_is_recorded_by_its_class_and_has_no_true_values(tmp_path):
+    trial = recorded(tmp_path / "lab.mcap", rig_maker=make_lab_rig)
+    summary, recording = trial.summary(), load(tmp_path / "lab.mcap")
+    assert (summary["rig"], summary["specimen"]) == ("LabRig", "LabRig")
+    assert (summary["cube"], summary["truth"]) == (None, None)
+    assert recording.session["rig"] == "LabRig"
+    assert recording.settings["custom_rig"]["module"] == __name__
+    assert not {"cube", "setup"} & recording.settings.keys()
+    assert recorded_truth(recording) is None
+    with pytest.raises(InputError, match=r"rig LabRig of .*: a recording cannot create it"):
+        run_trial(read_configuration(tmp_path / "lab.mcap"))
