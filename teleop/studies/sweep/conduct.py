@@ -101,14 +101,14 @@ def conduct(
             progress.failed += "error" in result
         progress.done = progress.resumed = len(positions)
         report(progress)
-        with Tables(folder, task, points, journal, positions) as tables:
-            pending = [point for point in points if point.number not in positions]
-            for computed in execute(task, pending) if pending else ():
-                places = journal.append(computed)
-                positions.update(zip((one["point"] for one in computed), places, strict=True))
-                progress.done = len(positions)
-                progress.failed += sum("error" in result for result in computed)
-                tables.extend()
-                report(progress)
-            progress.parquet = tables.write_parquet()
+        tables = Tables(folder, task, points, journal, positions)
+        pending = [point for point in points if point.number not in positions]
+        for computed in execute(task, pending) if pending else ():
+            places = journal.append(computed)
+            positions.update(zip((one["point"] for one in computed), places, strict=True))
+            progress.done = len(positions)
+            progress.failed += sum("error" in result for result in computed)
+            tables.extend()
+            report(progress)
+        progress.parquet = tables.write_parquet()
     return progress

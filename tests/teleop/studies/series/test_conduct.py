@@ -23,10 +23,12 @@ from teleop.errors import InputError, SafetyStop
 from teleop.recording.recording import load
 from teleop.studies.json_lines import locked
 from teleop.studies.series.conduct import conduct as conduct_series
+from teleop.studies.series.conduct import is_complete
 from teleop.studies.series.journal import Journal
 from teleop.studies.series.trials import read_series
 from teleop.trial.averaged import recorded_part
 from teleop.trial.run import run_trial
+from teleop.trial.stop_switch import StopSwitch
 
 RIG = Path(__file__).parents[4] / "rigs" / "serial-board.toml"
 PLAN = """
@@ -76,7 +78,8 @@ class RunOnce:
             if trial.settings == settings:
                 path.write_bytes(content)
                 return trial
-        trial = run_trial(settings, path)
+        with StopSwitch() as switch:  # without it, `run_trial` calls its replacement: this object
+            trial = run_trial(settings, path, switch=switch)
         self.done.append((trial, path.read_bytes()))
         return trial
 
@@ -254,10 +257,49 @@ def test_a_spoilt_trial_is_repeated_and_its_recording_is_kept(plan, tmp_path):
 def test_without_a_person_a_trial_that_is_always_stopped_ends_the_series(
     plan, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr("teleop.studies.series.conduct.spoilt", lambda trial: "stopped at 1 s")
+    stop = SafetyStop("stopped at 1 s")
+    monkeypatch.setattr("teleop.studies.series.conduct.spoilt", lambda trial: stop)
     with pytest.raises(SafetyStop, match="trial 1, autonomous-soft-1: stopped at 1 s"):
         conduct(tmp_path / "out", *plan)
     assert Journal(tmp_path / "out").attempts(1) == 3
+
+
+def with_outcome(fault=None, problem=""):
+    """Return a function that runs trials with this fault, and this problem of the recording."""
+
+    def run(settings, path):
+        trial = run_once(settings, path)
+        return replace(trial, fault=fault, outcome=trial.outcome._replace(problem=problem))
+
+    return run
+
+
+def test_a_full_disk_ends_a_series_without_a_person_at_once_and_is_no_safety_stop(plan, tmp_path):
+    with pytest.raises(InputError, match=r"001-autonomous-soft-1-1\.mcap: .* no space left"):
+        conduct(tmp_path / "out", *plan, run=with_outcome(problem="no space left on device"))
+    assert Journal(tmp_path / "out").attempts(1) == 1
+
+
+def test_a_recording_with_gaps_is_repeated_and_is_no_safety_stop(plan, tmp_path, monkeypatch):
+    gaps = InputError("3 ticks are missing")
+    monkeypatch.setattr("teleop.studies.series.conduct.spoilt", lambda trial: gaps)
+    with pytest.raises(InputError, match="trial 1, autonomous-soft-1: 3 ticks are missing"):
+        conduct(tmp_path / "out", *plan)
+    assert Journal(tmp_path / "out").attempts(1) == 3
+
+
+def test_a_journal_that_cannot_be_written_does_not_hide_a_safety_stop(plan, tmp_path, monkeypatch):
+    write = Journal.write
+
+    def full(journal, entry, *given, **values):
+        if entry == "spoilt":
+            raise InputError("the disk is full")
+        write(journal, entry, *given, **values)
+
+    monkeypatch.setattr(Journal, "write", full)
+    stopped = with_outcome({"time": 1.0, "text": "too deep"})
+    with pytest.raises(SafetyStop, match="too deep; the disk is full"):
+        conduct(tmp_path / "out", *plan, run=stopped)
 
 
 def test_notes_before_and_after_a_trial_are_in_its_rows_and_do_not_change_its_state(plan, tmp_path):
@@ -308,6 +350,44 @@ def test_two_series_in_one_folder_are_refused(plan, tmp_path):
         pytest.raises(InputError, match="another series or sweep is running in this folder"),
     ):
         conduct(folder, *plan)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no file locks")
+def test_a_lock_file_that_is_a_link_is_refused_and_its_target_is_kept(plan, tmp_path):
+    folder, target = tmp_path / "out", tmp_path / "thesis.txt"
+    folder.mkdir()
+    target.write_text("a thesis")
+    (folder / ".lock").symlink_to(target)
+    with pytest.raises(InputError, match=r"\.lock: is a symbolic link"):
+        conduct(folder, *plan)
+    assert target.read_text() == "a thesis"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no file locks")
+def test_the_content_of_a_file_with_the_name_of_the_lock_is_kept(plan, tmp_path):
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / ".lock").write_text("a thesis")
+    conduct(folder, *plan)
+    assert (folder / ".lock").read_text() == "a thesis"
+
+
+def test_a_trial_whose_recording_was_deleted_is_named_and_run_again(plan, tmp_path, command):
+    folder, reports = tmp_path / "out", []
+    conduct(folder, *plan)
+    deleted = folder / "recordings" / "002-autonomous-medium-1-1.mcap"
+    deleted.rename(tmp_path / "elsewhere")
+    _, out, err = command(["q\n"], "--out", "out")
+    assert f"of trial 2 must be repeated: its recording {deleted.name} is missing." in err
+    assert "2 of 3 trials done, 0 skipped, 1 pending" in out
+    assert [row["attempt"] for row in rows(folder)] == ["1", "1", "1"]
+    (tmp_path / "elsewhere").rename(deleted)
+    conduct(folder, *plan, report=reports.append)
+    assert reports == [f"{folder}: the series is complete, no trial is run"]
+    deleted.unlink()
+    conduct(folder, *plan)
+    assert [row["attempt"] for row in rows(folder)] == ["1", "2", "1"]
+    assert is_complete(folder, *plan)
 
 
 def done_trials(folder):

@@ -318,6 +318,30 @@ def test_a_sweep_killed_at_random_instants_ends_with_the_results_of_one_that_was
         assert (tmp_path / "killed" / name).read_bytes() == expected
 
 
+class Wide(Deadly):
+    """A task with long rows in the table and short ones in the journal."""
+
+    keys = ("cube", "admittance.mass")
+    columns = tuple(f"{number}" for number in range(3000))
+
+    def rows(self, point):
+        return [{"1": point.number}]
+
+    def settings(self, point):
+        return TrialSettings()
+
+
+def test_a_full_disk_is_named_with_the_table_that_is_not_complete(tmp_path, plan_file):
+    resource = pytest.importorskip("resource", reason="no limit of the size of a file")
+    plan, before = read_plan(plan_file), resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))
+    try:
+        with pytest.raises(InputError, match=r"results\.csv: cannot be written: file too large"):
+            conduct(tmp_path / "out", plan, Wide(0), points_of(plan), in_this_process)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
 def test_a_recording_is_estimated_with_the_settings_of_each_point(tmp_path):
     recording = tmp_path / "trial.mcap"
     trial = run_trial(TrialSettings(duration=2.0, clock="virtual"), recording)
