@@ -100,8 +100,8 @@ class Tables:
     def rows(self, start: int, end: int) -> Iterator[Row]:
         """Yield the rows of the points with the indices `start` to `end` - 1, counted from 0.
 
-        All of these points must be done. A point whose result is an error has one row, which
-        contains the error message.
+        All of these points must be done. A point whose result is a safety stop or an error has one
+        row, which contains the message.
         """
         points = self._points[start:end]
         results = self._journal.documents_at(self._positions[point.number] for point in points)
@@ -111,7 +111,8 @@ class Tables:
                 **dict(zip(self._task.keys, point.values, strict=True)),
                 "repetition": point.repetition,
             }
-            for row in result.get("rows") or [{"error": result.get("error", "no estimate")}]:
+            problem = result.get("stopped") or result.get("error", "no estimate")
+            for row in result.get("rows") or [{"error": problem}]:
                 yield {**about, **row}
 
     def write_parquet(self) -> bool:
