@@ -33,7 +33,8 @@ def sweep(
     The settings vary over a grid, a list, random values or a Latin hypercube. A point of the sweep
     is one combination of values. At each point, a trial is run on the simulated rig, or estimates
     are computed from a recording. If a point fails, its row of the table contains an error instead
-    of results. To resume a sweep that was interrupted or killed, enter the same command again.
+    of results, and the exit code is 1. To resume a sweep that was interrupted or killed, or to run
+    the failed points again, enter the same command again.
 
     Example: `teleop sweep paper --seeds 20 --out paper-sweep`
 
@@ -75,6 +76,7 @@ def sweep(
     from teleop.errors import InputError
     from teleop.files import check_outputs
     from teleop.output.console import plain_console, print_json
+    from teleop.printable import print_error
     from teleop.studies.sweep.conduct import conduct
     from teleop.studies.sweep.executors import in_processes
     from teleop.studies.sweep.plan import read_plan
@@ -94,7 +96,7 @@ def sweep(
         )
     check_outputs(pictures=(plot, plot_map), sources=(plan,), overwrite=overwrite)
     folder = out or Path(f"sweep-{read.name}")
-    if dask:
+    if dask is not None:
         from teleop.studies.sweep.dask_cluster import on_dask
 
         execute = on_dask(dask, workers)
@@ -119,6 +121,7 @@ def sweep(
             {
                 "folder": str(folder),
                 "points": ended.total,
+                "stopped": ended.stopped,
                 "failed": ended.failed,
                 "resumed": ended.resumed,
                 "files": files,
@@ -128,8 +131,8 @@ def sweep(
         text = f"{ended.total} points"
         if ended.resumed:
             text += f", {ended.resumed} of them from an earlier run"
-        if ended.failed:
-            text += f", {ended.failed} failed: see the column error"
+        if ended.stopped:
+            text += f", {ended.stopped} stopped for safety: see the column error"
         plain_console().print(f"{text}\n{' '.join(files)}", soft_wrap=True)
         if not ended.parquet:
             shown.print(
@@ -147,4 +150,9 @@ def sweep(
                 save(main_effects_figure(rows), plot, overwrite)
             if plot_map:
                 save(map_figure(rows, *axes), plot_map, overwrite)
-    return 0
+    if ended.failed:
+        print_error(
+            f"{ended.failed} of {ended.total} points failed: see the column error of "
+            f"{folder / CSV}; to run them again, enter the same command again"
+        )
+    return 1 if ended.failed else 0

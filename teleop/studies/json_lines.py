@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from teleop.errors import InputError
+from teleop.errors import InputError, reason
 from teleop.files import unwritable
 from teleop.json_documents import dumps, loads
 
@@ -128,18 +128,28 @@ def locked(folder: Path) -> Iterator[None]:
     Raises
     ------
     InputError
-        Another series or sweep is running in the folder.
+        Another series or sweep is running in the folder, or the lock file cannot be opened or
+        locked. A symbolic link is not opened as a lock file.
     """
     try:
         import fcntl
     except ImportError:  # a system without these locks
         yield
         return
-    with (folder / LOCK).open("w") as file:
+    with contextlib.ExitStack() as stack:
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
+            # The content of the file has no meaning. It is not truncated, because it can be a file
+            # of the user.
+            flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+            lock = os.open(folder / LOCK, flags, 0o666)
+            stack.callback(os.close, lock)
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
             raise InputError(
                 f"{folder}: another series or sweep is running in this folder"
             ) from error
+        except OSError as error:
+            linked = (folder / LOCK).is_symlink()
+            problem = "is a symbolic link: expected none" if linked else reason(error)
+            raise InputError(f"{folder / LOCK}: {problem}") from error
         yield

@@ -126,14 +126,15 @@ def conduct(
     ------
     InputError
         A file cannot be written, the folder contains other files or a series of another plan,
-        another series or sweep is running in the folder, or a trial of an unattended series could
-        not be run.
+        another series or sweep is running in the folder, a trial of an unattended series could not
+        be run or recorded, or its recording had gaps in `ATTEMPTS` attempts.
     RigError
         The rig failed in a trial of an unattended series.
     KeyboardInterrupt
         A trial of an unattended series was interrupted, or `is_ended` returned True.
     SafetyStop
-        A trial of an unattended series failed `ATTEMPTS` times.
+        A trial of an unattended series failed `ATTEMPTS` times, and was stopped for safety in the
+        last attempt.
     """
     make_folder(folder / NAME)
     with locked(folder):
@@ -171,7 +172,7 @@ def conduct(
             except (InputError, RigError) as error:
                 if ask is unattended:
                     raise
-                problem, was_run = str(error), False
+                problem, was_run = error, False
             write_results(folder, trials, journal)
             rested = time.monotonic()
             again = "; the same trial is next" if problem and ask is not unattended else ""
@@ -183,15 +184,17 @@ def conduct(
                 journal.write("note", trial.number, attempt=attempts, note=after)
                 write_results(folder, trials, journal)
             if problem and ask is unattended:
-                if problem == INTERRUPTED:
-                    raise KeyboardInterrupt
+                if isinstance(problem, KeyboardInterrupt):
+                    raise problem
                 if journal.attempts(trial.number) >= ATTEMPTS:
-                    raise SafetyStop(f"trial {trial.number}, {trial.label}: {problem}")
+                    raise type(problem)(f"trial {trial.number}, {trial.label}: {problem}")
     return journal
 
 
-def attempt(folder: Path, journal: Journal, trial: PlannedTrial, run: Run, note: str) -> str:
-    """Run a trial once, and return the reason why it must be repeated; empty after success.
+def attempt(
+    folder: Path, journal: Journal, trial: PlannedTrial, run: Run, note: str
+) -> BaseException | None:
+    """Run a trial once, and return the reason why it must be repeated; None after success.
 
     The start and the result are written to the journal, a file with a line for each event.
 
@@ -211,7 +214,10 @@ def attempt(folder: Path, journal: Journal, trial: PlannedTrial, run: Run, note:
     Raises
     ------
     InputError, RigError
-        The trial could not be run. The journal contains the reason.
+        The trial could not be run, or its recording could not be written. The journal contains the
+        reason, if it can be written.
+    SafetyStop
+        The trial was stopped for safety, and the journal cannot be written.
     """
     number = journal.attempts(trial.number) + 1
     path = folder / RECORDINGS / f"{trial.number:03d}-{trial.label}-{number}.mcap"
@@ -223,24 +229,34 @@ def attempt(folder: Path, journal: Journal, trial: PlannedTrial, run: Run, note:
         journal.write("spoilt", trial.number, attempt=number, problem=str(error))
         raise
     problem = spoilt(result)
-    if problem:
-        journal.write("spoilt", trial.number, attempt=number, file=path.name, problem=problem)
-    else:
+    if problem is None:
         summary = result.summary()
         journal.write("done", trial.number, attempt=number, file=path.name, summary=summary)
+        return None
+    about = {"attempt": number, "file": path.name, "problem": str(problem)}
+    try:
+        journal.write("spoilt", trial.number, **about)
+    except InputError as error:
+        if isinstance(problem, SafetyStop):  # the full disk does not hide the safety stop
+            raise SafetyStop(f"{problem}; {error}") from error
+        raise
+    if isinstance(problem, InputError) and result.outcome.problem:
+        raise problem  # another attempt would not be recorded either
     return problem
 
 
-def spoilt(trial: Trial) -> str:
-    """Return the reason why a trial that has ended must be repeated; empty after success.
+def spoilt(trial: Trial) -> BaseException | None:
+    """Return the reason why a trial that has ended must be repeated; None after success.
 
-    It must be repeated if it was stopped for safety, interrupted, or recorded incompletely.
+    The reason is an exception. It is a SafetyStop if the trial was stopped for safety, a
+    KeyboardInterrupt if the trial was interrupted, and an InputError if the recording is not
+    complete.
     """
     if trial.fault:
-        return f"stopped {time_text(trial.fault['time'])}: {trial.fault['text']}"
+        return SafetyStop(f"stopped {time_text(trial.fault['time'])}: {trial.fault['text']}")
     if trial.interrupted:
-        return INTERRUPTED
-    return trial.incomplete
+        return KeyboardInterrupt(INTERRUPTED)
+    return InputError(trial.incomplete) if trial.incomplete else None
 
 
 def resumed_text(folder: Path, trials: Sequence[PlannedTrial], journal: Journal) -> str:

@@ -41,10 +41,15 @@ class Journal:
         self._lines = JsonLines(folder / NAME)
         self.entries: list[dict[str, Any]] = []
         self._last: dict[int, dict[str, Any]] = {}
+        self._results: dict[int, dict[str, Any]] = {}
         self._attempts: Counter[int] = Counter()
         self._notes: defaultdict[tuple[int, int], list[str]] = defaultdict(list)
         for _, entry in self._lines.read():
             self._add(entry)
+        for number, entry in self._results.items():
+            if not (folder / RECORDINGS / entry["file"]).is_file():
+                problem = f"its recording {entry['file']} is missing"
+                self._last[number] = {**entry, "entry": "spoilt", "problem": problem}
 
     def write(self, entry: Entry, trial: int = 0, **values: Any) -> None:
         """Append a line to the journal, and wait until it is written to the disk.
@@ -71,7 +76,9 @@ class Journal:
     def last(self, trial: int) -> dict[str, Any] | None:
         """Return the last entry of the journal on a trial; None if there is no entry.
 
-        Entries that are notes of a person are ignored. `trial` is the number of the trial, from 1.
+        Entries that are notes of a person are ignored. If the trial is done, but its recording was
+        missing when the journal was opened, the returned entry is of the kind `spoilt`. `trial` is
+        the number of the trial, from 1.
         """
         return self._last.get(trial)
 
@@ -109,11 +116,11 @@ class Journal:
     def results(self) -> Iterator[dict[str, Any]]:
         """Yield the journal entry with the result of each trial that is done.
 
-        The order is that of the numbers of the trials.
+        A trial whose recording is missing is included, because its result is known. The order is
+        that of the numbers of the trials.
         """
-        for _, last in sorted(self._last.items()):
-            if last["entry"] == "done":
-                yield last
+        for _, result in sorted(self._results.items()):
+            yield result
 
     def _add(self, entry: dict[str, Any]) -> None:
         self.entries.append(entry)
@@ -121,5 +128,10 @@ class Journal:
             self._attempts[entry["trial"]] += 1
         if entry.get("note") and "attempt" in entry:
             self._notes[entry["trial"], entry["attempt"]].append(entry["note"])
-        if entry["entry"] not in ("plan", "note"):
-            self._last[entry["trial"]] = entry
+        if entry["entry"] in ("plan", "note"):
+            return
+        self._last[entry["trial"]] = entry
+        if entry["entry"] == "done":
+            self._results[entry["trial"]] = entry
+        else:
+            self._results.pop(entry["trial"], None)

@@ -14,6 +14,7 @@ from teleop.errors import InputError
 from teleop.files import make_folder
 from teleop.studies.json_lines import LOCK, JsonLines, locked
 from teleop.studies.sweep.executors import Execute
+from teleop.studies.sweep.origin import Origin, differences, origin_of
 from teleop.studies.sweep.plan import SweepPlan
 from teleop.studies.sweep.points import Point
 from teleop.studies.sweep.tables import Tables
@@ -31,11 +32,13 @@ class Progress:
     total: int
     """Number of points of the sweep."""
     done: int = 0
-    """Number of points that have a result. The result can be an error."""
+    """Number of points that were run. The result can be a safety stop or an error."""
+    stopped: int = 0
+    """Number of points whose trial was stopped for safety."""
     failed: int = 0
     """Number of points whose result is an error."""
     resumed: int = 0
-    """Number of points that were already done when the sweep was resumed."""
+    """Number of points that already had a result other than an error when the sweep was resumed."""
     parquet: bool = False
     """Whether results.parquet was written, for which pyarrow is needed."""
 
@@ -50,9 +53,9 @@ def conduct(
 ) -> Progress:
     """Run the points of a sweep that are not done yet, and write the tables of results.
 
-    Each result is written to the journal as soon as it is computed. The table results.csv contains
-    the results in the order of the points. The result of a point is added to this table as soon as
-    all points before this point are done.
+    A point whose result was an error is run again. Each result is written to the journal as soon as
+    it is computed. The table results.csv contains the results in the order of the points. The
+    result of a point is added to this table as soon as all points before this point are done.
 
     Parameters
     ----------
@@ -79,7 +82,8 @@ def conduct(
     InputError
         A file cannot be written, the folder contains other files or a sweep of another plan,
         another series or sweep is running in the folder, or the settings of all checked points are
-        invalid (see `check`).
+        invalid (see `check`). The software or a file changed after the sweep began, or a worker has
+        other software or files.
     """
     make_folder(folder / JOURNAL)
     with locked(folder):
@@ -93,22 +97,44 @@ def conduct(
             if any(path.name not in (LOCK, JOURNAL) for path in folder.iterdir()):
                 raise InputError(f"{folder}: expected an empty folder, or the folder of a sweep")
             check(task, points)
-            journal.append([{"plan": document}])
+            first = {"plan": document, "origin": origin_of(task.files, task.plug_ins)}
+            journal.append([first])
         elif first.get("plan") != document:
-            raise InputError(f"{folder}: contains a sweep of another plan: expected a new folder")
+            keys = [key for key in document if first.get("plan", {}).get(key) != document[key]]
+            raise InputError(
+                f"{folder}: contains a sweep of another plan, which differs in {', '.join(keys)}: "
+                "expected another folder (--out)"
+            )
         for position, result in known:
-            positions[result["point"]] = position
-            progress.failed += "error" in result
+            if "error" not in result:
+                positions[result["point"]] = position
+                progress.stopped += "stopped" in result
         progress.done = progress.resumed = len(positions)
+        pending = [point for point in points if point.number not in positions]
+        origin: Origin = first.get("origin") or {}
+        if pending and not origin:
+            raise InputError(
+                f"{folder}: contains a sweep of an earlier version: expected another folder (--out)"
+            )
+        if pending and (changed := differences(origin, origin_of(task.files, task.plug_ins))):
+            raise InputError(
+                f"{folder}: changed since the sweep began: {changed}; to compute all points with "
+                "the present state, expected another folder (--out)"
+            )
         report(progress)
-        with Tables(folder, task, points, journal, positions) as tables:
-            pending = [point for point in points if point.number not in positions]
-            for computed in execute(task, pending) if pending else ():
-                places = journal.append(computed)
-                positions.update(zip((one["point"] for one in computed), places, strict=True))
-                progress.done = len(positions)
-                progress.failed += sum("error" in result for result in computed)
-                tables.extend()
-                report(progress)
-            progress.parquet = tables.write_parquet()
+        tables = Tables(folder, task, points, journal, positions)
+        for results, used, place in execute(task, pending) if pending else ():
+            if used is not None and (other := differences(origin, used)):
+                raise InputError(
+                    f"{place or folder}: the results are not used, because they were computed with "
+                    f"{other}; after this is corrected, enter the same command again"
+                )
+            places = journal.append(results)
+            positions.update(zip((one["point"] for one in results), places, strict=True))
+            progress.done = len(positions)
+            progress.stopped += sum("stopped" in result for result in results)
+            progress.failed += sum("error" in result for result in results)
+            tables.extend()
+            report(progress)
+        progress.parquet = tables.write_parquet()
     return progress

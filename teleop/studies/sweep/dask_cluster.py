@@ -6,10 +6,11 @@ scheduler is the process that assigns points to the workers.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import logging
-from collections.abc import Iterator, Sequence
-from importlib.metadata import version
+import pickle
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from teleop.errors import InputError
@@ -17,18 +18,18 @@ from teleop.studies.sweep.executors import (
     AHEAD,
     ATTEMPTS,
     Execute,
-    Results,
     chunks_of,
     killed,
     processors,
 )
+from teleop.studies.sweep.origin import software
 from teleop.studies.sweep.points import Point
-from teleop.studies.sweep.tasks import Task, results
+from teleop.studies.sweep.tasks import Computed, Task, computed
 
 LOCAL = "local"
 """Address with which a new cluster is started on this machine."""
 TIMEOUT = 30.0
-"""Time within which the cluster must have a worker [s]."""
+"""Time within which the scheduler must answer, and within which it must then have a worker [s]."""
 
 
 def on_dask(address: str, count: int | None = None) -> Execute:
@@ -51,14 +52,19 @@ def on_dask(address: str, count: int | None = None) -> Execute:
     Raises
     ------
     InputError
-        dask.distributed is not installed.
+        dask.distributed is not installed, or the address is empty.
     """
+    if not address.strip():
+        raise InputError(
+            "dask: the address is empty: expected the address of a scheduler, such as "
+            f"tcp://10.0.0.1:8786, or {LOCAL}"
+        )
     try:
         import distributed
     except ImportError as error:
         raise InputError("a Dask cluster needs distributed: pip install '.[sweep]'") from error
 
-    def execute(task: Task, points: Sequence[Point]) -> Iterator[Results]:
+    def execute(task: Task, points: Sequence[Point]) -> Iterator[Computed]:
         with cluster(address, count) as client:
             finished: Any = distributed.as_completed()  # type: ignore[no-untyped-call]
             waiting = chunks_of(task, points)
@@ -66,7 +72,7 @@ def on_dask(address: str, count: int | None = None) -> Execute:
 
             def submit() -> None:
                 for chunk in waiting:
-                    future = client.submit(results, task, chunk, pure=False)
+                    future = submitted(client, task, chunk)
                     chunks[future.key] = chunk
                     finished.add(future)
                     return
@@ -89,11 +95,68 @@ def on_dask(address: str, count: int | None = None) -> Execute:
                     f"the connection to the Dask scheduler {address} was lost: {error}; to "
                     "resume, enter the same command again"
                 ) from error
+            except InputError:
+                raise
+            except Exception as error:  # `results` catches the errors of a point
+                check_workers(client, address)
+                raise InputError(
+                    f"dask {address}: a worker cannot run a point: {type(error).__name__}: {error}"
+                ) from error
 
     return execute
 
 
-def alone(client: Any, task: Task, point: Point) -> Results:
+class Call:
+    """A call of a function, which is made when the pickled object is loaded.
+
+    Scheduler and workers receive the pickled object as bytes. Without teleop, or with another
+    version, a worker therefore reports an error. If the function itself were sent, such a worker
+    would not answer at all.
+    """
+
+    def __init__(self, function: Callable[..., Any], *arguments: Any) -> None:
+        self._call = function, arguments
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        return self._call
+
+
+def submitted(client: Any, task: Task, points: Sequence[Point]) -> Any:
+    """Send points to the cluster, and return the future of their results."""
+    return client.submit(pickle.loads, packed(computed_on_worker, task, points), pure=False)
+
+
+def packed(function: Callable[..., Any], *arguments: Any) -> bytes:
+    """Return a pickled call of a function, which `pickle.loads` makes."""
+    from distributed.protocol.pickle import dumps
+
+    found: bytes = dumps(Call(function, *arguments))  # type: ignore[no-untyped-call]
+    return found
+
+
+def computed_on_worker(task: Task, points: Sequence[Point]) -> Computed:
+    """Run a task at points, and return the results with the address of this worker."""
+    from distributed import get_worker
+
+    return computed(task, points)._replace(place=f"worker {get_worker().address}")
+
+
+def check_workers(client: Any, address: str) -> None:
+    """Raise InputError if a worker cannot import teleop, or has other versions of the software."""
+    others = []
+    answers = client.run(pickle.loads, packed(software), on_error="return")
+    for worker, found in answers.items():
+        if isinstance(found, BaseException):
+            others.append(f"worker {worker} cannot import teleop: {found}")
+        elif found != software():
+            packages = ", ".join(f"{name} {version}" for name, version in found.items())
+            others.append(f"worker {worker} has {packages}")
+    if others:
+        expected = ", ".join(f"{name} {version}" for name, version in software().items())
+        raise InputError(f"dask {address}: {'; '.join(others)}: expected {expected}")
+
+
+def alone(client: Any, task: Task, point: Point) -> Computed:
     """Run a single point of a sweep while the cluster has no other work, and return its result.
 
     If Dask abandons the point because its workers are killed, the point is run again. After
@@ -107,18 +170,14 @@ def alone(client: Any, task: Task, point: Point) -> Results:
         Task that is run at the point.
     point
         The point.
-
-    Returns
-    -------
-    A list with the result of this point.
     """
     from distributed import KilledWorker
 
     for _ in range(ATTEMPTS):
         with contextlib.suppress(KilledWorker):
-            found: Results = client.submit(results, task, [point], pure=False).result()
+            found: Computed = submitted(client, task, [point]).result()
             return found
-    return [killed(point)]
+    return killed(point)
 
 
 @contextlib.contextmanager
@@ -131,8 +190,8 @@ def cluster(address: str, count: int | None) -> Iterator[Any]:
     Raises
     ------
     InputError
-        The scheduler cannot be reached, the scheduler has no workers, or a worker has another
-        version of teleop.
+        The scheduler cannot be reached, the scheduler has no workers, or a worker has no teleop or
+        another version of the software.
     """
     from distributed import Client, LocalCluster
 
@@ -148,22 +207,28 @@ def cluster(address: str, count: int | None) -> Iterator[Any]:
                 local.adapt(minimum=number, maximum=number)  # replaces workers that have ended
                 client = stack.enter_context(Client(local))  # type: ignore[no-untyped-call]
             else:
+                asyncio.run(asyncio.wait_for(answer(address), TIMEOUT))
                 client = stack.enter_context(Client(address, timeout=TIMEOUT))  # type: ignore[no-untyped-call]
             client.wait_for_workers(1, timeout=TIMEOUT)
-            others = set(client.run(installed_version).values()) - {installed_version()}
-        except (OSError, ValueError) as error:
+        except Exception as error:  # Dask and its connections raise many types
+            problem = str(error) or f"no scheduler answers within {TIMEOUT:g} s"
             raise InputError(
-                f"dask {address}: {error}: expected the address of a scheduler with workers, or "
+                f"dask {address}: {problem}: expected the address of a scheduler with workers, or "
                 f"{LOCAL}"
             ) from error
-        if others:
-            raise InputError(
-                f"dask {address}: workers have version {', '.join(sorted(others))} of teleop: "
-                f"expected {installed_version()}"
-            )
+        check_workers(client, address)
         yield client
 
 
-def installed_version() -> str:
-    """Return the version of teleop that is installed on the machine that calls this function."""
-    return version("teleop")
+async def answer(address: str) -> None:
+    """Wait until a scheduler answers. `Client` waits without limit for a program that is silent."""
+    from distributed.comm.core import connect
+    from distributed.security import Security
+
+    security: Any = Security()  # type: ignore[no-untyped-call]
+    arguments = security.get_connection_args("client")
+    try:
+        comm = await connect(address, timeout=TIMEOUT, **arguments)  # type: ignore[no-untyped-call]
+    except MemoryError as error:  # Dask takes the first bytes of any answer as a length
+        raise ValueError("the program at this address is not a Dask scheduler") from error
+    comm.abort()

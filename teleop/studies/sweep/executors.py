@@ -11,15 +11,12 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from itertools import chain
-from typing import Any
 
 from teleop.studies.sweep.points import Point
-from teleop.studies.sweep.tasks import Task, results
+from teleop.studies.sweep.tasks import Computed, Task, computed
 from teleop.studies.workers import workers
 
-Results = list[dict[str, Any]]
-"""Results of several points, one dictionary for each point."""
-Execute = Callable[[Task, Sequence[Point]], Iterator[Results]]
+Execute = Callable[[Task, Sequence[Point]], Iterator[Computed]]
 """Function that runs a task at points, and yields the results in the order of computation."""
 AHEAD = 4
 """Largest number of chunks of points per process that are sent and not yet finished."""
@@ -59,16 +56,16 @@ def in_processes(count: int | None = None) -> Execute:
     """
     size = count or processors()
 
-    def execute(task: Task, points: Sequence[Point]) -> Iterator[Results]:
+    def execute(task: Task, points: Sequence[Point]) -> Iterator[Computed]:
         waiting = deque(chunks_of(task, points))
         while waiting:
-            running: dict[Future[Results], Sequence[Point]] = {}
+            running: dict[Future[Computed], Sequence[Point]] = {}
             try:
                 with workers(size) as pool:
                     while waiting or running:
                         while waiting and len(running) < AHEAD * size:
                             chunk = waiting.popleft()
-                            running[pool.submit(results, task, chunk)] = chunk
+                            running[pool.submit(computed, task, chunk)] = chunk
                         for future in wait(running, return_when=FIRST_COMPLETED).done:
                             yield future.result()
                             del running[future]
@@ -79,24 +76,25 @@ def in_processes(count: int | None = None) -> Execute:
     return execute
 
 
-def alone(task: Task, point: Point) -> Results:
-    """Run a single point of a sweep in a separate process, and return a list with its result.
+def alone(task: Task, point: Point) -> Computed:
+    """Run a single point of a sweep in a separate process, and return its result.
 
     If the process is killed, the point is run again in a new process. If the process is killed in
-    each of `ATTEMPTS` attempts, the list contains an error instead of the result.
+    each of `ATTEMPTS` attempts, the result is an error.
     """
     for _ in range(ATTEMPTS):
         try:
             with workers(1) as pool:
-                return pool.submit(results, task, [point]).result()
+                return pool.submit(computed, task, [point]).result()
         except BrokenExecutor:
             continue
-    return [killed(point)]
+    return killed(point)
 
 
-def killed(point: Point) -> dict[str, Any]:
+def killed(point: Point) -> Computed:
     """Return the result of a point that could not be run because its process was always killed.
 
     The result contains the number of the point and an error message.
     """
-    return {"point": point.number, "error": "its process was killed, for example for its memory"}
+    problem = "its process was killed, for example for its memory"
+    return Computed([{"point": point.number, "error": problem}], None)

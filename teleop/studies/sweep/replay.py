@@ -6,7 +6,7 @@ use the same filtered samples, so that these are computed only once.
 
 from __future__ import annotations
 
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -71,14 +71,16 @@ KEPT = 20
 """Largest number of differently filtered versions of a recording that are kept in memory."""
 
 
-@cache
-def recorded_trial(path: Path) -> RecordedTrial:
-    """Return a recorded trial. Each process reads the file only once.
+@lru_cache(maxsize=2)
+def recorded_trial(path: Path, content: str) -> RecordedTrial:
+    """Return a recorded trial. Each process reads the file only once, unless the file changes.
 
     Parameters
     ----------
     path
         The recording (.mcap).
+    content
+        Hash of the content of the file.
 
     Raises
     ------

@@ -6,11 +6,10 @@ A point is one combination of values of the settings that vary.
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain, islice
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any, Literal
 
 from teleop.files import new_file, unwritable
 from teleop.json_documents import dumps
@@ -26,8 +25,8 @@ BATCH = 10_000
 class Tables:
     """Writes the tables of results of a sweep: results.csv and results.parquet.
 
-    The file results.csv is written while the sweep runs. It is open within the `with` block of this
-    context manager. The file results.parquet is written by the method `write_parquet`.
+    The file results.csv is written while the sweep runs. The file results.parquet is written by the
+    method `write_parquet`.
 
     Parameters
     ----------
@@ -63,25 +62,8 @@ class Tables:
         self._names = columns_of(task)
         self._written = 0
         """Number of points whose rows are in the table."""
-
-    def __enter__(self) -> Self:
-        path = self._folder / CSV
-        try:
-            self._file = path.open("w", newline="", encoding="utf-8")
-        except OSError as error:
-            raise unwritable(path, error) from error
-        self._writer = csv.DictWriter(self._file, self._names, restval="")
-        self._writer.writeheader()
+        self._write("w", [dict(zip(self._names, self._names, strict=True))])
         self.extend()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._file.close()
 
     def extend(self) -> None:
         """Append rows to results.csv for the points that are done and not yet in this table.
@@ -97,22 +79,29 @@ class Tables:
         start = self._written
         while self._written < len(self._points) and self._next in self._positions:
             self._written += 1
-        try:
-            for row in self.rows(start, self._written):
-                self._writer.writerow({name: as_text(value) for name, value in row.items()})
-            self._file.flush()
-        except OSError as error:
-            raise unwritable(self._folder / CSV, error) from error
+        if self._written > start:
+            self._write("a", self.rows(start, self._written))
 
     @property
     def _next(self) -> int:
         return self._points[self._written].number
 
+    def _write(self, mode: Literal["w", "a"], rows: Iterable[Row]) -> None:
+        """Write rows to results.csv, which is new (`mode` "w"), or at its end (`mode` "a")."""
+        path = self._folder / CSV
+        try:
+            with path.open(mode, newline="", encoding="utf-8") as file:
+                writer = csv.DictWriter(file, self._names, restval="")
+                for row in rows:
+                    writer.writerow({name: as_text(value) for name, value in row.items()})
+        except OSError as error:
+            raise unwritable(path, error) from error
+
     def rows(self, start: int, end: int) -> Iterator[Row]:
         """Yield the rows of the points with the indices `start` to `end` - 1, counted from 0.
 
-        All of these points must be done. A point whose result is an error has one row, which
-        contains the error message.
+        All of these points must be done. A point whose result is a safety stop or an error has one
+        row, which contains the message.
         """
         points = self._points[start:end]
         results = self._journal.documents_at(self._positions[point.number] for point in points)
@@ -122,7 +111,8 @@ class Tables:
                 **dict(zip(self._task.keys, point.values, strict=True)),
                 "repetition": point.repetition,
             }
-            for row in result.get("rows") or [{"error": result.get("error", "no estimate")}]:
+            problem = result.get("stopped") or result.get("error", "no estimate")
+            for row in result.get("rows") or [{"error": problem}]:
                 yield {**about, **row}
 
     def write_parquet(self) -> bool:

@@ -9,17 +9,19 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
 from estimation.summary import summarise
-from teleop.errors import InputError
+from teleop.errors import InputError, SafetyStop
 from teleop.studies.series.table import RESULTS
-from teleop.studies.sweep.plan import SweepPlan
+from teleop.studies.sweep.origin import Origin, file, origin_of, plug_ins_in
+from teleop.studies.sweep.plan import Range, SweepPlan
 from teleop.studies.sweep.points import Point, evenly
 from teleop.trial.configuration import settings_from
 from teleop.trial.run import run_trial
@@ -38,11 +40,33 @@ Row = dict[str, Any]
 """One row of the table of results: values of one estimator at a point, by heading of the column."""
 
 
+class Computed(NamedTuple):
+    """Results of several points, which one process has computed."""
+
+    results: list[dict[str, Any]]
+    """One dictionary for each point, see `results`."""
+    origin: Origin | None
+    """Software and files with which the results were computed; None if there are no results,
+    because the process was killed."""
+    place: str = ""
+    """The worker that computed the results; empty for a process of this machine."""
+
+
 class Task(Protocol):
     """Interface of a task, which is run at each point of a sweep.
 
     A point is one combination of values of the settings that vary.
     """
+
+    @property
+    def files(self) -> Mapping[str, Path]:
+        """Path of each file that the task reads, by its name in the plan."""
+        ...
+
+    @property
+    def plug_ins(self) -> tuple[str, ...]:
+        """Names of the estimators of other packages that the task uses."""
+        ...
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -84,6 +108,10 @@ class TrialTask:
     """Settings of all trials, with the keys of a configuration file."""
     folder: Path
     """Folder to which paths in the settings are relative."""
+    files: Mapping[str, Path]
+    """Path of each file that the task reads, by its name in the plan."""
+    plug_ins: tuple[str, ...]
+    """Names of the estimators of other packages that the task uses."""
     chunk: ClassVar[int] = 1
     columns: ClassVar[tuple[str, ...]] = (SEED, *TRUTH.values(), ESTIMATOR, *RESULTS.values())
 
@@ -108,12 +136,14 @@ class TrialTask:
         Raises
         ------
         InputError
-            The settings are invalid, or the trial was stopped for safety.
+            The settings are invalid.
+        SafetyStop
+            The trial was stopped for safety.
         """
         settings = self.settings(point)
         summary = run_trial(settings).summary()
         if fault := summary["safety"]["fault"]:
-            raise InputError(f"stopped for safety: {fault['text']}")
+            raise SafetyStop(f"stopped for safety: {fault['text']}")
         about = {SEED: settings.seed}
         about |= {heading: summary["truth"][key] for key, heading in TRUTH.items()}
         return [
@@ -134,6 +164,10 @@ class EstimateTask:
     """Names of the settings that vary (the factors)."""
     path: Path
     """Path of the recording."""
+    files: Mapping[str, Path]
+    """Path of each file that the task reads, by its name in the plan."""
+    own_plug_ins: tuple[str, ...]
+    """Names of the estimators of other packages that the plan contains."""
     chunk: ClassVar[int] = 50
     columns: ClassVar[tuple[str, ...]] = (SEED, ESTIMATOR, *RESULTS.values())
 
@@ -142,7 +176,19 @@ class EstimateTask:
         """The recorded trial. Each process reads the recording only once."""
         from teleop.studies.sweep.replay import recorded_trial  # imports scipy, which takes long
 
-        return recorded_trial(self.path)
+        return recorded_trial(self.path, file(self.path).get("sha256", ""))
+
+    @property
+    def plug_ins(self) -> tuple[str, ...]:
+        """Names of the estimators of other packages that the task uses.
+
+        The plan or the recording contains them. A recording that cannot be read contains none: the
+        problem is stated among the `files`.
+        """
+        recorded: tuple[str, ...] = ()
+        with suppress(InputError):
+            recorded = plug_ins_in(self.recorded.document)
+        return (*dict.fromkeys((*self.own_plug_ins, *recorded)),)
 
     def settings(self, point: Point) -> TrialSettings:
         """Return the settings with which the estimates are computed at a point of the sweep.
@@ -187,9 +233,16 @@ def task_of(plan: SweepPlan, folder: Path) -> Task:
         Folder to which the paths in the plan are relative.
     """
     keys, root = tuple(plan.factors), folder.absolute()
+    values = {key: [] if isinstance(one, Range) else one for key, one in plan.factors.items()}
+    tares = [plan.settings.get("tare"), *values.get("tare", ())]
+    names = [name for name in tares if isinstance(name, str)]
+    plug_ins = plug_ins_in([plan.settings, values])
     if plan.estimate:
-        return EstimateTask(keys, root / plan.estimate.recording)
-    return TrialTask(keys, plan.settings, root)
+        path = root / plan.estimate.recording
+        files = {plan.estimate.recording: path, **{name: path.parent / name for name in names}}
+        return EstimateTask(keys, path, files, plug_ins)
+    files = {name: root / name for name in names}
+    return TrialTask(keys, plan.settings, root, files, plug_ins)
 
 
 def check(task: Task, points: Sequence[Point]) -> None:
@@ -215,21 +268,30 @@ def check(task: Task, points: Sequence[Point]) -> None:
         raise first
 
 
+def computed(task: Task, points: Sequence[Point]) -> Computed:
+    """Run a task at points, and return the results, and the software and files that were used."""
+    found = results(task, points)
+    return Computed(found, origin_of(task.files, task.plug_ins))  # as they are after the last read
+
+
 def results(task: Task, points: Sequence[Point]) -> list[dict[str, Any]]:
     """Run a task at points, and return a dictionary with the result of each point.
 
-    The dictionary contains the number of the point, and either its rows of results or an error
-    message. An exception other than InputError is an error in the program (a bug). The dictionary
-    then also contains the traceback.
+    The dictionary contains the number of the point, and its rows of results, the reason of a safety
+    stop (`stopped`), or an error message (`error`). A safety stop is a result of the trial. After
+    an error, there is no result, and the point must be run again. An exception other than
+    InputError is an error in the program (a bug). The dictionary then also contains the traceback.
     """
     found = []
     for point in points:
         result: dict[str, Any] = {"point": point.number}
         try:
             result["rows"] = task.rows(point)
+        except SafetyStop as stop:
+            result["stopped"] = str(stop)
         except InputError as error:
             result["error"] = "; ".join(str(error).splitlines())
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # a plug-in can call `sys.exit`
             result["error"] = f"{type(error).__name__}: {error}"
             result["traceback"] = traceback.format_exc()
         found.append(result)

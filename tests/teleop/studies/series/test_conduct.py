@@ -23,6 +23,7 @@ from teleop.errors import InputError, SafetyStop
 from teleop.recording.recording import load
 from teleop.studies.json_lines import locked
 from teleop.studies.series.conduct import conduct as conduct_series
+from teleop.studies.series.conduct import is_complete
 from teleop.studies.series.journal import Journal
 from teleop.studies.series.trials import read_series
 from teleop.trial.averaged import recorded_part
@@ -77,7 +78,7 @@ class RunOnce:
             if trial.settings == settings:
                 path.write_bytes(content)
                 return trial
-        with StopSwitch() as switch:
+        with StopSwitch() as switch:  # without it, `run_trial` calls its replacement: this object
             trial = run_trial(settings, path, switch=switch)
         self.done.append((trial, path.read_bytes()))
         return trial
@@ -256,10 +257,49 @@ def test_a_spoilt_trial_is_repeated_and_its_recording_is_kept(plan, tmp_path):
 def test_without_a_person_a_trial_that_is_always_stopped_ends_the_series(
     plan, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr("teleop.studies.series.conduct.spoilt", lambda trial: "stopped at 1 s")
+    stop = SafetyStop("stopped at 1 s")
+    monkeypatch.setattr("teleop.studies.series.conduct.spoilt", lambda trial: stop)
     with pytest.raises(SafetyStop, match="trial 1, autonomous-soft-1: stopped at 1 s"):
         conduct(tmp_path / "out", *plan)
     assert Journal(tmp_path / "out").attempts(1) == 3
+
+
+def with_outcome(fault=None, problem=""):
+    """Return a function that runs trials with this fault, and this problem of the recording."""
+
+    def run(settings, path):
+        trial = run_once(settings, path)
+        return replace(trial, fault=fault, outcome=trial.outcome._replace(problem=problem))
+
+    return run
+
+
+def test_a_full_disk_ends_a_series_without_a_person_at_once_and_is_no_safety_stop(plan, tmp_path):
+    with pytest.raises(InputError, match=r"001-autonomous-soft-1-1\.mcap: .* no space left"):
+        conduct(tmp_path / "out", *plan, run=with_outcome(problem="no space left on device"))
+    assert Journal(tmp_path / "out").attempts(1) == 1
+
+
+def test_a_recording_with_gaps_is_repeated_and_is_no_safety_stop(plan, tmp_path, monkeypatch):
+    gaps = InputError("3 ticks are missing")
+    monkeypatch.setattr("teleop.studies.series.conduct.spoilt", lambda trial: gaps)
+    with pytest.raises(InputError, match="trial 1, autonomous-soft-1: 3 ticks are missing"):
+        conduct(tmp_path / "out", *plan)
+    assert Journal(tmp_path / "out").attempts(1) == 3
+
+
+def test_a_journal_that_cannot_be_written_does_not_hide_a_safety_stop(plan, tmp_path, monkeypatch):
+    write = Journal.write
+
+    def full(journal, entry, *given, **values):
+        if entry == "spoilt":
+            raise InputError("the disk is full")
+        write(journal, entry, *given, **values)
+
+    monkeypatch.setattr(Journal, "write", full)
+    stopped = with_outcome({"time": 1.0, "text": "too deep"})
+    with pytest.raises(SafetyStop, match="too deep; the disk is full"):
+        conduct(tmp_path / "out", *plan, run=stopped)
 
 
 def test_notes_before_and_after_a_trial_are_in_its_rows_and_do_not_change_its_state(plan, tmp_path):
@@ -310,6 +350,44 @@ def test_two_series_in_one_folder_are_refused(plan, tmp_path):
         pytest.raises(InputError, match="another series or sweep is running in this folder"),
     ):
         conduct(folder, *plan)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no file locks")
+def test_a_lock_file_that_is_a_link_is_refused_and_its_target_is_kept(plan, tmp_path):
+    folder, target = tmp_path / "out", tmp_path / "thesis.txt"
+    folder.mkdir()
+    target.write_text("a thesis")
+    (folder / ".lock").symlink_to(target)
+    with pytest.raises(InputError, match=r"\.lock: is a symbolic link"):
+        conduct(folder, *plan)
+    assert target.read_text() == "a thesis"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no file locks")
+def test_the_content_of_a_file_with_the_name_of_the_lock_is_kept(plan, tmp_path):
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / ".lock").write_text("a thesis")
+    conduct(folder, *plan)
+    assert (folder / ".lock").read_text() == "a thesis"
+
+
+def test_a_trial_whose_recording_was_deleted_is_named_and_run_again(plan, tmp_path, command):
+    folder, reports = tmp_path / "out", []
+    conduct(folder, *plan)
+    deleted = folder / "recordings" / "002-autonomous-medium-1-1.mcap"
+    deleted.rename(tmp_path / "elsewhere")
+    _, out, err = command(["q\n"], "--out", "out")
+    assert f"of trial 2 must be repeated: its recording {deleted.name} is missing." in err
+    assert "2 of 3 trials done, 0 skipped, 1 pending" in out
+    assert [row["attempt"] for row in rows(folder)] == ["1", "1", "1"]
+    (tmp_path / "elsewhere").rename(deleted)
+    conduct(folder, *plan, report=reports.append)
+    assert reports == [f"{folder}: the series is complete, no trial is run"]
+    deleted.unlink()
+    conduct(folder, *plan)
+    assert [row["attempt"] for row in rows(folder)] == ["1", "2", "1"]
+    assert is_complete(folder, *plan)
 
 
 def done_trials(folder):
@@ -490,24 +568,6 @@ def test_after_q_or_ctrl_c_the_counts_and_the_command_that_resumes_are_shown(
     assert "resume" not in out
 
 
-@pytest.mark.parametrize("typed", ["printf '\\377\\nq\\n' | ", "<&- "])
-def test_an_answer_that_is_not_text_is_refused_and_a_closed_input_quits(tmp_path, typed):
-    if os.name != "posix":
-        pytest.skip("needs a POSIX shell")
-    (tmp_path / "plan.toml").write_text(PLAN)
-    command = [sys.executable, "-m", "teleop", "series", "plan.toml", "--ask"]
-    done = subprocess.run(
-        ["sh", "-c", f'{typed}"$@"', "sh", *command],
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONIOENCODING": "utf-8:strict"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr
-    assert ("Expected Enter, s, r or q." in done.stderr) == ("377" in typed)
-
-
 def test_after_ctrl_c_the_document_has_the_counts(command):
     code, out, _ = command([INTERRUPT], "--json")
     assert code == 130
@@ -573,71 +633,16 @@ def test_a_series_on_a_rig_of_devices_needs_a_person_or_yes(tmp_path, refused):
     assert not (tmp_path / "out").exists()
 
 
-IN_BACKGROUND = """
-import os, pty, sys
-pid, terminal = pty.fork()
-if pid == 0:
-    child = os.fork()
-    if child == 0:
-        os.setpgid(0, 0)
-        os.execvp(sys.argv[1], sys.argv[1:])
-    code = os.waitstatus_to_exitcode(os.waitpid(child, os.WUNTRACED)[1])
-    os._exit(code)
-os.write(terminal, b"\\n" * 20)
-try:
-    while text := os.read(terminal, 4096):
-        os.write(2, text)
-except OSError:
-    pass
-sys.exit(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
-"""
-"""Program that runs a command in the background of a terminal, in which Enter is typed."""
-
-
-@pytest.mark.real_time
-@pytest.mark.skipif(os.name != "posix", reason="needs job control")
-def test_lines_that_nobody_types_at_the_terminal_do_not_arm_a_series(tmp_path):
-    command = [sys.executable, "-m", "teleop", "series", wired_plan(tmp_path), "--ask"]
-    lines = tmp_path / "lines"
-    lines.write_text("\n" * 20)
-    ways = {
-        "pipe": ["sh", "-c", 'yes "" | "$@"', "sh"],
-        "file": ["sh", "-c", f'"$@" < "{lines}"', "sh"],
-        "nohup": ["sh", "-c", 'yes "" | nohup "$@"', "sh"],
-        "background": [sys.executable, "-c", IN_BACKGROUND],
-    }
-    started = {
-        name: subprocess.Popen(
-            [*way, *command, "--out", tmp_path / name],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        for name, way in ways.items()
-    }
-    for name, process in started.items():
-        with process:
-            out, err = process.communicate(timeout=60)
-        line = err.strip()
-        assert (process.returncode, out) == (2, ""), (name, err)
-        assert line.count("\n") == 0, (name, line)
-        assert "nobody can arm the drives: expected --yes" in line
-        assert not (tmp_path / name).exists()
-
-
 def test_the_prompt_of_a_series_arms_the_drives_and_is_the_only_one(tmp_path, monkeypatch, capsys):
     run = []
     monkeypatch.setattr(
-        "teleop.commands.series.SeriesRunner.run", lambda self, *_: run.append(self) or 1 / 0
+        "teleop.commands.series.run", lambda *given, **options: run.append(options) or 1 / 0
     )
     answers = iter(["\n"])
     monkeypatch.setattr("sys.stdin.readline", lambda: next(answers), raising=False)
-    monkeypatch.setattr("teleop.trial.arming.is_foreground", lambda: True)
-    monkeypatch.setattr("teleop.trial.arming.discard_typed_ahead", lambda: None)
     with pytest.raises(ZeroDivisionError):
         main(["series", str(wired_plan(tmp_path)), "--out", str(tmp_path / "out"), "--ask"])
-    assert [runner.explained for runner in run] == [True]
+    assert [options["explained"] for options in run] == [True]
     prompt = " ".join(capsys.readouterr().err.split())
     assert prompt.count("Ctrl-C ramps the drives down and ends the trial") == 1
     for part in ("serial board: autonomous, liver, 0.5 s, depth 3 mm, force limit 200 N", "Ctrl-C"):

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,9 +23,10 @@ from teleop.control.admittance import AdmittanceParameters
 from teleop.errors import InputError
 from teleop.studies.sweep.conduct import conduct
 from teleop.studies.sweep.executors import in_processes
+from teleop.studies.sweep.origin import differences, plug_in, plug_ins_in, software
 from teleop.studies.sweep.plan import SweepPlan, read_plan
 from teleop.studies.sweep.points import Point, points_of
-from teleop.studies.sweep.tasks import results, task_of
+from teleop.studies.sweep.tasks import Computed, computed, results, task_of
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
@@ -42,7 +44,7 @@ estimators = ["rls", "ai"]
 
 def in_this_process(task, points):
     for point in points:
-        yield results(task, [point])
+        yield computed(task, [point])
 
 
 def written(path, text=PLAN):
@@ -193,6 +195,63 @@ def test_a_defect_at_a_point_is_a_row_with_its_error_and_its_traceback_is_kept()
     assert "Traceback" in result["traceback"]
 
 
+def test_a_plug_in_that_exits_at_a_point_does_not_end_the_sweep():
+    class Exiting:
+        def rows(self, point):
+            raise SystemExit(0)
+
+    (result,) = results(Exiting(), [Point(1, (), 0)])
+    assert result["error"] == "SystemExit: 0"
+
+
+def test_a_point_that_failed_is_run_again_and_a_safety_stop_is_a_result(tmp_path, plan_file, whole):
+    def failing(task, points):
+        for found, origin, place in in_this_process(task, points):
+            number = found[0]["point"]
+            failed = {2: {"error": "no memory"}, 5: {"stopped": "stopped for safety: too deep"}}
+            if number in failed:
+                found = [{"point": number, **failed[number]}]
+            yield Computed(found, origin, place)
+
+    first = swept(tmp_path / "out", plan_file, failing)
+    assert (first.failed, first.stopped, first.done) == (1, 1, 6)
+    errors = [row["error"] for row in table(tmp_path / "out") if row["error"]]
+    assert errors == ["no memory", "stopped for safety: too deep"]
+    ran = []
+
+    def counting(task, points):
+        ran.extend(point.number for point in points)
+        return in_this_process(task, points)
+
+    second = swept(tmp_path / "out", plan_file, counting)
+    assert ran == [2]
+    assert (second.failed, second.stopped, second.done, second.resumed) == (0, 1, 6, 5)
+    errors = [row["error"] for row in table(tmp_path / "out") if row["error"]]
+    assert errors == ["stopped for safety: too deep"]
+    rows = [row for row in table(tmp_path / "out") if row["point"] != "5"]
+    assert rows == [row for row in table(whole) if row["point"] != "5"]
+
+
+def test_the_exit_code_is_1_while_points_fail(tmp_path, capsys):
+    plan = written(tmp_path / "plan.toml", PLAN.replace("low = 1.0", "low = -2.0"))
+    for resumed in (0, 4):
+        options = ["--out", str(tmp_path / "out"), "--workers", "1", "--json"]
+        assert main(["sweep", str(plan), *options]) == 1
+        captured = capsys.readouterr()
+        assert json.loads(captured.out)["failed"] == 2
+        assert json.loads(captured.out)["resumed"] == resumed
+        assert captured.err.startswith("teleop: 2 of 6 points failed")
+        assert captured.err.count("\n") == 1
+
+
+def test_a_trial_that_is_stopped_for_safety_is_a_result_and_no_failure(tmp_path):
+    text = PLAN + "tightened_limits = { soft_force = 0.05, hard_force = 0.1 }\n"
+    plan = written(tmp_path / "plan.toml", text)
+    ended = swept(tmp_path / "out", plan)
+    assert (ended.failed, ended.stopped) == (0, 6)
+    assert {row["error"][:19] for row in table(tmp_path / "out")} == {"stopped for safety:"}
+
+
 def test_a_plan_whose_settings_are_wrong_at_every_point_is_refused_before_it_runs(tmp_path):
     plan = written(tmp_path / "plan.toml", PLAN.replace("admittance.mass", "admittance.weight"))
     with pytest.raises(InputError, match=r"admittance\.weight: unknown setting"):
@@ -225,7 +284,7 @@ def test_an_inconsistent_plan_is_refused_with_one_line_and_exit_code_2(
 def test_a_folder_with_a_sweep_of_another_plan_is_refused(tmp_path, whole):
     before = (whole / "results.csv").read_bytes()
     other = written(tmp_path / "other.toml", PLAN.replace("0.3", "0.4"))
-    with pytest.raises(InputError, match="contains a sweep of another plan"):
+    with pytest.raises(InputError, match="another plan, which differs in settings: expected"):
         swept(whole, other)
     assert (whole / "results.csv").read_bytes() == before
 
@@ -240,7 +299,7 @@ def test_a_folder_with_other_files_is_refused(tmp_path, plan_file):
 def test_a_resumed_sweep_runs_only_the_points_that_are_not_done(tmp_path, plan_file, whole):
     def stopping(task, points):
         for point in points[:4]:
-            yield results(task, [point])
+            yield computed(task, [point])
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -273,6 +332,8 @@ class Deadly:
     chunk = 2
     keys = ()
     columns = ()
+    files = {}  # noqa: RUF012
+    plug_ins = ()
 
     def __init__(self, number):
         self.number = number
@@ -285,7 +346,7 @@ class Deadly:
 
 def test_a_point_that_kills_its_process_has_an_error_and_no_other_point_is_lost():
     points = [Point(number, (), 0) for number in range(1, 9)]
-    found = {one["point"]: one for chunk in in_processes(2)(Deadly(3), points) for one in chunk}
+    found = {one["point"]: one for chunk in in_processes(2)(Deadly(3), points) for one in chunk[0]}
     assert sorted(found) == [*range(1, 9)]
     assert [number for number, one in found.items() if "error" in one] == [3]
 
@@ -318,6 +379,30 @@ def test_a_sweep_killed_at_random_instants_ends_with_the_results_of_one_that_was
         assert (tmp_path / "killed" / name).read_bytes() == expected
 
 
+class Wide(Deadly):
+    """A task with long rows in the table and short ones in the journal."""
+
+    keys = ("cube", "admittance.mass")
+    columns = tuple(f"{number}" for number in range(3000))
+
+    def rows(self, point):
+        return [{"1": point.number}]
+
+    def settings(self, point):
+        return TrialSettings()
+
+
+def test_a_full_disk_is_named_with_the_table_that_is_not_complete(tmp_path, plan_file):
+    resource = pytest.importorskip("resource", reason="no limit of the size of a file")
+    plan, before = read_plan(plan_file), resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))
+    try:
+        with pytest.raises(InputError, match=r"results\.csv: cannot be written: file too large"):
+            conduct(tmp_path / "out", plan, Wide(0), points_of(plan), in_this_process)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
 def test_a_recording_is_estimated_with_the_settings_of_each_point(tmp_path):
     recording = tmp_path / "trial.mcap"
     trial = run_trial(TrialSettings(duration=2.0, clock="virtual"), recording)
@@ -339,6 +424,128 @@ def test_a_recording_is_estimated_with_the_settings_of_each_point(tmp_path):
     assert float(rows[0]["k [N/m]"]) == same["k"]
     assert float(rows[0]["b at the end [N s/m]"]) == same["b_end"]
     assert len({row["k [N/m]"] for row in rows}) == 4
+
+
+REPLAYED = """
+name = "replayed"
+[estimate]
+recording = "trial.mcap"
+[factors]
+"estimator_parameters.rls.forgetting" = [0.98, 0.99, 0.999]
+"""
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    """The contents of two recordings."""
+    paths = [tmp_path_factory.mktemp("recordings") / f"{name}.mcap" for name in ("soft", "hard")]
+    for path in paths:
+        run_trial(TrialSettings(cube=path.stem, duration=1.0, clock="virtual"), path)
+    return [path.read_bytes() for path in paths]
+
+
+def interrupted_after(count):
+    def execute(task, points):
+        for point in points[:count]:
+            yield computed(task, [point])
+        raise KeyboardInterrupt
+
+    return execute
+
+
+def test_a_sweep_is_not_resumed_after_its_recording_was_replaced(tmp_path, recordings):
+    plan, recording = written(tmp_path / "plan.toml", REPLAYED), tmp_path / "trial.mcap"
+    recording.write_bytes(recordings[0])
+    with pytest.raises(KeyboardInterrupt):
+        swept(tmp_path / "out", plan, interrupted_after(1))
+    recording.write_bytes(recordings[1])
+    for problem in (f"trial.mcap: {len(recordings[1])} bytes of", "trial.mcap: no such file"):
+        with pytest.raises(InputError, match=f"changed since the sweep began: {problem}") as error:
+            swept(tmp_path / "out", plan)
+        assert f"expected {len(recordings[0])} bytes of" in str(error.value)
+        recording.unlink(missing_ok=True)
+    recording.write_bytes(recordings[0])
+    os.utime(recording, (0, 0))  # the same content, for example of a copy
+    ended = swept(tmp_path / "out", plan)
+    assert (ended.resumed, ended.done, ended.failed) == (1, 3, 0)
+    recording.unlink()
+    assert swept(tmp_path / "out", plan).resumed == 3  # all points are done
+
+
+def test_results_of_a_recording_that_is_replaced_while_the_sweep_runs_are_not_used(
+    tmp_path, recordings
+):
+    plan, recording = written(tmp_path / "plan.toml", REPLAYED), tmp_path / "trial.mcap"
+    recording.write_bytes(recordings[0])
+
+    def replacing(task, points):
+        yield computed(task, points[:1])
+        recording.write_bytes(recordings[1])
+        yield computed(task, points[1:])
+
+    with pytest.raises(InputError, match="the results are not used.*trial.mcap"):
+        swept(tmp_path / "out", plan, replacing)
+    recording.write_bytes(recordings[0])
+    assert swept(tmp_path / "out", plan).resumed == 1
+
+
+def test_a_process_reads_a_recording_again_after_it_was_replaced(tmp_path, recordings):
+    plan, recording = written(tmp_path / "plan.toml", REPLAYED), tmp_path / "trial.mcap"
+    found = []
+    for content in recordings:
+        recording.write_bytes(content)
+        swept(tmp_path / f"out{len(found)}", plan)
+        found.append(table(tmp_path / f"out{len(found)}")[0]["k [N/m]"])
+    assert found[0] != found[1]
+
+
+def test_a_sweep_is_not_resumed_with_another_version_of_the_software(
+    tmp_path, plan_file, monkeypatch
+):
+    with pytest.raises(KeyboardInterrupt):
+        swept(tmp_path / "out", plan_file, interrupted_after(1))
+    other = {**software(), "teleop": "0.0.1"}
+    monkeypatch.setattr("teleop.studies.sweep.origin.software", lambda: other)
+    with pytest.raises(InputError, match=r"sweep began: teleop: 0\.0\.1, expected"):
+        swept(tmp_path / "out", plan_file)
+
+
+def test_a_sweep_is_not_resumed_after_a_tare_file_in_the_plan_was_changed(tmp_path):
+    tare = tmp_path / "tare.json"
+    assert main(["rig", "tare", "--out", str(tare)]) == 0
+    plan = written(tmp_path / "plan.toml", PLAN + 'tare = "tare.json"\n')
+    with pytest.raises(KeyboardInterrupt):
+        swept(tmp_path / "out", plan, interrupted_after(1))
+    tare.write_text(tare.read_text() + "\n")
+    with pytest.raises(InputError, match="sweep began: tare.json: "):
+        swept(tmp_path / "out", plan)
+
+
+class FakePoint:
+    """An entry point of an estimator in another package."""
+
+    def __init__(self, module):
+        self.module = module
+        self.dist = SimpleNamespace(name="spring-fits", version="1.0")
+
+
+def test_the_origin_of_a_plug_in_changes_with_its_code(tmp_path, monkeypatch):
+    package = tmp_path / "spring_fits"
+    (package / "inner").mkdir(parents=True)
+    (package / "__init__.py").write_text("")
+    (package / "inner" / "rls.py").write_text("gain = 1")
+    monkeypatch.syspath_prepend(tmp_path)
+    points = {"springs": FakePoint("spring_fits.inner.rls")}
+    monkeypatch.setattr("teleop.studies.sweep.origin.offered", lambda: points)
+    assert plug_ins_in({"estimators": ["rls"]}) == ()
+    assert plug_ins_in({"estimators": ["rls", "springs"]}) == ("springs",)
+    before = plug_in.__wrapped__("springs")
+    assert plug_in.__wrapped__("springs") == before
+    (package / "inner" / "rls.py").write_text("gain = 2")
+    text = differences({"estimator springs": before}, {"estimator springs": plug_in("springs")})
+    assert text.startswith("estimator springs: spring-fits 1.0, sha256 ")
+    assert differences({"springs": before}, {}).startswith("springs: not installed, expected")
+    plug_in.cache_clear()
 
 
 def test_the_command_prints_a_document_and_draws_both_figures(tmp_path, plan_file, capsys):
