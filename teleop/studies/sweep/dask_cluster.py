@@ -22,7 +22,7 @@ from teleop.studies.sweep.executors import (
     killed,
     processors,
 )
-from teleop.studies.sweep.origin import software
+from teleop.studies.sweep.origin import versions
 from teleop.studies.sweep.points import Point
 from teleop.studies.sweep.tasks import Computed, Task, computed
 
@@ -144,15 +144,15 @@ def computed_on_worker(task: Task, points: Sequence[Point]) -> Computed:
 def check_workers(client: Any, address: str) -> None:
     """Raise InputError if a worker cannot import teleop, or has other versions of the software."""
     others = []
-    answers = client.run(pickle.loads, packed(software), on_error="return")
+    answers = client.run(pickle.loads, packed(versions), on_error="return")
     for worker, found in answers.items():
         if isinstance(found, BaseException):
             others.append(f"worker {worker} cannot import teleop: {found}")
-        elif found != software():
+        elif found != versions():
             packages = ", ".join(f"{name} {version}" for name, version in found.items())
             others.append(f"worker {worker} has {packages}")
     if others:
-        expected = ", ".join(f"{name} {version}" for name, version in software().items())
+        expected = ", ".join(f"{name} {version}" for name, version in versions().items())
         raise InputError(f"dask {address}: {'; '.join(others)}: expected {expected}")
 
 

@@ -22,6 +22,7 @@ from drivers.input_file import open_input
 from estimation.registry import offered
 from teleop.errors import reason
 from teleop.json_documents import dumps
+from teleop.software import software
 from teleop.trial.metadata import COMPUTE
 
 Origin = dict[str, dict[str, Any]]
@@ -43,17 +44,17 @@ def origin_of(files: Mapping[str, Path], plug_ins: Iterable[str]) -> Origin:
         Names of the estimators of other packages that are used.
     """
     return {
-        **{name: {"version": text} for name, text in software().items()},
+        **{name: {"version": text} for name, text in versions().items()},
         **{f"estimator {name}": plug_in(name) for name in plug_ins},
         **{name: file(path) for name, path in files.items()},
     }
 
 
 @cache
-def software() -> dict[str, str]:
+def versions() -> dict[str, str]:
     """Return the version of each installed package that computes results, by its name."""
-    found = {}
-    for name in ("teleop", *COMPUTE):
+    found = {"teleop": software()}
+    for name in COMPUTE:
         with suppress(PackageNotFoundError):
             found[name] = version(name)
     return found

@@ -568,6 +568,24 @@ def test_after_q_or_ctrl_c_the_counts_and_the_command_that_resumes_are_shown(
     assert "resume" not in out
 
 
+@pytest.mark.parametrize("typed", ["printf '\\377\\nq\\n' | ", "<&- "])
+def test_an_answer_that_is_not_text_is_refused_and_a_closed_input_quits(tmp_path, typed):
+    if os.name != "posix":
+        pytest.skip("needs a POSIX shell")
+    (tmp_path / "plan.toml").write_text(PLAN)
+    command = [sys.executable, "-m", "teleop", "series", "plan.toml", "--ask"]
+    done = subprocess.run(
+        ["sh", "-c", f'{typed}"$@"', "sh", *command],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONIOENCODING": "utf-8:strict"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr
+    assert ("Expected Enter, s, r or q." in done.stderr) == ("377" in typed)
+
+
 def test_after_ctrl_c_the_document_has_the_counts(command):
     code, out, _ = command([INTERRUPT], "--json")
     assert code == 130
@@ -633,16 +651,71 @@ def test_a_series_on_a_rig_of_devices_needs_a_person_or_yes(tmp_path, refused):
     assert not (tmp_path / "out").exists()
 
 
+IN_BACKGROUND = """
+import os, pty, sys
+pid, terminal = pty.fork()
+if pid == 0:
+    child = os.fork()
+    if child == 0:
+        os.setpgid(0, 0)
+        os.execvp(sys.argv[1], sys.argv[1:])
+    code = os.waitstatus_to_exitcode(os.waitpid(child, os.WUNTRACED)[1])
+    os._exit(code)
+os.write(terminal, b"\\n" * 20)
+try:
+    while text := os.read(terminal, 4096):
+        os.write(2, text)
+except OSError:
+    pass
+sys.exit(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
+"""
+"""Program that runs a command in the background of a terminal, in which Enter is typed."""
+
+
+@pytest.mark.real_time
+@pytest.mark.skipif(os.name != "posix", reason="needs job control")
+def test_lines_that_nobody_types_at_the_terminal_do_not_arm_a_series(tmp_path):
+    command = [sys.executable, "-m", "teleop", "series", wired_plan(tmp_path), "--ask"]
+    lines = tmp_path / "lines"
+    lines.write_text("\n" * 20)
+    ways = {
+        "pipe": ["sh", "-c", 'yes "" | "$@"', "sh"],
+        "file": ["sh", "-c", f'"$@" < "{lines}"', "sh"],
+        "nohup": ["sh", "-c", 'yes "" | nohup "$@"', "sh"],
+        "background": [sys.executable, "-c", IN_BACKGROUND],
+    }
+    started = {
+        name: subprocess.Popen(
+            [*way, *command, "--out", tmp_path / name],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for name, way in ways.items()
+    }
+    for name, process in started.items():
+        with process:
+            out, err = process.communicate(timeout=60)
+        line = err.strip()
+        assert (process.returncode, out) == (2, ""), (name, err)
+        assert line.count("\n") == 0, (name, line)
+        assert "nobody can arm the drives: expected --yes" in line
+        assert not (tmp_path / name).exists()
+
+
 def test_the_prompt_of_a_series_arms_the_drives_and_is_the_only_one(tmp_path, monkeypatch, capsys):
     run = []
     monkeypatch.setattr(
-        "teleop.commands.series.run", lambda *given, **options: run.append(options) or 1 / 0
+        "teleop.commands.series.SeriesRunner.run", lambda self, *_: run.append(self) or 1 / 0
     )
     answers = iter(["\n"])
     monkeypatch.setattr("sys.stdin.readline", lambda: next(answers), raising=False)
+    monkeypatch.setattr("teleop.trial.arming.is_foreground", lambda: True)
+    monkeypatch.setattr("teleop.trial.arming.discard_typed_ahead", lambda: None)
     with pytest.raises(ZeroDivisionError):
         main(["series", str(wired_plan(tmp_path)), "--out", str(tmp_path / "out"), "--ask"])
-    assert [options["explained"] for options in run] == [True]
+    assert [runner.explained for runner in run] == [True]
     prompt = " ".join(capsys.readouterr().err.split())
     assert prompt.count("Ctrl-C ramps the drives down and ends the trial") == 1
     for part in ("serial board: autonomous, liver, 0.5 s, depth 3 mm, force limit 200 N", "Ctrl-C"):

@@ -23,7 +23,7 @@ from teleop.control.admittance import AdmittanceParameters
 from teleop.errors import InputError
 from teleop.studies.sweep.conduct import conduct
 from teleop.studies.sweep.executors import in_processes
-from teleop.studies.sweep.origin import differences, plug_in, plug_ins_in, software
+from teleop.studies.sweep.origin import differences, plug_in, plug_ins_in, versions
 from teleop.studies.sweep.plan import SweepPlan, read_plan
 from teleop.studies.sweep.points import Point, points_of
 from teleop.studies.sweep.tasks import Computed, computed, results, task_of
@@ -504,8 +504,8 @@ def test_a_sweep_is_not_resumed_with_another_version_of_the_software(
 ):
     with pytest.raises(KeyboardInterrupt):
         swept(tmp_path / "out", plan_file, interrupted_after(1))
-    other = {**software(), "teleop": "0.0.1"}
-    monkeypatch.setattr("teleop.studies.sweep.origin.software", lambda: other)
+    other = {**versions(), "teleop": "0.0.1"}
+    monkeypatch.setattr("teleop.studies.sweep.origin.versions", lambda: other)
     with pytest.raises(InputError, match=r"sweep began: teleop: 0\.0\.1, expected"):
         swept(tmp_path / "out", plan_file)
 
