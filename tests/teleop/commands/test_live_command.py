@@ -12,6 +12,7 @@ import pytest
 
 from teleop.cli import main
 from teleop.commands import live_options
+from teleop.recording.recording import load
 
 RIG = Path(__file__).parents[3] / "rigs" / "serial-board.toml"
 WIRED = ("--rig", RIG, "--specimen", "a", "--depth", "3mm", "--yes")
@@ -82,6 +83,22 @@ def test_a_file_that_is_no_recording_is_refused(refused, tmp_path):
 def test_the_configuration_file_can_request_the_page(refused, tmp_path):
     (tmp_path / "trial.toml").write_text('live = true\nclock = "virtual"\n')
     assert "expected --clock real" in refused("run", "--config", tmp_path / "trial.toml")
+
+
+@pytest.mark.parametrize("rate", ["fast", None, [1], 0, 1e300])
+def test_a_recording_with_an_invalid_rate_in_its_settings_is_shown(recording, monkeypatch, rate):
+    changed = load(recording)
+    changed.settings["rate_hz"] = rate
+    monkeypatch.setattr("teleop.recording.recording.load", lambda file: changed)
+    rows = []
+
+    def show(stopped, replay, host, port, ready):
+        replay.request({"type": "seek", "t": 0.3})
+        rows.append(replay.history.end)
+
+    monkeypatch.setattr("teleop.live.serving.serve_until", show)
+    assert main(["live", str(recording)]) == 0
+    assert 50 < rows[0] <= 100  # at most 250 rows per second
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGINT") or sys.platform == "win32", reason="needs POSIX")
