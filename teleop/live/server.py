@@ -23,7 +23,7 @@ from teleop.live.control import Control
 from teleop.live.feed import Feed
 from teleop.live.pages import Page
 from teleop.live.requests import IN_CONTROL, LONGEST_MESSAGE, BadRequest, parse_request
-from teleop.live.security import HEADERS, Gate, is_token
+from teleop.live.security import HEADERS, Gate, is_token, resolve
 
 PERIOD = 1.0 / 60.0
 """Time between two frames of data [s]."""
@@ -58,7 +58,7 @@ class Server:
         self._feed = feed
         self._token = token
         self._pages = pages
-        self._gate = Gate("", 0)
+        self._gate = Gate("localhost", "127.0.0.1", 0)
         self._clients: set[Client] = set()
         self._connections = 0
         self._known: object = None
@@ -71,7 +71,7 @@ class Server:
         Parameters
         ----------
         host
-            Address at which the server listens.
+            Name or address at which the server listens.
         port
             Port; 0 for any free port.
 
@@ -81,9 +81,12 @@ class Server:
 
         Raises
         ------
+        InputError
+            `host` stands for several addresses, as 0.0.0.0 does.
         OSError
             The address cannot be used.
         """
+        address = resolve(host)
         quiet = logging.getLogger("teleop.live")
         quiet.setLevel(logging.CRITICAL)  # a refused connection is not shown on the terminal
         outer = self
@@ -103,7 +106,7 @@ class Server:
 
         async with serve(
             self._converse,
-            "127.0.0.1" if host == "localhost" else host,
+            address,
             port,
             process_request=self._process_request,
             create_connection=Connection,
@@ -118,7 +121,7 @@ class Server:
             logger=quiet,
         ) as server:
             used = server.server.sockets[0].getsockname()[1]
-            self._gate = Gate(host, used)
+            self._gate = Gate(host, address, used)
             yield int(used)
 
     async def run(self) -> None:

@@ -37,6 +37,8 @@ def recording(tmp_path_factory):
         (["--live", "--live-arm", "--yes"], "at most one"),
         (["--live", "--operator", "pointer", "--condition", "autonomous"], "free or mimic"),
         (["--live", "--host", "0.0.0.0"], "expected one address"),
+        (["--live", "--host", "0"], "host '0': expected one address"),
+        (["--live", "--host", "no.such.host.invalid"], "cannot be used"),
         (["--live", "--port", "70000"], "expected 0 to 65535"),
         (["--live", "--host", "192.0.2.1"], "192.0.2.1, port 0: cannot be used"),
         (
