@@ -161,7 +161,7 @@ class Replay(Feed):
         else:
             raise BadRequest(f"{request['type']}: this is a recording")
 
-    def beat(self) -> None:
+    def beat(self, seen: float) -> None:
         """Do nothing: a heartbeat of the live page has no effect on a replay."""
 
     def lost(self) -> None:

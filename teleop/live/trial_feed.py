@@ -10,7 +10,7 @@ import numpy as np
 
 from estimation.compiled import Floats
 from teleop.json_documents import loads
-from teleop.live.cells import ARM, END, PAGE, PROCESS, STOP, CellWriter
+from teleop.live.cells import ARM, END, PROCESS, STOP, CellWriter
 from teleop.live.feed import Feed, estimator_indices, shown_columns
 from teleop.live.health import Health
 from teleop.live.history import History, decimated, decimation
@@ -173,9 +173,9 @@ class TrialFeed(Feed):
         else:
             raise BadRequest(f"{kind}: this is not a recording")
 
-    def beat(self) -> None:
+    def beat(self, seen: float) -> None:
         """Pass a heartbeat of the live page that has control to the control loop."""
-        self._cells.count(PAGE)
+        self._cells.confirm(seen)
 
     def lost(self) -> None:
         """Report to the loop that the hand does not hold the handle, because no page has control.
