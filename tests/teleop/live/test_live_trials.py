@@ -40,14 +40,18 @@ class Command:
     @property
     def live_process(self):
         """Process id of the live process."""
+        return self.child(b"teleop.live.process")
+
+    def child(self, module):
+        """Process id of the process that runs a module."""
         for entry in Path("/proc").iterdir():
             if entry.name.isdecimal():
                 with contextlib.suppress(OSError):
                     line = (entry / "cmdline").read_bytes()
                     parent = (entry / "stat").read_text().rpartition(")")[2].split()[1]
-                    if b"teleop.live.process" in line and int(parent) == self.process.pid:
+                    if module in line and int(parent) == self.process.pid:
                         return int(entry.name)
-        raise AssertionError("no live process")
+        raise AssertionError(f"no process {module}")
 
     @property
     def shared_files(self):
@@ -398,6 +402,26 @@ def test_if_the_command_is_killed_the_loop_is_gone_and_no_shared_memory_is_left(
     assert len(shared) == 3
     run(scenario(command))
     assert not any(file.exists() for file in shared)
+
+
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="needs /proc")
+def test_the_foxglove_server_has_a_process_of_its_own_with_a_low_priority(start):
+    async def scenario(command):
+        async with command.page() as client:
+            await client.until(client.is_in("active"))
+            assert "_foxglove" not in Path(f"/proc/{command.live_process}/maps").read_text()
+            viewers = command.child(b"teleop.live.foxglove_process")
+            own, other = (
+                os.getpriority(os.PRIO_PROCESS, one) for one in (command.live_process, viewers)
+            )
+            assert other > own
+            os.kill(viewers, signal.SIGKILL)  # the trial does not need it
+            await client.receive_for(0.5)
+            assert client.is_in("active")()
+
+    command = start("run", "--live", "--foxglove", "--yes", "--duration", "20", "--no-record")
+    run(scenario(command))
+    assert command.end()[0] == 130
 
 
 PLAN = """

@@ -28,6 +28,8 @@ DURATIONS = ("read_time", "compute_time", "write_time")
 class Hand(Sink):
     """A link to a page in this process: at chosen ticks it arms, moves the pointer, and stops."""
 
+    pid = None
+
     def __init__(self, last_request):
         from sim_backend import PointerOperator
 
