@@ -30,6 +30,7 @@ class Page:
         self.names: list[str] = []
         self.summary: dict[str, Any] = {}
         self.rows: list[np.ndarray] = []
+        self.seen = 0.0
         self.task = asyncio.create_task(self._receive())
         self.beats = asyncio.create_task(self._beat())
 
@@ -47,6 +48,7 @@ class Page:
         """Take control, and arm the drives."""
         await self.send("control")
         await self.until("ready")
+        await self.send("beat", seen=self.seen, at=0.0)
         await self.send("unlock")
         await self.send("start")
         await self.until("active")
@@ -58,7 +60,7 @@ class Page:
     async def _receive(self) -> None:
         async for message in self.connection:
             if isinstance(message, bytes):
-                _, count, columns, clear, _ = struct.unpack_from("<IIIId", message)
+                _, count, columns, clear, self.seen = struct.unpack_from("<IIIId", message)
                 rows = np.frombuffer(message, "<f8", offset=24).reshape(count, columns)
                 self.rows = [rows] if clear else [*self.rows[-600:], rows]
                 continue
@@ -71,9 +73,9 @@ class Page:
                 self.summary = document
 
     async def _beat(self) -> None:
-        for n in range(10**9):
-            await self.send("beat", n=n)
-            await asyncio.sleep(0.25)
+        while True:
+            await self.send("beat", seen=self.seen, at=0.0)
+            await asyncio.sleep(0.05)
 
 
 class Session:
@@ -139,7 +141,7 @@ async def flood(running: Session) -> None:
             async with running.page() as page:
                 most = 390 if number % 2 else 10_000
                 for n in range(20 * most):
-                    await page.send("ping", at=n)
+                    await page.send("beat", seen=0.0, at=n)
                     if most == 390 or n % 50 == 0:
                         await asyncio.sleep(1.0 / most)
         await asyncio.sleep(0.05)

@@ -54,7 +54,6 @@ def live(
         recording.estimators,
         recording.events,
         recorded_document(recording),
-        float(recording.settings.get("loop_rate_hz") or recording.settings.get("rate_hz", 1000.0)),
     )
     with stop_signals() as stopped:
         serve_until(stopped, replay, host, port, lambda url: show_address(url, host, open))

@@ -219,10 +219,10 @@ def show_address(url: str, host: str, open_page: bool) -> None:
     open_page
         Whether to open the page in the browser.
     """
-    from teleop.live.security import LOOPBACK
+    from teleop.live.security import is_loopback, resolve
     from teleop.printable import print_error
 
-    if host not in LOOPBACK:
+    if not is_loopback(resolve(host)):
         print_error(
             f"--host {host}: other machines can connect, without encryption; ssh -L is safer"
         )

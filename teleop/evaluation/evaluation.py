@@ -41,6 +41,8 @@ from teleop.evaluation.sampling_gaps import closed_up
 from teleop.evaluation.signals import Signals
 from teleop.evaluation.smallest_step import smallest_step
 
+RESOLUTIONS = 1e-12, 1.0
+"""Range of the setting `resolution` of `EstimateSettings` [m]."""
 KEPT = 1 << 17
 """Value that the commands use for the parameter `most` of `evaluate`: largest number of estimates
 that are kept, for all estimators together."""
@@ -116,6 +118,11 @@ def evaluate(
         bandwidth = 10.0 * highest if settings.preset == "scaled" else BANDWIDTH
         bandwidth = min(bandwidth, 0.5 / float(np.median(signals.dt)))
     count = settings.resolution or smallest_step(signals.x)
+    if settings.resolution and not RESOLUTIONS[0] <= count <= RESOLUTIONS[1]:
+        raise InputError(
+            f"resolution of the position {count:g} m: expected {RESOLUTIONS[0]:g} to "
+            f"{RESOLUTIONS[1]:g} m"
+        )
     given = settings.preset if isinstance(settings.preset, Preset) else None
     model = settings.model or (given.model if given else KELVIN_VOIGT)
     with as_input_error():

@@ -18,9 +18,14 @@ from mmap import mmap
 
 SIZE = 4096
 """Size of the shared memory [bytes]."""
-STOP, END, ARM, PROCESS, PAGE, SEQUENCE, DEPTH, GRIP = range(8)
-"""Indices of the cells: counters of the requests STOP, END and ARM, counters of the heartbeats of
-the live process and of the page, and three cells for the state of the pointer."""
+STOP, END, ARM, PROCESS, SEEN, SEQUENCE, DEPTH, GRIP = range(8)
+"""Indices of the cells: counters of the requests STOP, END and ARM, counter of the heartbeats of
+the live process, time of the newest data that the page in control has confirmed, and three cells
+for the state of the pointer."""
+LONGEST_ROUND_TRIP = 0.3
+"""Longest round trip of the connection to a live page that may arm the drives or hold the handle
+[s]. With a longer delay, a person can no longer control a motion continuously, but moves and waits
+(Ferrell 1965), and the delay exceeds the person's own reaction time (0.25 s)."""
 
 
 class CellWriter:
@@ -47,6 +52,17 @@ class CellWriter:
             Index of the cell, such as `STOP`.
         """
         self._counts[cell] += 1
+
+    def confirm(self, seen: float) -> None:
+        """Write the time of the newest data that the page in control has confirmed.
+
+        Parameters
+        ----------
+        seen
+            Time at which the live process sent these data [s], on the monotonic clock of the
+            machine, which all processes share.
+        """
+        self._numbers[SEEN] = seen
 
     def point(self, depth: float, grip: bool) -> None:
         """Write the state of the pointer, which moves the hand of a simulated operator.
@@ -79,6 +95,11 @@ class CellReader:
         self.counts = memoryview(buffer).toreadonly().cast("Q")
         """Values of the counters of requests and heartbeats, by the index of the cell."""
         self._numbers = memoryview(buffer).toreadonly().cast("d")
+
+    @property
+    def seen(self) -> float:
+        """Time at which the newest data were sent that the page in control has confirmed [s]."""
+        return self._numbers[SEEN]
 
     def pointer(self) -> tuple[int, float, bool] | None:
         """Return the state of the pointer, which moves the hand of a simulated operator.

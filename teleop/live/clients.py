@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from typing import Any
@@ -13,8 +14,6 @@ from teleop.live.history import History
 
 MOST_CLIENTS = 8
 """Largest number of connected clients."""
-MOST_REQUESTS = 400
-"""Largest number of messages that a client may send in a second."""
 MOST_UNSENT = 64_000
 """Largest number of unsent bytes to a client. If there are more, no further frames are sent."""
 MOST_UNSENT_TEXT = 4 * MOST_UNSENT
@@ -40,6 +39,8 @@ class Client:
         View that the page shows: `main` or `operator`.
     is_new
         Whether the messages for new clients have not been sent to this client yet.
+    seen
+        Time at which the newest frame was sent that the page has confirmed [s].
     """
 
     def __init__(
@@ -51,25 +52,28 @@ class Client:
         self._now = now
         self._epoch = -1
         self._next = 0
-        self._second = 0
-        self._requests = 0
+        self.seen = -math.inf
 
     @property
     def unsent(self) -> int:
         """Number of bytes for this client that still wait in the send buffer of this process."""
         return self.connection.transport.get_write_buffer_size()
 
-    def is_flooding(self) -> bool:
-        """Count a message of the client, and return whether the client sends too many messages.
+    def confirm(self, seen: float) -> None:
+        """Store that the page has received the frame that was sent at the time `seen` [s].
 
-        Call this method once for each received message. More than `MOST_REQUESTS` messages in one
-        second are too many.
+        The page returns the time in the newest frame that it has received. This time is therefore a
+        time of the clock of this process, and the clocks need not agree.
         """
-        second = int(self._now())
-        if second != self._second:
-            self._second, self._requests = second, 0
-        self._requests += 1
-        return self._requests > MOST_REQUESTS
+        self.seen = max(self.seen, min(seen, self._now()))
+
+    @property
+    def age(self) -> float:
+        """Age of the newest frame that the page has confirmed [s].
+
+        It is at least the round trip of the connection, from this process to the page and back.
+        """
+        return self._now() - self.seen
 
     def send(self, document: dict[str, Any]) -> None:
         """Send a message to the client, or abort the connection if too many bytes are unsent."""
@@ -84,7 +88,8 @@ class Client:
         """Send the client the rows that it has not received yet, unless too many bytes are unsent.
 
         The rows are sent in a frame, which is a binary message with several rows. Clients that need
-        the same rows share one frame.
+        the same rows share one frame. If there are no new rows, the frame contains only the time,
+        which the page returns (see `confirm`).
 
         Parameters
         ----------
@@ -98,7 +103,7 @@ class Client:
         """
         clear = self._epoch != history.epoch
         first = history.start if clear else self._next
-        if self.unsent > MOST_UNSENT or (first == history.end and not clear):
+        if self.unsent > MOST_UNSENT:
             return
         if (first, clear) not in frames:
             frames[first, clear] = history.frame(first, clear)

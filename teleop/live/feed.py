@@ -127,8 +127,14 @@ class Feed(ABC):
         """
 
     @abstractmethod
-    def beat(self) -> None:
-        """Process a heartbeat, which the page that has control sends at regular times."""
+    def beat(self, seen: float) -> None:
+        """Process a heartbeat, which the page that has control sends at regular times.
+
+        Parameters
+        ----------
+        seen
+            Time at which the newest frame was sent that the page has received [s].
+        """
 
     @abstractmethod
     def lost(self) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 import time
+from typing import Any
 
 import foxglove
 from foxglove import Channel, Context, Schema
@@ -91,6 +92,15 @@ class FoxgloveBridge:
             )
             for topic in (ALL, SLOW)
         }
+
+    def receive(self, document: dict[str, Any]) -> None:
+        """Process a message of the control process: announce the columns of a trial that begins."""
+        if document["type"] == "begin":
+            units = {column["name"]: column["unit"] for column in document["columns"]}
+            self.begin(document["definition"], document["message"], units, document["first"])
+
+    def leave(self) -> None:
+        """Do nothing: viewers are not informed that the control process has ended."""
 
     def advance(self) -> None:
         """Send the ticks of the control loop that were written since the last call.

@@ -19,6 +19,8 @@ from teleop.live.requests import BadRequest
 
 POSITION_PERIOD = 0.1
 """Time between two messages with the position of the replay [s]."""
+SHORTEST_PERIOD = 1e-6
+"""Shortest period between two ticks of a recording [s]. Shorter periods are treated as this one."""
 FASTEST = 16.0
 """Largest speed of a replay, as a multiple of real time."""
 
@@ -42,8 +44,6 @@ class Replay(Feed):
     trial
         The message `trial` to the page, which describes the recorded trial. If it is empty, no such
         message is sent.
-    rate
-        Rate of the recorded control loop [Hz].
     now
         Function that returns the present time [s].
     """
@@ -55,7 +55,6 @@ class Replay(Feed):
         estimators: Sequence[str],
         events: Sequence[Mapping[str, Any]],
         trial: dict[str, Any],
-        rate: float,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
         names = shown_columns(tuple(columns), estimators)
@@ -63,7 +62,9 @@ class Replay(Feed):
         self.history = History(len(names))
         self._rows = np.column_stack([columns[name] for name in names])
         self._t = np.maximum.accumulate(columns["time"])
-        self._step = decimation(rate)
+        # The rate is computed from the times, because the settings in a file may be wrong.
+        period = float(np.median(np.diff(self._t))) if len(self._t) > 1 else 1.0
+        self._step = decimation(1.0 / max(period, SHORTEST_PERIOD))
         self._events = events
         armed = [event["time"] for event in events if event.get("mode") == "active"]
         self._armed_at = float(armed[0]) if armed else 0.0
@@ -79,7 +80,6 @@ class Replay(Feed):
                 known.get(name, {"name": name, "unit": "-", "meaning": ""}) for name in names
             ],
             "estimators": estimator_indices(names, estimators),
-            "rate": rate,
             "may_arm": False,
             "pointer": False,
             "choices": {"condition": [], "specimen": [], "duration": []},
@@ -161,7 +161,7 @@ class Replay(Feed):
         else:
             raise BadRequest(f"{request['type']}: this is a recording")
 
-    def beat(self) -> None:
+    def beat(self, seen: float) -> None:
         """Do nothing: a heartbeat of the live page has no effect on a replay."""
 
     def lost(self) -> None:

@@ -12,8 +12,7 @@ LARGEST = 1 << 53
 """Largest integer in a message. Each smaller integer is equal to a floating-point number."""
 FIELDS: dict[str, dict[str, tuple[type, ...]]] = {
     "hello": {"token": (str,), "view": (str,)},
-    "beat": {"n": (int,)},
-    "ping": {"at": (int, float)},
+    "beat": {"seen": (int, float), "at": (int, float)},
     "stop": {},
     "end": {},
     "unlock": {},

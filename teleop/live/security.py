@@ -11,8 +11,12 @@ machine (DNS rebinding).
 from __future__ import annotations
 
 import hmac
+import ipaddress
 import secrets
+import socket
 from collections.abc import Callable
+
+from teleop.errors import InputError
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
@@ -28,12 +32,10 @@ HEADERS = {
     "Cache-Control": "no-store",
 }
 """Headers of every response."""
+BROADCAST = ipaddress.IPv4Address("255.255.255.255")
+"""Address of all machines of the local network."""
 HTTP_PORT = 80
 """Default port of HTTP, which browsers omit in the headers `Host` and `Origin`."""
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
-"""Addresses that only programs of this machine can reach."""
-ANY_ADDRESS = ("", "0.0.0.0", "::")
-"""Addresses that make a server listen at all addresses of a machine."""
 
 
 def new_token() -> str:
@@ -55,6 +57,48 @@ def is_token(given: object, token: str) -> bool:
     return hmac.compare_digest(given.encode(errors="replace"), token.encode())
 
 
+def resolve(host: str) -> str:
+    """Return the network address of a host in its usual form, such as `127.0.0.1` for `127.1`.
+
+    The server listens at this address. Addresses are checked instead of the text that was given,
+    because there are many texts for one address, and a name can have any address.
+
+    Parameters
+    ----------
+    host
+        Name or address. If a name has several addresses, an IPv4 address is preferred.
+
+    Raises
+    ------
+    InputError
+        An address of the host stands for all addresses of this machine, as 0.0.0.0 does, or for a
+        group of machines.
+    OSError
+        The name is unknown.
+    """
+    # AI_PASSIVE changes the meaning of some texts. Without the flag, `*` would be this machine.
+    try:
+        found = socket.getaddrinfo(host or "*", 0, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+    except UnicodeError as error:
+        raise InputError(f"host {host!r}: expected a name or an address") from error
+    addresses = sorted((str(entry[4][0]) for entry in found), key=lambda address: ":" in address)
+    for address in map(plain, addresses):
+        if address.is_unspecified or address.is_multicast or address == BROADCAST:
+            raise InputError(f"host {host!r}: expected one address or name of this machine")
+    return addresses[0]
+
+
+def plain(address: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address:
+    """Return an IP address. An IPv4 address that is written as IPv6 address is returned as IPv4."""
+    parsed = ipaddress.ip_address(address)
+    return getattr(parsed, "ipv4_mapped", None) or parsed
+
+
+def is_loopback(address: str) -> bool:
+    """Return whether only programs of this machine can reach a network address."""
+    return plain(address).is_loopback
+
+
 class Gate:
     """Decides from the headers of an HTTP request whether the server accepts the request.
 
@@ -62,6 +106,8 @@ class Gate:
     ----------
     host
         Name or address of the server, as in the URL of the live page.
+    address
+        Network address at which the server listens.
     port
         Port of the server.
 
@@ -71,8 +117,8 @@ class Gate:
         Allowed values of the header `Host`, in lower-case letters.
     """
 
-    def __init__(self, host: str, port: int) -> None:
-        names = {host, "127.0.0.1", "localhost"} if host in LOOPBACK[:2] else {host}
+    def __init__(self, host: str, address: str, port: int) -> None:
+        names = {host, address} | ({"localhost"} if is_loopback(address) else set())
         addresses = {f"[{name}]" if ":" in name else name.lower() for name in names}
         self.hosts = {f"{address}:{port}" for address in addresses}
         if port == HTTP_PORT:

@@ -10,6 +10,7 @@ import contextlib
 import logging
 import time
 from collections.abc import AsyncIterator, Mapping
+from functools import partial
 from http import HTTPStatus
 from typing import Any
 
@@ -18,19 +19,19 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
+from teleop.live.cells import LONGEST_ROUND_TRIP
 from teleop.live.clients import MOST_CLIENTS, Client
 from teleop.live.control import Control
 from teleop.live.feed import Feed
+from teleop.live.limited_connection import LimitedConnection
 from teleop.live.pages import Page
 from teleop.live.requests import IN_CONTROL, LONGEST_MESSAGE, BadRequest, parse_request
-from teleop.live.security import HEADERS, Gate, is_token
+from teleop.live.security import HEADERS, Gate, is_token, resolve
 
 PERIOD = 1.0 / 60.0
 """Time between two frames of data [s]."""
 GREETING = 2.0
 """Time limit for opening a connection, and a second time limit for sending the token [s]."""
-MOST_CONNECTIONS = 64
-"""Largest number of open connections, including clients that have not sent a token yet."""
 REPEAT = 1.0
 """Longest time between two messages `state` [s]."""
 VIEWS = ("main", "operator")
@@ -58,9 +59,9 @@ class Server:
         self._feed = feed
         self._token = token
         self._pages = pages
-        self._gate = Gate("", 0)
+        self._gate = Gate("localhost", "127.0.0.1", 0)
         self._clients: set[Client] = set()
-        self._connections = 0
+        self.waiting: dict[LimitedConnection, None] = {}
         self._known: object = None
         self._due = 0.0
 
@@ -71,7 +72,7 @@ class Server:
         Parameters
         ----------
         host
-            Address at which the server listens.
+            Name or address at which the server listens.
         port
             Port; 0 for any free port.
 
@@ -81,32 +82,21 @@ class Server:
 
         Raises
         ------
+        InputError
+            `host` stands for several addresses, as 0.0.0.0 does.
         OSError
             The address cannot be used.
         """
+        address = resolve(host)
         quiet = logging.getLogger("teleop.live")
         quiet.setLevel(logging.CRITICAL)  # a refused connection is not shown on the terminal
-        outer = self
-
-        class Connection(ServerConnection):
-            """A connection that is closed immediately if too many connections are open."""
-
-            def connection_made(self, transport: asyncio.BaseTransport) -> None:
-                outer._connections += 1
-                super().connection_made(transport)
-                if outer._connections > MOST_CONNECTIONS:
-                    self.transport.abort()
-
-            def connection_lost(self, exc: Exception | None) -> None:
-                outer._connections -= 1
-                super().connection_lost(exc)
-
+        create: Any = partial(LimitedConnection, waiting=self.waiting)
         async with serve(
             self._converse,
-            "127.0.0.1" if host == "localhost" else host,
+            address,
             port,
             process_request=self._process_request,
-            create_connection=Connection,
+            create_connection=create,
             server_header=None,
             compression=None,
             max_size=LONGEST_MESSAGE,
@@ -118,7 +108,7 @@ class Server:
             logger=quiet,
         ) as server:
             used = server.server.sockets[0].getsockname()[1]
-            self._gate = Gate(host, used)
+            self._gate = Gate(host, address, used)
             yield int(used)
 
     async def run(self) -> None:
@@ -177,6 +167,7 @@ class Server:
 
     async def _converse(self, connection: ServerConnection) -> None:
         """Receive the requests of a connection until the connection ends."""
+        assert isinstance(connection, LimitedConnection)
         client = Client(connection)
         try:
             async with asyncio.timeout(GREETING):
@@ -193,12 +184,10 @@ class Server:
         except ConnectionClosed:
             return
         client.view = hello["view"]
+        connection.admit()
         self._clients.add(client)
         try:
             async for message in connection:
-                if client.is_flooding():
-                    client.abort()
-                    return
                 self._receive(client, parse_request(message))
         except BadRequest as error:
             await connection.close(1008, str(error)[:100])
@@ -212,18 +201,25 @@ class Server:
     def _receive(self, client: Client, request: dict[str, Any]) -> None:
         """Carry out a request of a client, or send the client the reason for a refusal."""
         kind = request["type"]
-        if kind == "ping":
-            client.send({"type": "pong", "at": request["at"]})
-        elif kind == "beat":
+        if kind == "beat":
+            client.confirm(request["seen"])
+            client.send({"type": "echo", "at": request["at"]})
             if self.control.beat(client):
-                self._feed.beat()
+                self._feed.beat(client.seen)
         elif kind == "control":
-            self.control.ask(client)
+            if self.control.ask(client):
+                self._feed.beat(client.seen)
         elif kind == "release":
             if self.control.holder is client:
                 self._lose_control()
         elif kind in IN_CONTROL and self.control.holder is not client:
             client.send({"type": "error", "text": f"{kind}: expected the client in control"})
+        elif kind in ("unlock", "start") and client.age > LONGEST_ROUND_TRIP:
+            text = f"{kind}: the connection of this page is too slow to arm the drives"
+            limit = f"expected at most {LONGEST_ROUND_TRIP:g} s"
+            client.send(
+                {"type": "error", "text": f"{text}: round trip {client.age:.1f} s, {limit}"}
+            )
         elif kind == "unlock":
             self.control.unlock()
         elif kind == "start" and not self.control.unlocked:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from teleop.errors import InputError, reason
 from teleop.live.feed import Feed
 from teleop.live.pages import read_pages
-from teleop.live.security import ANY_ADDRESS, new_token
+from teleop.live.security import new_token
 from teleop.live.server import Server
 
 CHECK = 0.1
@@ -22,21 +22,6 @@ def page_url(host: str, port: int, token: str) -> str:
     """
     name = f"[{host}]" if ":" in host else host
     return f"http://{name}:{port}/#t={token}"
-
-
-def check_address(host: str, port: int) -> None:
-    """Check that an address and a port can be used in the URL of the live page.
-
-    Raises
-    ------
-    InputError
-        `host` stands for all addresses of the machine, as 0.0.0.0 does, or `port` is not a valid
-        port number.
-    """
-    if host in ANY_ADDRESS:
-        raise InputError(f"host {host!r}: expected one address or name of this machine")
-    if not 0 <= port <= 65535:
-        raise InputError(f"port {port}: expected 0 to 65535")
 
 
 def serve_until(
@@ -75,7 +60,8 @@ async def serve(
     ready: Callable[[str], object],
 ) -> None:
     """Serve the live page as an asyncio task; the parameters are those of `serve_until`."""
-    check_address(host, port)
+    if not 0 <= port <= 65535:
+        raise InputError(f"port {port}: expected 0 to 65535")
     token = new_token()
     server = Server(feed, token, read_pages())
     try:

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from estimation.compiled import Floats
 from teleop.json_documents import loads
-from teleop.live.cells import ARM, END, PAGE, PROCESS, STOP, CellWriter
+from teleop.live.cells import ARM, END, PROCESS, STOP, CellWriter
 from teleop.live.feed import Feed, estimator_indices, shown_columns
 from teleop.live.health import Health
 from teleop.live.history import History, decimated, decimation
 from teleop.live.requests import ANSWERS, BadRequest
 from teleop.live.ring import RingReader
 from teleop.safety.events import ACTIVE, READY, Mode
-
-if TYPE_CHECKING:
-    from teleop.live.foxglove_bridge import FoxgloveBridge
 
 SILENCE = 0.5
 """Time without a new tick after which the page shows that the loop has ended [s]."""
@@ -51,8 +48,6 @@ class TrialFeed(Feed):
     send
         Function that sends a request to the control process. The control process reads requests
         between two trials.
-    bridge
-        Server for viewers of the Foxglove protocol; None for no such server.
     """
 
     def __init__(
@@ -62,13 +57,11 @@ class TrialFeed(Feed):
         cells: CellWriter,
         session: dict[str, Any],
         send: Callable[[dict[str, Any]], None],
-        bridge: FoxgloveBridge | None = None,
     ) -> None:
         self.history = History(1)
         self._ring, self._events, self._cells = ring, events, cells
         self._session = session
         self._send = send
-        self._bridge = bridge
         self._begin: dict[str, Any] = {}
         self._valid: dict[str, dict[str, Any]] = {}
         self._news: list[dict[str, Any]] = []
@@ -115,8 +108,6 @@ class TrialFeed(Feed):
         if self._running:
             self._read_ticks()
             self._read_texts()
-            if self._bridge:
-                self._bridge.advance()
         news, self._news = self._news, []
         return news
 
@@ -173,9 +164,9 @@ class TrialFeed(Feed):
         else:
             raise BadRequest(f"{kind}: this is not a recording")
 
-    def beat(self) -> None:
+    def beat(self, seen: float) -> None:
         """Pass a heartbeat of the live page that has control to the control loop."""
-        self._cells.count(PAGE)
+        self._cells.confirm(seen)
 
     def lost(self) -> None:
         """Report to the loop that the hand does not hold the handle, because no page has control.
@@ -220,9 +211,6 @@ class TrialFeed(Feed):
     def _begin_trial(self, begin: dict[str, Any]) -> None:
         names = [column["name"] for column in begin["columns"]]
         self._begin = begin
-        if self._bridge:
-            units = {column["name"]: column["unit"] for column in begin["columns"]}
-            self._bridge.begin(begin["definition"], begin["message"], units, begin["first"])
         self._step = decimation(begin["rate"])
         self._read = begin["first"] - 1
         self._read_events = begin["first_event"] - 1

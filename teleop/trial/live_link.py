@@ -7,15 +7,12 @@ from __future__ import annotations
 
 import contextlib
 import os
-import select
-import subprocess
-import sys
 from collections.abc import Sequence
 from typing import Any
 
 from sim_backend import PointerOperator
 from teleop.errors import InputError, reason
-from teleop.json_documents import dumps, loads
+from teleop.json_documents import dumps
 from teleop.live.cells import SIZE, STOP, CellReader
 from teleop.live.ring import SLOTS, RingWriter, ring_size
 from teleop.live.shared_file import SharedFile
@@ -23,6 +20,7 @@ from teleop.recording.cdr import CDR, MESSAGE_NAME
 from teleop.recording.message import Layout
 from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Event
+from teleop.trial.child_process import ChildProcess
 from teleop.trial.live_documents import trial_document
 from teleop.trial.page_pointer import PagePointer
 from teleop.trial.page_requests import PageRequests
@@ -31,12 +29,6 @@ from teleop.trial.settings import TrialSettings
 
 EVENT_SLOTS, EVENT_SIZE = 128, 4096
 """Largest number of events in the ring buffer of events, and largest size of an event [bytes]."""
-START_TIME = 20.0
-"""Longest wait for the start of the live process [s]."""
-END_TIME = 3.0
-"""Longest wait for the end of the live process [s]."""
-MOST_UNSENT = 1 << 20
-"""Number of unsent bytes above which the live process is killed, because it no longer reads."""
 
 
 class LiveLink(Sink):
@@ -102,37 +94,28 @@ class LiveLink(Sink):
         self._prompt = 0
         """Number of the latest question, see `ask`."""
         self.by_page, self._has_pointer = by_page, pointer
-        self._unsent = b""
-        self._received = b""
+        self._children: list[ChildProcess] = []
         sizes = {"ring": (SLOTS, size), "events": (EVENT_SLOTS, EVENT_SIZE)}
-        with contextlib.ExitStack() as names:
+        with contextlib.ExitStack() as names, contextlib.ExitStack() as started:
             try:
                 files = {name: SharedFile.create(ring_size(*of)) for name, of in sizes.items()}
                 files["cells"] = SharedFile.create(SIZE)
-                for file in files.values():
-                    names.callback(file.remove)
-                self._process = subprocess.Popen(
-                    [sys.executable, "-P", "-m", "teleop.live.process"],
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.PIPE,
-                    bufsize=0,
-                    start_new_session=os.name == "posix",
-                )
             except OSError as error:
                 raise InputError(f"live page: cannot be started: {reason(error)}") from error
-            assert self._process.stdin
-            assert self._process.stdout
-            self._input, self._output = self._process.stdin, self._process.stdout
-            os.set_blocking(self._input.fileno(), False)
+            for file in files.values():
+                names.callback(file.remove)
+            started.callback(self.end)
             paths = {name: str(file.path) for name, file in files.items()}
             welcome = {"may_arm": by_page, "pointer": pointer, "choices": choices}
-            session = {"files": paths, "host": host, "port": port, "welcome": welcome}
-            self.tell({**session, **sizes, "foxglove": foxglove})
-            ready = self.wait_for_request(START_TIME) or {"problem": "it did not start"}
-        if "problem" in ready:
-            self.end()
-            raise InputError(f"live page: {ready['problem']}")
-        self.url, self.foxglove_url = str(ready["url"]), str(ready.get("foxglove", ""))
+            session = {"files": paths, "host": host, "port": port, "welcome": welcome, **sizes}
+            self._page = ChildProcess("teleop.live.process", session)
+            self._children.append(self._page)
+            if foxglove is not None:
+                session = {"files": paths, "foxglove": foxglove, **sizes}
+                self._children.append(ChildProcess("teleop.live.foxglove_process", session))
+            started.pop_all()
+        self.url = self._page.url
+        self.foxglove_url = self._children[1].url if foxglove is not None else ""
         self._cells = CellReader(files["cells"].buffer)
         self._stops = 0
         """Number of STOP requests of the live page that had arrived when the last trial ended."""
@@ -163,22 +146,22 @@ class LiveLink(Sink):
         An object that reads the requests that a person makes in the live page during the trial.
         """
         self.trials += 1
-        self._move_off()
-        self.tell(
-            {
-                "type": "begin",
-                "first": self._ring.newest + 1,
-                "first_event": self._events.newest + 1,
-                "offset": len(CDR),
-                "message": MESSAGE_NAME,
-                "definition": layout.definition,
-                "columns": [column._asdict() for column in layout.columns],
-                "estimators": layout.estimators,
-                "rate": settings.loop_rate,
-                "trial": trial_document(settings, self.trials, self.position, self.of),
-                "by_page": self.by_page,
-            }
-        )
+        begin = {
+            "type": "begin",
+            "first": self._ring.newest + 1,
+            "first_event": self._events.newest + 1,
+            "offset": len(CDR),
+            "message": MESSAGE_NAME,
+            "definition": layout.definition,
+            "columns": [column._asdict() for column in layout.columns],
+            "estimators": layout.estimators,
+            "rate": settings.loop_rate,
+            "trial": trial_document(settings, self.trials, self.position, self.of),
+            "by_page": self.by_page,
+        }
+        for child in self._children:
+            child.move_off()
+            child.tell(begin)
         return PageRequests(self._cells, self.by_page, self._stops)
 
     def push(self, message: bytes) -> None:
@@ -215,22 +198,8 @@ class LiveLink(Sink):
             self.tell({"type": "summary", **trial.summary()})
 
     def tell(self, document: dict[str, Any]) -> None:
-        """Send a message to the live process, which serves the live page.
-
-        This method does not wait. The part of the message that the live process cannot receive now
-        is sent at the next call. If this part is longer than `MOST_UNSENT`, the live process is
-        killed, because it hangs.
-        """
-        self._unsent += dumps(document).encode() + b"\n"
-        try:
-            while self._unsent:
-                written = os.write(self._input.fileno(), self._unsent)
-                self._unsent = self._unsent[written:]
-        except BlockingIOError:
-            if len(self._unsent) > MOST_UNSENT:
-                self._process.kill()
-        except (OSError, ValueError):
-            self._unsent = b""
+        """Send a message to the live process, which serves the live page. Do not wait."""
+        self._page.tell(document)
 
     def ask(self, text: str, answers: Sequence[str]) -> None:
         """Show a question in the live page, which `wait_for_request` then waits to be answered.
@@ -263,48 +232,26 @@ class LiveLink(Sink):
         -------
         The request; None if there was no request, or if the live process has ended.
         """
-        while True:
-            while b"\n" not in self._received:
-                readable, _, _ = select.select([self._output], [], [], timeout)
-                part = os.read(self._output.fileno(), 1 << 16) if readable else b""
-                if not part:
-                    return None
-                self._received += part
-            line, _, self._received = self._received.partition(b"\n")
-            request = loads(line)
+        while (request := self._page.wait_for_request(timeout)) is not None:
             if request.get("prompt", self._prompt) == self._prompt:
                 return request
+        return None
 
     @property
     def is_running(self) -> bool:
         """Whether the live process, which serves the live page, is running."""
-        return self._process.poll() is None
+        return self._page.is_running
+
+    @property
+    def pid(self) -> int:
+        """Process id of the live process, which serves the live page."""
+        return self._page.pid
 
     def end(self) -> None:
-        """End the live process, which serves the live page.
+        """End the processes that show the data.
 
-        Before it ends, the live process reports the end to the open live pages. If it does not end
-        within `END_TIME`, it is killed.
+        Before it ends, the live process reports the end to the open live pages. A process that does
+        not end within `teleop.trial.child_process.END_TIME` is killed.
         """
-        with contextlib.suppress(OSError):
-            self._input.close()
-        try:
-            self._process.wait(END_TIME)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        self._output.close()
-
-    def _move_off(self) -> None:
-        """Do not permit the live process to use the processor on which the control loop runs.
-
-        Nothing is changed if the control loop may use more than one processor, or if there is no
-        other processor.
-        """
-        if not hasattr(os, "sched_setaffinity"):
-            return
-        own = os.sched_getaffinity(0)
-        with contextlib.suppress(OSError):
-            others = os.sched_getaffinity(self._process.pid) - own
-            if len(own) == 1 and others:
-                os.sched_setaffinity(self._process.pid, others)
+        for child in self._children:
+            child.end()

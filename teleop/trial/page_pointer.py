@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from time import monotonic
 
-from teleop.live.cells import CellReader
+from teleop.live.cells import LONGEST_ROUND_TRIP, CellReader
 
 SILENCE = 0.15
 """Longest time between two samples of the pointer while the hand holds the handle [s]."""
@@ -19,7 +19,9 @@ class PagePointer:
     """Callable that returns the latest position of the pointer (mouse or finger) in the live page.
 
     The hand of a simulated operator follows the pointer. If no new sample of the pointer arrives
-    for longer than `SILENCE`, the hand no longer holds the handle.
+    for longer than `SILENCE`, the hand no longer holds the handle. It does not hold the handle
+    either while the page is more than `LONGEST_ROUND_TRIP` behind, because the person then sees and
+    moves too late.
 
     Parameters
     ----------
@@ -49,4 +51,5 @@ class PagePointer:
         if sample and sample[0] != self._sequence:
             self._sequence, self._depth, self._grip = sample
             self._time = now
-        return self._depth, self._grip and now - self._time <= SILENCE
+        is_late = now - self._cells.seen > LONGEST_ROUND_TRIP
+        return self._depth, self._grip and now - self._time <= SILENCE and not is_late

@@ -1,8 +1,9 @@
 """Read the requests of the live page during a trial, at each tick, from shared memory.
 
 The live page is a web page in which a person can start and stop the trial. The live process serves
-the page. Page and live process send heartbeats, which are signals at regular times, to show that
-they work. A tick is one period of the control loop.
+the page. It sends heartbeats, which are signals at regular times, to show that it works. The page
+returns the times of the data that it receives, so that their age is known. A tick is one period of
+the control loop.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import math
 from collections.abc import Callable
 from time import monotonic
 
-from teleop.live.cells import ARM, END, PAGE, PROCESS, STOP, CellReader
+from teleop.live.cells import ARM, END, PROCESS, STOP, CellReader
 from teleop.safety import Fault
 from teleop.safety.channels import DetectedFault
 
@@ -22,9 +23,11 @@ WAITING_SILENCE = 5.0
 """Longest time between two heartbeats of the live process while the trial waits for START and
 nothing moves [s]. It is longer than `PROCESS_SILENCE`, because a busy machine may delay the live
 process. It is finite, because a trial that nobody can start must end."""
-PAGE_SILENCE = 2.0
-"""Longest time between two heartbeats of the live page that controls the trial, if a page armed the
-drives [s]."""
+PAGE_AGE = 1.0
+"""Greatest age of the newest data that the live page that controls the trial has confirmed, if a
+page armed the drives [s]. The age contains the round trip of the connection, and the time for which
+the page or the connection is silent. It is three times the round trip that is permitted when the
+drives are armed, so that a short delay of the network or of the browser does not end the trial."""
 STOPPED = DetectedFault(Fault.EMERGENCY_STOP, "live page", math.nan, math.nan, math.nan)
 """Fault that is reported when STOP is pressed in the live page."""
 
@@ -80,8 +83,9 @@ class PageRequests(NoPage):
         counts = self._counts
         self._stop = counts[STOP] if by_page else stops
         self._end, self._arm = counts[END], counts[ARM]
-        self._beats = counts[PROCESS], counts[PAGE]
-        self._seen = [now(), now()]
+        self._cells = cells
+        self._beats = counts[PROCESS]
+        self._heard = now()
 
     def read(self) -> None:
         """Read the requests of the live page from shared memory.
@@ -96,23 +100,18 @@ class PageRequests(NoPage):
             self.reason = "ended from the live page"
         if self._by_page:
             self._check_heartbeats()
-            if counts[ARM] != self._arm and not self.arms:
+            if counts[ARM] != self._arm:
                 self.arms = True
-                self._seen[1] = self._now()
 
     def _check_heartbeats(self) -> None:
-        counts, seen, now = self._counts, self._seen, self._now()
-        process, page = self._beats
-        if counts[PROCESS] != process:
-            seen[0] = now
-        if counts[PAGE] != page:
-            seen[1] = now
-        self._beats = counts[PROCESS], counts[PAGE]
+        beats, now = self._counts[PROCESS], self._now()
+        if beats != self._beats:
+            self._beats, self._heard = beats, now
         longest = PROCESS_SILENCE if self.arms else WAITING_SILENCE
-        if now - seen[0] > longest:
+        if now - self._heard > longest:
             self._lose(f"the live process was silent for {longest:g} s")
-        elif self.arms and now - seen[1] > PAGE_SILENCE:
-            self._lose(f"the page was silent for {PAGE_SILENCE:g} s")
+        elif self.arms and now - self._cells.seen > PAGE_AGE:
+            self._lose(f"the page has confirmed no data of the last {PAGE_AGE:g} s")
 
     def _lose(self, cause: str) -> None:
         """End the trial, because the live page or the process that serves it no longer responds.

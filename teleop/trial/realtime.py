@@ -36,6 +36,12 @@ reads it. If the recorder had to wait for a processor during this time, it would
 priority is below that of all control loops, because compressing data takes the recorder longer than
 a period of a loop.
 """
+LIVE_PRIORITY = 20
+"""Priority of SCHED_FIFO for the live process, which passes STOP and heartbeats to the loop.
+
+The priority is above that of all normal processes, so that a busy machine does not delay STOP, and
+does not end a trial because the heartbeat is late. The server limits what it processes.
+"""
 MCL_CURRENT, MCL_FUTURE = 1, 2
 """Flags of mlockall on Linux."""
 DONE = "done"
@@ -63,6 +69,12 @@ def set_priority(process: int, priority: int) -> None:
     """
     policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
     os.sched_setscheduler(process, policy, os.sched_param(priority))
+
+
+def set_normal_priority(process: int) -> None:
+    """Set the normal scheduling policy of a process, if the process exists."""
+    with contextlib.suppress(OSError):
+        os.sched_setscheduler(process, os.SCHED_OTHER, os.sched_param(0))
 
 
 def set_fifo_priority(priority: int = PRIORITY) -> Callable[[], object]:
@@ -196,13 +208,16 @@ class RealTime:
         self._steps = tuple(steps) if mode != "off" else ()
         self._undo = contextlib.ExitStack()
 
-    def start(self, recorder: int | None = None) -> None:
+    def start(self, recorder: int | None = None, live: int | None = None) -> None:
         """Set the real-time priority of this process, directly before the control loop starts.
 
         Parameters
         ----------
         recorder
             Process id of the recorder, which writes the recording. It gets `RECORDER_PRIORITY`.
+        live
+            Process id of the live process, which serves the live page. It gets `LIVE_PRIORITY`
+            until the end of the trial.
 
         Raises
         ------
@@ -212,9 +227,14 @@ class RealTime:
         if FIFO in self._steps:
             own = self.report.get(PROCESSOR) == DONE
             self._take(FIFO, set_fifo_priority if own else set_shared_fifo_priority)
-        if recorder and self.report.get(FIFO) == DONE:
-            with contextlib.suppress(OSError):
-                set_priority(recorder, RECORDER_PRIORITY)
+        if self.report.get(FIFO) == DONE:
+            if recorder:
+                with contextlib.suppress(OSError):
+                    set_priority(recorder, RECORDER_PRIORITY)
+            if live:
+                with contextlib.suppress(OSError):
+                    set_priority(live, LIVE_PRIORITY)
+                    self._undo.callback(set_normal_priority, live)
         missing = [f"{name} ({why})" for name, why in self.report.items() if why != DONE]
         if self._mode == "require" and missing:
             raise InputError(

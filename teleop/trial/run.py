@@ -157,7 +157,9 @@ def run_trial(
                 loop = Loop(controller, clock, layout, receivers, switch, settings.duration)
                 if live:
                     switch.page = live.begin(settings, layout)
-                real_time.start(recorder.process.pid if recorder else None)
+                real_time.start(
+                    recorder.process.pid if recorder else None, live.pid if live else None
+                )
                 loop.run()
                 switch.clean_up()
                 rejected = {name: dict(counts) for name, counts in rig.rejected.items()}

@@ -51,8 +51,8 @@ export class ForceDisplacement {
     const size = 12 * canvas.ratio;
     const top = this.top * canvas.height + 0.7 * size;
     const frame = { left: 3.2 * size, right: canvas.width - size, top, bottom: canvas.height - 2.4 * size };
-    const X = (value) => place(this.scales.x, value * 1e3, frame.left, frame.right);
-    const Y = (value) => place(this.scales.f, value, frame.bottom, frame.top);
+    const X = (value) => this.scales.x.place(value * 1e3, frame.left, frame.right);
+    const Y = (value) => this.scales.f.place(value, frame.bottom, frame.top);
     this.#axes(frame, size, X, Y);
     context.save();
     context.beginPath();
@@ -128,8 +128,4 @@ export class ForceDisplacement {
       context.stroke();
     });
   }
-}
-
-function place(scale, value, from, to) {
-  return from + ((value - scale.low) / (scale.high - scale.low)) * (to - from);
 }

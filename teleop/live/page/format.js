@@ -1,10 +1,11 @@
 // Convert numbers to text.
 
 const MINUS = "\u2212";
+const LARGE = 1e9; // larger numbers are written with a power of ten, because their digits do not fit into the page
 
 export function fixed(value, digits = 0) {
   if (!Number.isFinite(value)) return "–";
-  const text = value.toFixed(digits);
+  const text = Math.abs(value) < LARGE ? value.toFixed(digits) : value.toExponential(1);
   return Number(text) === 0 ? text.replace("-", "") : text.replace("-", MINUS);
 }
 

@@ -3,7 +3,7 @@
 
 import { clear, fit } from "./canvas.js";
 import { fixed } from "./format.js";
-import { niceStep, ticksBetween } from "./scale.js";
+import { evenly, niceStep, ticksBetween } from "./scale.js";
 import { colours, font, onTheme } from "./theme.js";
 
 const PAST = 3; // past time that is shown [s]
@@ -72,7 +72,7 @@ export class Pursuit {
     context.lineWidth = 5 * thick;
     context.strokeStyle = colours["target-ahead"];
     context.beginPath();
-    for (let t = now - PAST; t < now + ahead; t += 0.015) context.lineTo(x(t), target(t));
+    for (const t of evenly(now - PAST, now + ahead, 0.015)) context.lineTo(x(t), target(t));
     context.stroke();
     context.strokeStyle = colours.target;
     context.lineWidth = 2 * thick;

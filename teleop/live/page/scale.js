@@ -2,6 +2,10 @@
 
 const PATIENCE = 4000; // time after which a range that is too large becomes smaller [ms]
 const SHRINK = 0.6; // a range is too large if the data need at most this fraction of the range
+const LARGEST = 1e100; // larger values are not shown, so that sums and products of the ends of a range are finite
+const FINEST = 1e-9; // smallest length of a range, relative to its values, so that the ticks are different numbers
+const FURTHEST = 100; // largest distance of a place from the start of its axis, relative to the length of the axis
+const MOST_STEPS = 1000; // largest number of values of `evenly`
 
 export class Scale {
   constructor(smallest) {
@@ -22,8 +26,10 @@ export class Scale {
   // ticks, and `now` the present time [ms]. Return whether the range changed.
   cover(low, high, rows, now) {
     if (!(low <= high)) return false;
+    low = within(low, -LARGEST, LARGEST);
+    high = within(high, -LARGEST, LARGEST);
     const middle = (low + high) / 2;
-    const half = Math.max(high - low, this.smallest) / 2;
+    const half = Math.max(high - low, this.smallest, FINEST * Math.abs(middle)) / 2;
     const inside = low >= this.low && high <= this.high;
     const needed = (2 * half) / (this.high - this.low);
     if (inside && needed > SHRINK) this.since = now;
@@ -44,6 +50,13 @@ export class Scale {
     return before[0] !== this.low || before[1] !== this.high;
   }
 
+  // Return the place of a value on an axis that is drawn between the pixels `from` and `to`. The place of a value far
+  // outside the range is limited, because a canvas does not draw very long lines correctly.
+  place(value, from, to) {
+    const share = (value - this.low) / (this.high - this.low);
+    return from + within(share, -FURTHEST, FURTHEST) * (to - from);
+  }
+
   digits() {
     return Math.max(0, -Math.floor(Math.log10(this.step) + 1e-9));
   }
@@ -55,10 +68,22 @@ export function niceStep(least) {
   return factor * power;
 }
 
+// Return the multiples of a step in a range.
 export function ticksBetween(low, high, step) {
-  const ticks = [];
-  for (let i = Math.ceil(low / step - 1e-9); i * step <= high + 1e-9 * step; i++) ticks.push(i * step);
-  return ticks;
+  const first = Math.ceil(low / step - 1e-9);
+  return evenly(0, Math.floor(high / step + 1e-9) - first, 1).map((i) => (first + i) * step);
+}
+
+// Return the values low, low + step, ... up to and including `high`. If there are more than `MOST_STEPS` values, or if
+// a number is not finite, the result is empty. The values are computed from their number, because adding a step to a
+// very large number does not change the number, and a loop would not end.
+export function evenly(low, high, step) {
+  const count = Math.floor((high - low) / step) + 1;
+  return count >= 1 && count <= MOST_STEPS ? Array.from({ length: count }, (_, i) => low + i * step) : [];
+}
+
+function within(value, low, high) {
+  return Math.min(Math.max(value, low), high);
 }
 
 // Return percentiles of the first n values, which must be finite. `values` is sorted in place.

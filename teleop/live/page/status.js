@@ -96,7 +96,10 @@ export class Status {
     const stale = !over && !connection.fresh && (connected || this.state !== null || connection.words !== "connecting");
     let text = this.notice;
     if (!text && stale) {
-      text = connected ? "No new data from the control loop. The values are old." : `${sentence(connection.words)} The values are old.`;
+      const age = `${fixed(connection.age / 1000, 1)} s`;
+      if (!connected) text = `${sentence(connection.words)} The values are old.`;
+      else if (connection.arrives) text = `The connection is slow. The data are up to ${age} old.`;
+      else text = `No new data from the control loop for ${fixed(connection.silence / 1000, 1)} s. The values are old.`;
     }
     const box = this.byId("stale");
     box.hidden = !text;
@@ -118,6 +121,7 @@ export class Status {
     if (byId("progress")) byId("progress").value = Number.isFinite(duration) ? Math.min(Math.max(time, 0) / duration, 1) || 0 : 0;
     if (byId("health")) byId("health").textContent = this.#health();
     this.#connection();
+    this.#fresh();
   }
 
   #health() {

@@ -3,6 +3,7 @@
 
 import { clear } from "./canvas.js";
 import { fixed } from "./format.js";
+import { evenly } from "./scale.js";
 import { colours, estimatorColour, font } from "./theme.js";
 
 const EMPTY = -1; // value of `generation` for a chart without samples
@@ -30,8 +31,7 @@ export class Strip {
   }
 
   y(value) {
-    const { low, high } = this.chart.scale;
-    return this.canvas.height * (1 - (value * this.chart.factor - low) / (high - low));
+    return this.chart.scale.place(value * this.chart.factor, this.canvas.height, 0);
   }
 
   draw(time) {
@@ -86,7 +86,7 @@ export class Strip {
     }
     const every = 2 * this.perSecond;
     const left = first - (this.store.origin || 0) * this.perSecond;
-    for (let i = Math.ceil((left + x0 - 1) / every); i * every < left + x1; i++) {
+    for (const i of evenly(Math.ceil((left + x0 - 1) / every), (left + x1) / every, 1)) {
       const x = Math.floor(i * every - left);
       if (x < x0 || x >= x1) continue;
       context.fillRect(x, 0, 1, canvas.height);
@@ -128,14 +128,10 @@ export class Strip {
     const { context, perSecond, chart } = this;
     const first = this.edge - this.canvas.width;
     const target = (at) => this.y(chart.preview(this.store.trialTime(at)));
-    let t = Math.max(this.previewed, first / perSecond);
+    const start = Math.max(this.previewed, first / perSecond);
     this.#stroke(colours["target-ahead"], 5, [], 0);
     context.beginPath();
-    context.moveTo(t * perSecond - first, target(t));
-    while (t < end) {
-      t = Math.min(t + 0.02, end);
-      context.lineTo(t * perSecond - first, target(t));
-    }
+    for (const t of [...evenly(start, end, 0.02), end]) context.lineTo(t * perSecond - first, target(t));
     context.stroke();
     this.previewed = end;
   }

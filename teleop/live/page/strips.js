@@ -148,7 +148,7 @@ export class Strips {
 
   #label(row) {
     const { scale, levels, factor } = row.chart;
-    const place = (value) => `${100 * (1 - (value - scale.low) / (scale.high - scale.low))}%`;
+    const place = (value) => `${scale.place(value, 100, 0)}%`;
     row.ticks.replaceChildren(
       ...scale.ticks.map((tick) => {
         const label = element("span", "tick", fixed(tick, scale.digits()));

@@ -12,6 +12,7 @@ import pytest
 
 from teleop.cli import main
 from teleop.commands import live_options
+from teleop.recording.recording import load
 
 RIG = Path(__file__).parents[3] / "rigs" / "serial-board.toml"
 WIRED = ("--rig", RIG, "--specimen", "a", "--depth", "3mm", "--yes")
@@ -36,6 +37,8 @@ def recording(tmp_path_factory):
         (["--live", "--live-arm", "--yes"], "at most one"),
         (["--live", "--operator", "pointer", "--condition", "autonomous"], "free or mimic"),
         (["--live", "--host", "0.0.0.0"], "expected one address"),
+        (["--live", "--host", "0"], "host '0': expected one address"),
+        (["--live", "--host", "no.such.host.invalid"], "cannot be used"),
         (["--live", "--port", "70000"], "expected 0 to 65535"),
         (["--live", "--host", "192.0.2.1"], "192.0.2.1, port 0: cannot be used"),
         (
@@ -82,6 +85,22 @@ def test_a_file_that_is_no_recording_is_refused(refused, tmp_path):
 def test_the_configuration_file_can_request_the_page(refused, tmp_path):
     (tmp_path / "trial.toml").write_text('live = true\nclock = "virtual"\n')
     assert "expected --clock real" in refused("run", "--config", tmp_path / "trial.toml")
+
+
+@pytest.mark.parametrize("rate", ["fast", None, [1], 0, 1e300])
+def test_a_recording_with_an_invalid_rate_in_its_settings_is_shown(recording, monkeypatch, rate):
+    changed = load(recording)
+    changed.settings["rate_hz"] = rate
+    monkeypatch.setattr("teleop.recording.recording.load", lambda file: changed)
+    rows = []
+
+    def show(stopped, replay, host, port, ready):
+        replay.request({"type": "seek", "t": 0.3})
+        rows.append(replay.history.end)
+
+    monkeypatch.setattr("teleop.live.serving.serve_until", show)
+    assert main(["live", str(recording)]) == 0
+    assert 50 < rows[0] <= 100  # at most 250 rows per second
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGINT") or sys.platform == "win32", reason="needs POSIX")

@@ -155,3 +155,9 @@ def test_a_datum_that_cannot_be_read_is_reported(datum):
 def test_a_bandwidth_that_is_not_positive_is_reported():
     with pytest.raises(InputError, match="bandwidth must be positive"):
         evaluate(preloaded(), EstimateSettings(bandwidth=0.0))
+
+
+@pytest.mark.parametrize("resolution", [1e300, 1e-300, -1.0])
+def test_a_resolution_that_no_position_sensor_has_is_refused(resolution):
+    with pytest.raises(InputError, match="resolution of the position .*: expected 1e-12 to 1 m"):
+        evaluate(preloaded(), EstimateSettings(resolution=resolution))

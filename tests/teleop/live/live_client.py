@@ -37,6 +37,8 @@ class Client:
         self.rows = None
         self.frames = []
         self.errors = []
+        self.seen = 0.0
+        """Time in the newest frame."""
 
     async def send(self, kind, **fields):
         await self.connection.send(json.dumps({"type": kind, **fields}))
@@ -51,12 +53,16 @@ class Client:
         """Number and possible answers of the present question; None without a question."""
         return self.latest.get("state", {}).get("prompt")
 
+    async def beat(self):
+        await self.send("beat", seen=self.seen, at=0.0)
+
     async def receive(self):
         message = await self.connection.recv()
         if isinstance(message, bytes):
             kind, rows, columns, flags, sent = struct.unpack_from("<IIIId", message)
             assert kind == 1
             values = np.frombuffer(message, "<f8", offset=24).reshape(rows, columns)
+            self.seen = sent
             self.frames.append((flags, sent, values))
             kept = self.rows is not None and not flags & 1
             self.rows = np.vstack([self.rows, values]) if kept else values
@@ -73,6 +79,14 @@ class Client:
             while not condition():
                 await self.receive()
 
+    async def receive_for(self, seconds):
+        """Receive, and confirm the data as a page does, for some time."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(seconds):
+                while True:
+                    if await self.receive() == "rows":
+                        await self.beat()
+
     def is_in(self, mode):
         return lambda: self.latest.get("state", {}).get("mode") == mode
 
@@ -82,10 +96,13 @@ class Client:
 
 
 @contextlib.asynccontextmanager
-async def page(address, token=TOKEN, view="main", greet=True, **options):
-    """Connect as the page of a server does."""
+async def page(address, token=TOKEN, view="main", greet=True, through=None, **options):
+    """Connect as the page of a server does, directly or through a proxy at another address."""
     closing = {"close_timeout": 0.2}  # a server that hangs, or a client that does not read
     settings = {"origin": f"http://{address}", "compression": None, **closing, **options}
+    if through:
+        host, port = through.split(":")
+        settings |= {"host": host, "port": int(port)}
     async with connect(f"ws://{address}/ws", **settings) as connection:
         client = Client(connection)
         if greet:

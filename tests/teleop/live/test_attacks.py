@@ -10,13 +10,15 @@ from pathlib import Path
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.server import ServerProtocol
 
-from teleop.live.clients import MOST_CLIENTS, MOST_REQUESTS, MOST_UNSENT_TEXT
+from teleop.live.clients import MOST_CLIENTS, MOST_UNSENT_TEXT
 from teleop.live.feed import Feed
 from teleop.live.history import History
+from teleop.live.limited_connection import LONGEST_HEAD, MOST_FRAMES, MOST_WAITING
 from teleop.live.pages import Page
 from teleop.live.security import HEADERS, new_token
-from teleop.live.server import MOST_CONNECTIONS, Server
+from teleop.live.server import Server
 
 from .live_client import TOKEN, page, served
 
@@ -46,7 +48,7 @@ class Quiet(Feed):
     def request(self, request):
         self.requests.append(request["type"])
 
-    def beat(self):
+    def beat(self, seen):
         pass
 
     def lost(self):
@@ -226,8 +228,8 @@ def test_a_flooding_client_is_aborted_and_others_are_still_served(feed):
         async with served(feed) as (_, address), page(address) as other, page(address) as client:
             await client.until(client.is_in("ready"))
             with contextlib.suppress(ConnectionClosed):
-                for n in range(5 * MOST_REQUESTS):
-                    await client.send("beat", n=n)
+                for n in range(5 * MOST_FRAMES):
+                    await client.send("beat", seen=0, at=n)
             assert await closed(client) is None
             await other.until(lambda: other.latest.get("state", {}).get("clients") == 1)
             await other.send("stop")
@@ -288,21 +290,95 @@ def test_half_open_connections_are_closed_and_do_not_keep_others_out(feed):
             host, port = address.split(":")
             with contextlib.ExitStack() as sockets:
 
-                def connected(count):
-                    for _ in range(count):
-                        sockets.enter_context(socket.create_connection((host, int(port))))
+                async def connected(count):
+                    for number in range(count):
+                        one = socket.create_connection((host, int(port)))
+                        sockets.enter_context(one)
+                        if number % 20 == 0:
+                            await asyncio.sleep(0.02)
 
-                connected(20)
-                await until(lambda: server._connections == 20)
+                await connected(MOST_WAITING + 20)
+                await until(lambda: len(server.waiting) == MOST_WAITING)
                 async with page(address) as client:
                     await client.until(client.is_in("ready"))
-                    connected(MOST_CONNECTIONS)
-                    await until(lambda: server._connections == MOST_CONNECTIONS)
+                    await connected(MOST_WAITING)
                     await client.send("stop")
                     await until(lambda: feed.requests == ["stop"])
-                await until(lambda: server._connections == 0)
+                    assert len(server.waiting) == MOST_WAITING
+                await until(lambda: not server.waiting)
             async with page(address, greet=False) as late:
                 assert await closed(late) == 1008
+
+    run(scenario())
+
+
+def test_too_large_headers_are_neither_stored_nor_parsed(feed, monkeypatch):
+    received = []
+    process = ServerProtocol.receive_data
+    monkeypatch.setattr(
+        ServerProtocol,
+        "receive_data",
+        lambda self, data: (received.append(len(data)), process(self, data)),
+    )
+
+    async def scenario():
+        async with served(feed, PAGES) as (_, address):
+            reader, writer = await asyncio.open_connection(*address.split(":"))
+            with contextlib.suppress(ConnectionError):
+                writer.write(b"GET / HTTP/1.1\r\n")
+                for _ in range(100):
+                    writer.write(b"a: " + b"x" * 8000 + b"\r\n")
+                    await writer.drain()
+                assert await reader.read() == b""
+            writer.close()
+            assert sum(received) <= LONGEST_HEAD
+
+    run(scenario())
+
+
+def masked(opcode, content=b""):
+    """Return a WebSocket frame of a client."""
+    return bytes([opcode, 0x80 | len(content), 0, 0, 0, 0]) + content
+
+
+SMALL = {
+    "pongs": (b"", masked(0x8A)),
+    "pings": (b"", masked(0x89, b"1234")),
+    "continuations": (masked(0x01), masked(0x00)),
+}
+"""Small frames that are no messages, and the frame before the first of them."""
+
+
+@pytest.mark.parametrize("token", [TOKEN, ""])
+@pytest.mark.parametrize("kind", SMALL)
+def test_a_flood_of_frames_that_are_no_messages_ends_at_the_limit(feed, monkeypatch, kind, token):
+    opcodes = []
+    process = ServerProtocol.recv_frame
+    monkeypatch.setattr(
+        ServerProtocol, "recv_frame", lambda self, f: (opcodes.append(f.opcode), process(self, f))
+    )
+
+    async def scenario():
+        async with served(feed) as (_, address), page(address) as other:
+            await other.until(other.is_in("ready"))
+            reader, writer = await asyncio.open_connection(*address.split(":"))
+            head = ["GET /ws HTTP/1.1", f"Host: {address}", f"Origin: http://{address}", *UPGRADE]
+            writer.write("\r\n".join([*head, "", ""]).encode())
+            if token:
+                hello = json.dumps({"type": "hello", "token": token, "view": "main"}).encode()
+                writer.write(masked(0x81, hello))
+                await other.until(lambda: other.latest["state"]["clients"] == 2)
+            before, one = SMALL[kind]
+            opcodes.clear()
+            with contextlib.suppress(ConnectionError):
+                writer.write(before + 40_000 * one)
+                while await asyncio.wait_for(reader.read(1 << 20), 10.0):
+                    pass
+            writer.close()
+            await other.until(lambda: other.latest["state"]["clients"] == 1)
+            assert len(opcodes) <= 2 * MOST_FRAMES  # the limit is one per second
+            await other.send("stop")
+            await until(lambda: feed.requests == ["stop"])
 
     run(scenario())
 
@@ -322,7 +398,7 @@ def test_no_descriptor_and_no_client_is_left_after_many_connections(feed):
                     elif number % 3 == 2:
                         client.connection.transport.abort()
                 await answer(address, f"Host: {address}")
-            await until(lambda: server._connections == 0)
+            await until(lambda: not server.waiting)
             assert not server._clients
             assert server.control.holder is None
             assert descriptors() <= before
@@ -345,10 +421,13 @@ def test_only_the_client_in_control_may_act_but_everybody_may_stop(feed):
             await two.send("stop")
             await two.until(lambda: len(two.errors) == 4)
             assert feed.requests == ["stop"]
+            await one.receive_for(0.1)
             await one.send("start")
             await one.until(lambda: len(one.errors) == 2)
+            await one.beat()
             await one.send("unlock")
             await one.until(lambda: one.latest["state"]["unlocked"])
+            await one.beat()
             await one.send("start")
             await one.until(lambda: not one.latest["state"]["unlocked"])
             assert feed.requests == ["stop", "start"]

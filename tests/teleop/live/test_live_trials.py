@@ -19,6 +19,7 @@ from teleop.studies.json_lines import locked
 from teleop.studies.series.journal import Journal
 
 from .live_client import page
+from .page.delay import Delay
 
 pytestmark = [
     pytest.mark.real_time,
@@ -41,14 +42,18 @@ class Command:
     @property
     def live_process(self):
         """Process id of the live process."""
+        return self.child(b"teleop.live.process")
+
+    def child(self, module):
+        """Process id of the process that runs a module."""
         for entry in Path("/proc").iterdir():
             if entry.name.isdecimal():
                 with contextlib.suppress(OSError):
                     line = (entry / "cmdline").read_bytes()
                     parent = (entry / "stat").read_text().rpartition(")")[2].split()[1]
-                    if b"teleop.live.process" in line and int(parent) == self.process.pid:
+                    if module in line and int(parent) == self.process.pid:
                         return int(entry.name)
-        raise AssertionError("no live process")
+        raise AssertionError(f"no process {module}")
 
     @property
     def shared_files(self):
@@ -56,8 +61,8 @@ class Command:
         lines = Path(f"/proc/{self.process.pid}/maps").read_text().splitlines()
         return {Path(line.split()[5]) for line in lines if "/teleop-live-" in line}
 
-    def page(self):
-        return page(self.address, self.token)
+    def page(self, **options):
+        return page(self.address, self.token, **options)
 
     def end(self, number=signal.SIGTERM):
         """Send a signal, and return the exit code, standard output and standard error."""
@@ -106,9 +111,9 @@ async def beating(client):
 
     async def beat():
         with contextlib.suppress(Exception):
-            for n in range(10_000):
-                await client.send("beat", n=n)
-                await asyncio.sleep(0.25)
+            while True:
+                await client.beat()
+                await asyncio.sleep(0.05)
 
     await client.send("control")
     task = asyncio.create_task(beat())
@@ -121,6 +126,7 @@ async def beating(client):
 async def arm(client):
     await client.until(client.is_in("ready"))
     await client.until(lambda: client.latest["state"]["control"] == "you")
+    await client.beat()
     await client.send("unlock")
     await client.send("start")
     await client.until(client.is_in("active"))
@@ -233,7 +239,8 @@ def test_a_page_that_closes_stops_the_trial_that_it_armed(start):
             async with command.page() as client, beating(client):
                 await arm(client)
             await watching.until(watching.is_in("fault"))
-            assert "the page was silent" in watching.latest["state"]["text"]
+            text = "the page has confirmed no data of the last 1 s"
+            assert text in watching.latest["state"]["text"]
 
     command = start("run", "--live", "--duration", "20", "--record", "one.mcap")
     run(scenario(command))
@@ -243,6 +250,71 @@ def test_a_page_that_closes_stops_the_trial_that_it_armed(start):
     speeds = recording["commanded_slave_velocity"]
     fault = np.flatnonzero(recording["mode"] == 5)[0]
     assert abs(speeds[fault + 80]) == 0.0
+
+
+def test_a_page_behind_a_slow_connection_can_stop_but_not_arm(start):
+    async def scenario(command):
+        delay = Delay()
+        async with (
+            delay.before(command.address) as proxy,
+            command.page(through=proxy) as client,
+            beating(client),
+        ):
+            await client.until(client.is_in("ready"))
+            delay.seconds = 0.4
+            await client.receive_for(1.5)
+            for kind in ("unlock", "start"):
+                client.errors.clear()
+                await client.send(kind)
+                await client.until(lambda: client.errors)
+                assert re.fullmatch(
+                    rf"{kind}: the connection .* too slow .*: round trip (0.8|0.9|1.\d) s, "
+                    "expected at most 0.3 s",
+                    client.errors[0],
+                )
+            assert client.is_in("ready")()
+            delay.seconds = 0.0
+            await client.receive_for(0.9)
+            await arm(client)
+            await client.send("stop")
+            await client.until(client.is_in("fault"))
+
+    command = start("run", "--live", "--duration", "20", "--record", "one.mcap")
+    run(scenario(command))
+    assert command.end(None)[0] == 3
+    assert load(command.folder / "one.mcap").fault["fault"] == "emergency stop"
+
+
+def test_a_connection_that_becomes_slow_stops_the_trial_and_the_hand_lets_go_before(start):
+    async def scenario(command):
+        delay = Delay()
+        async with (
+            delay.before(command.address) as proxy,
+            command.page(through=proxy) as client,
+            beating(client),
+        ):
+            await arm(client)
+            for step in range(200):
+                delay.seconds = 0.02 * step  # without a time in which nothing arrives
+                await client.send("pointer", depth=0.006, grip=True)
+                await client.receive_for(0.05)
+                if client.is_in("fault")():
+                    return
+            raise AssertionError("the trial was not stopped")
+
+    command = start(
+        *("run", "--live", "--operator", "pointer", "--duration", "20", "--record", "one.mcap")
+    )
+    run(scenario(command))
+    assert command.end(None)[0] == 3
+    recording = load(command.folder / "one.mcap")
+    assert recording.fault["fault"] == "live page lost"
+    assert "confirmed no data of the last 1 s" in recording.fault["text"]
+    held = recording["time"][recording["pointer_grip"] == 1.0]
+    fault = recording["time"][np.flatnonzero(recording["mode"] == 5)[0]]
+    assert len(held) > 10
+    assert held[-1] < fault - 0.3
+    assert not recording["pointer_grip"][recording["mode"] == 5].any()
 
 
 def test_a_live_process_that_hangs_ends_the_trial_that_the_page_armed(start):
@@ -290,7 +362,7 @@ def test_the_hand_lets_go_and_the_trial_goes_on_if_the_page_or_the_live_process_
             async with beating(client):
                 for _ in range(30):
                     await client.send("pointer", depth=0.008, grip=True)
-                    await asyncio.sleep(0.02)
+                    await client.receive_for(0.02)
                 if lost == "page":
                     client.connection.transport.abort()
                 else:
@@ -332,6 +404,26 @@ def test_if_the_command_is_killed_the_loop_is_gone_and_no_shared_memory_is_left(
     assert len(shared) == 3
     run(scenario(command))
     assert not any(file.exists() for file in shared)
+
+
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="needs /proc")
+def test_the_foxglove_server_has_a_process_of_its_own_with_a_low_priority(start):
+    async def scenario(command):
+        async with command.page() as client:
+            await client.until(client.is_in("active"))
+            assert "_foxglove" not in Path(f"/proc/{command.live_process}/maps").read_text()
+            viewers = command.child(b"teleop.live.foxglove_process")
+            own, other = (
+                os.getpriority(os.PRIO_PROCESS, one) for one in (command.live_process, viewers)
+            )
+            assert other > own
+            os.kill(viewers, signal.SIGKILL)  # the trial does not need it
+            await client.receive_for(0.5)
+            assert client.is_in("active")()
+
+    command = start("run", "--live", "--foxglove", "--yes", "--duration", "20", "--no-record")
+    run(scenario(command))
+    assert command.end()[0] == 130
 
 
 PLAN = """

@@ -38,7 +38,6 @@ def make_replay(recording, now):
         recording.estimators,
         recording.events,
         recorded_document(recording),
-        1000.0,
         now,
     )
 

@@ -6,11 +6,23 @@ import mmap
 
 import pytest
 
-from teleop.live.cells import ARM, END, PAGE, PROCESS, SIZE, STOP, CellReader, CellWriter
+from teleop.live.cells import (
+    ARM,
+    END,
+    LONGEST_ROUND_TRIP,
+    PROCESS,
+    SIZE,
+    STOP,
+    CellReader,
+    CellWriter,
+)
 from teleop.safety import Fault
 from teleop.trial.page_pointer import PagePointer
 from teleop.trial.page_requests import PageRequests
 from teleop.trial.stop_switch import StopSwitch
+
+PAGE = -1
+"""Stands for the confirmations of the page, which are no counter."""
 
 
 class Page:
@@ -26,12 +38,18 @@ class Page:
         self.switch.page = PageRequests(self.reader, by_page, stops, lambda: self.now)
         return self
 
-    def after(self, seconds, *beats):
-        """Advance in steps of 10 ms with these heartbeats; return the last request."""
+    def after(self, seconds, *beats, delay=0.0):
+        """Advance in steps of 10 ms with these heartbeats; return the last request.
+
+        The data that the page confirms were sent `delay` before.
+        """
         for _ in range(round(seconds * 100)):
             self.now += 0.01
             for cell in beats:
-                self.writer.count(cell)
+                if cell == PAGE:
+                    self.writer.confirm(self.now - delay)
+                else:
+                    self.writer.count(cell)
             request = self.switch.request(True)
         return request
 
@@ -72,12 +90,20 @@ def test_stop_is_an_emergency_stop_and_end_a_ramp(one):
     assert [fault.fault for fault in one.press(STOP).faults] == [Fault.EMERGENCY_STOP]
 
 
-@pytest.mark.parametrize(("beats", "most"), [((), 0.31), ((PAGE,), 0.31), ((PROCESS,), 2.01)])
+@pytest.mark.parametrize(("beats", "most"), [((), 0.31), ((PAGE,), 0.31), ((PROCESS,), 1.01)])
 def test_silence_of_process_or_page_stops_a_trial_that_the_page_armed(one, beats, most):
     one.press(ARM)
     assert not one.after(most - 0.02, *beats).faults
     (fault,) = one.after(0.03, *beats).faults
     assert fault.fault is Fault.PAGE_LOST
+
+
+@pytest.mark.parametrize(("delay", "stops"), [(0.9, False), (1.1, True)])
+def test_a_page_that_is_far_behind_stops_a_trial_although_it_beats(one, delay, stops):
+    one.press(ARM)
+    faults = one.after(5.0, PROCESS, PAGE, delay=delay).faults
+    assert [fault.fault for fault in faults] == [Fault.PAGE_LOST] * stops
+    assert not stops or "confirmed no data of the last 1 s" in faults[0].source
 
 
 def test_the_fault_remains_when_the_process_is_back(one):
@@ -105,6 +131,7 @@ def test_a_trial_armed_at_the_terminal_does_not_need_the_page():
 def test_the_pointer_lets_go_after_silence_and_at_release():
     one = Page()
     pointer = PagePointer(one.reader, lambda: one.now)
+    one.writer.confirm(0.1)
     assert pointer() == (0.0, False)
     one.writer.point(0.004, True)
     assert pointer() == (0.004, True)
@@ -122,3 +149,18 @@ def test_a_pointer_that_was_held_before_the_trial_is_not_held_in_it():
     one = Page()
     one.writer.point(0.004, True)
     assert PagePointer(one.reader, lambda: one.now)() == (0.0, False)
+
+
+def test_the_hand_does_not_hold_the_handle_while_the_page_is_behind():
+    one = Page()
+    pointer = PagePointer(one.reader, lambda: one.now)
+
+    def hold(delay):
+        one.now += 0.1
+        one.writer.confirm(one.now - delay)
+        one.writer.point(0.004, True)
+        return pointer()[1]
+
+    assert hold(0.9 * LONGEST_ROUND_TRIP)
+    assert not hold(1.1 * LONGEST_ROUND_TRIP)
+    assert hold(0.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import mmap
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 from teleop.control.clock import Tick, VirtualClock
 from teleop.errors import InputError
-from teleop.live.cells import ARM, END, PAGE, PROCESS, SIZE, STOP, CellReader, CellWriter
+from teleop.live.cells import ARM, END, PROCESS, SIZE, STOP, CellReader, CellWriter
 from teleop.live.ring import RingWriter, ring_size
 from teleop.recording.recording import load
 from teleop.recording.sinks import Outcome, Sink
@@ -26,6 +27,8 @@ DURATIONS = ("read_time", "compute_time", "write_time")
 
 class Hand(Sink):
     """A link to a page in this process: at chosen ticks it arms, moves the pointer, and stops."""
+
+    pid = None
 
     def __init__(self, last_request):
         from sim_backend import PointerOperator
@@ -47,7 +50,7 @@ class Hand(Sink):
         self.ticks += 1
         self.ring.write(message)
         self.cells.count(PROCESS)
-        self.cells.count(PAGE)
+        self.cells.confirm(time.monotonic())
         if self.ticks == 150:
             self.cells.count(ARM)
         if self.ticks % 17 == 0:

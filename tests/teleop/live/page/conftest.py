@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 import shutil
 import threading
@@ -15,6 +16,7 @@ import pytest
 from teleop.live.feed import Feed, estimator_indices, shown_columns
 from teleop.live.history import History
 from teleop.live.pages import read_pages
+from teleop.live.security import Gate
 from teleop.live.server import Server
 from teleop.recording.tick_columns import COLUMNS
 
@@ -116,9 +118,13 @@ def open_page(browser, tab):
 
 
 class Serving:
-    """A server of the live page in a thread, which can be closed early."""
+    """A server of the live page in a thread, which can be closed early.
 
-    def __init__(self, feed):
+    With `delay`, pages connect through this proxy.
+    """
+
+    def __init__(self, feed, delay=None):
+        self._delay = delay
         self._started = threading.Event()
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._run, args=[feed])
@@ -135,7 +141,14 @@ class Serving:
     async def _serve(self, feed):
         self._end = asyncio.Event()
         server = Server(feed, TOKEN, read_pages())
-        async with server.serving("127.0.0.1", 0) as self._port:
+        async with (
+            server.serving("127.0.0.1", 0) as self._port,
+            contextlib.AsyncExitStack() as slow,
+        ):
+            if self._delay:
+                proxy = self._delay.before(f"127.0.0.1:{self._port}")
+                self._port = int((await slow.enter_async_context(proxy)).split(":")[1])
+                server._gate = Gate("127.0.0.1", "127.0.0.1", self._port)
             sending = asyncio.create_task(server.run())
             self._started.set()
             await self._end.wait()
@@ -152,8 +165,8 @@ def serve():
     """Return a function that starts a server for a feed."""
     started = []
 
-    def start(feed):
-        started.append(Serving(feed))
+    def start(feed, delay=None):
+        started.append(Serving(feed, delay))
         return started[-1]
 
     yield start
@@ -281,7 +294,7 @@ class TrialFeed(Feed):
     def kinds(self):
         return [request["type"] for request in self.requests]
 
-    def beat(self):
+    def beat(self, seen):
         """Do nothing."""
 
     def lost(self):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from .conftest import wait_for
+from .delay import Delay
 
 pytestmark = pytest.mark.real_time
 
@@ -83,3 +84,23 @@ def test_a_loop_that_hangs_is_reported_although_the_server_knows_it(trial_feed, 
     feed.is_sending, feed.is_over = False, True
     wait_for(page, "teleop.state().loop === 'gone'")
     wait_for(page, IS_STALE)
+
+
+def test_a_page_behind_a_slow_connection_is_grey_and_states_the_age_of_its_data(
+    trial_feed, serve, open_page
+):
+    feed = trial_feed(mode="ready")
+    delay = Delay()
+    page = open_page(serve(feed, delay).url())
+    wait_for(page, "teleop.fresh()")
+    delay.seconds = 0.4
+    text = "document.getElementById('stale').textContent"
+    wait_for(page, f"{IS_STALE} && /slow. The data are up to (0.8|0.9|1..) s old/.test({text})")
+    page.get_by_role("button", name="Unlock").click()
+    wait_for(page, f"{text}.includes('too slow to arm')")
+    page.get_by_role("button", name="STOP").click()
+    wait_for(page, "teleop.state().mode === 'fault'")
+    assert feed.kinds() == ["stop"]
+    delay.seconds = 0.0
+    feed.mode = "active"
+    wait_for(page, "teleop.fresh()")

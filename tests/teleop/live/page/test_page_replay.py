@@ -61,7 +61,7 @@ def feed_of(recording):
     units = recording.units.items()
     descriptions = [{"name": name, "unit": unit, "meaning": ""} for name, unit in units]
     events = recording.events
-    return Replay(recording.columns, descriptions, recording.estimators, events, trial, 1000.0)
+    return Replay(recording.columns, descriptions, recording.estimators, events, trial)
 
 
 @pytest.fixture

@@ -73,3 +73,21 @@ def test_palpation_with_the_mouse_estimates_the_stiffness(trial, open_page):
     rounding = 0.5001 * 10.0 ** -len(decimals)
     assert float(k_end) == pytest.approx(result["estimates"]["rls"]["k_end"], abs=rounding)
     assert result["recording"]["complete"]
+
+
+EXTREMES = (1e308, -1e308, math.inf, -math.inf, math.nan, 1e17, 5e-324)
+
+
+@pytest.mark.parametrize("view", ["", "operator"])
+def test_a_page_that_receives_extreme_numbers_does_not_hang(trial_feed, serve, open_page, view):
+    limits = {"soft_position": [-1e300, 1e300], "soft_force": 1e300, "hard_force": None}
+    target = {"frequency": 1e300, "depth": 1e300, "low": -1e300, "count_in": 1e300}
+    feed = trial_feed(limits=limits, target=target, truth={"k": 1e308, "b": -1e308}, duration=1e308)
+    page = open_page(serve(feed).url(view))
+    for value in EXTREMES:
+        extreme = dict.fromkeys(feed.names, value) | {"mode": 3.0}
+        usual_time = {name: number for name, number in extreme.items() if name != "time"}
+        for feed.values in (usual_time, extreme):
+            page.locator("#mode").inner_text(timeout=10_000)  # fails if the page hangs
+            rows = page.evaluate("teleop.rows()")
+            wait_for(page, "(rows) => Math.abs(teleop.rows() - rows) > 20", rows)

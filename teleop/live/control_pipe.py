@@ -1,0 +1,92 @@
+"""Messages between the control process and a process that shows the data of its trials."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from typing import Any, Protocol
+
+from teleop.json_documents import dumps, loads
+
+FAREWELL = 1.0
+"""Time for which a process continues after the control process has ended [s]."""
+MOST_UNREAD = 1 << 16
+"""Largest number of bytes that are read from standard input in one call."""
+
+
+class Receiver(Protocol):
+    """Receives the messages of the control process about its trials."""
+
+    def receive(self, document: dict[str, Any]) -> None:
+        """Process a message of the control process."""
+
+    def leave(self) -> None:
+        """Process the event that the control process has ended."""
+
+
+class ControlPipe:
+    """Exchanges JSON documents with the control process, through standard input and output.
+
+    Only `read_line` waits for a message.
+    """
+
+    def __init__(self) -> None:
+        self._input, self._output = sys.stdin.fileno(), sys.stdout.fileno()
+        self._received = b""
+        self.ended = 0.0
+        """Time at which standard input ended [s]; 0 before it ended."""
+
+    def read_line(self) -> dict[str, Any]:
+        """Wait for a message of the control process, and return the message.
+
+        Raises
+        ------
+        EOFError
+            The control process has ended.
+        """
+        while b"\n" not in self._received:
+            if not (part := os.read(self._input, MOST_UNREAD)):
+                raise EOFError
+            self._received += part
+        line, _, self._received = self._received.partition(b"\n")
+        return loads(line)
+
+    def receive_into(self, receiver: Receiver) -> None:
+        """Pass the messages that have arrived from the control process to the receiver.
+
+        If the control process has ended, this is also reported to the receiver. This method does
+        not wait.
+        """
+        if self.ended:
+            return
+        try:
+            part = os.read(self._input, MOST_UNREAD)
+        except BlockingIOError:
+            return
+        if not part:
+            self.ended = time.monotonic()
+            receiver.leave()
+        *lines, self._received = (self._received + part).split(b"\n")
+        for line in lines:
+            receiver.receive(loads(line))
+
+    def send(self, document: dict[str, Any]) -> None:
+        """Send a JSON document to the control process.
+
+        If the control process does not read or has ended, the document is discarded.
+        """
+        try:
+            os.write(self._output, dumps(document).encode() + b"\n")
+        except (BlockingIOError, BrokenPipeError):
+            return
+
+    def stop_waiting(self) -> None:
+        """From now on, let no call wait."""
+        os.set_blocking(self._input, False)
+        os.set_blocking(self._output, False)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the control process ended more than `FAREWELL` seconds ago."""
+        return self.ended > 0.0 and time.monotonic() - self.ended > FAREWELL
