@@ -7,6 +7,7 @@ URL of pyserial, it is read by pyserial.
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import os
 import select
@@ -18,6 +19,10 @@ CHUNK = 65_536
 """Largest number of bytes per read. One read returns all waiting bytes, which are always fewer."""
 POLL_PERIOD = 1e-3
 """Time between two checks for bytes [s], for a port without a function that waits for bytes."""
+
+
+class PortInUse(OSError):
+    """Another program has opened the serial port."""
 
 
 class PortablePort:
@@ -148,7 +153,12 @@ def open_port(channel: str, baud: int) -> PortablePort:
     OSError, ValueError
         The port cannot be opened.
     """
-    port = serial.serial_for_url(channel, baud, timeout=0, write_timeout=0, exclusive=True)
+    try:
+        port = serial.serial_for_url(channel, baud, timeout=0, write_timeout=0, exclusive=True)
+    except OSError as error:
+        if error.errno not in (errno.EAGAIN, errno.EBUSY):
+            raise
+        raise PortInUse("another program uses it") from error
     with contextlib.suppress(AttributeError, NotImplementedError, ValueError, OSError):
         port.set_low_latency_mode(True)
     with contextlib.suppress(io.UnsupportedOperation):

@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Callable
 
 from drivers.rig import RigError, reason
-from drivers.transports.bulk_port import PortablePort, open_port
+from drivers.transports.bulk_port import PortablePort, PortInUse, open_port
 from drivers.transports.bus import Bus
 
 BITS = 10
@@ -54,9 +54,10 @@ class SerialPort(Bus):
             self._opened = open_port(self.port, self.baud)
             self._opened.discard_input()
         except (OSError, ValueError) as error:
+            in_use = isinstance(error, PortInUse)
+            expected = "" if in_use else ": expected a serial port, see teleop rig list"
             raise RigError(
-                f"{self.name}: port {self.port} cannot be opened: {reason(error)}: expected a "
-                "serial port, see teleop rig list"
+                f"{self.name}: port {self.port} cannot be opened: {reason(error)}{expected}"
             ) from error
         self._polled = self.now()
 

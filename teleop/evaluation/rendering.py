@@ -217,11 +217,12 @@ class RunningRendering:
         count = self._evaluated
         if count < 100:
             return Rendering(math.nan, math.nan, math.nan, self._lowest, stable)
-        felt, felt_square, touched, touched_square, error, square = self._sums.tolist()
-        rendered = felt / felt_square
-        expected = self._scale * (touched / touched_square)
-        relative = math.sqrt((error / count) / (square / count))
-        return Rendering(rendered, rendered / expected - 1.0, relative, self._lowest, stable)
+        felt, felt_square, touched, touched_square, error, square = self._sums
+        with np.errstate(all="ignore"):  # NaN or inf if the hand or the slave did not move
+            rendered = float(felt / felt_square)
+            difference = float(rendered / (self._scale * (touched / touched_square)) - 1.0)
+            relative = float(np.sqrt((error / count) / (square / count)))
+        return Rendering(rendered, difference, relative, self._lowest, stable)
 
 
 def cumulative_sum(values: Floats, start: float) -> Floats:

@@ -114,3 +114,9 @@ def test_a_port_without_a_descriptor_that_accepts_no_bytes_is_reported_as_full()
     with pytest.raises(RigError, match="does not send: its buffer is full"):
         port.write(b"command")
     port.close()
+
+
+def test_a_port_that_another_program_uses_is_reported_as_such(terminal):
+    terminal.port.open()
+    with pytest.raises(RigError, match="cannot be opened: another program uses it$"):
+        terminal.another().open()
