@@ -6,8 +6,11 @@ points of the group `teleop.devices`.
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from importlib import import_module
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
 
 from drivers.device import Device
 
@@ -25,9 +28,63 @@ BUILT_IN = {
 """Module and class name for each kind of device in this package."""
 
 
+NAME = re.compile(r"[A-Za-z0-9_.-]+")
+"""Pattern of the name of a kind of device."""
+
+
 def kinds() -> list[str]:
     """Return the names of all kinds of devices that a rig file can contain, sorted."""
     return sorted(BUILT_IN.keys() | entry_points(group=GROUP).names)
+
+
+def loaded_class(group: str, kind: str, built_in: Mapping[str, str]) -> Any:
+    """Return the class for a kind of device, of this package or of another installed package.
+
+    Parameters
+    ----------
+    group
+        Group of the entry points of other packages.
+    kind
+        Name of the kind.
+    built_in
+        Module and class name for each kind of this package.
+
+    Raises
+    ------
+    KeyError
+        The kind is unknown.
+    ImportError
+        A package that the class needs is not installed.
+    ValueError
+        The name is invalid or ambiguous, or the package raises another exception when it is
+        imported. SystemExit is such an exception. It would end the program without a message.
+    """
+    points = tuple(entry_points(group=group, name=kind))
+    if points and (kind in built_in or len(points) > 1 or not NAME.fullmatch(kind)):
+        names = ", ".join(map(package, points))
+        raise ValueError(
+            f"{kind!r}, a device of the package {names}: expected a name of letters, digits, _, . "
+            "and - that no other package has, and teleop neither"
+        )
+    if kind in built_in:
+        module, _, name = built_in[kind].partition(":")
+        return getattr(import_module(module), name)
+    if not points:
+        raise KeyError(kind)
+    try:
+        return points[0].load()
+    except (ImportError, KeyboardInterrupt):
+        raise
+    except BaseException as error:
+        raise ValueError(
+            f"{kind!r}, a device of the package {package(points[0])}: {points[0].value} cannot be "
+            f"loaded: {type(error).__name__}: {' '.join(str(error).split())}"
+        ) from error
+
+
+def package(point: EntryPoint) -> str:
+    """Return name and version of the installed package to which an entry point belongs."""
+    return f"{point.dist.name} {point.dist.version}" if point.dist else "unknown"
 
 
 def device_class(kind: str) -> type[Device]:
@@ -44,10 +101,8 @@ def device_class(kind: str) -> type[Device]:
         The kind is unknown.
     ImportError
         A package that the class needs is not installed.
+    ValueError
+        The package of the class is not usable (see `loaded_class`).
     """
-    if kind in BUILT_IN:
-        module, _, name = BUILT_IN[kind].partition(":")
-        found: type[Device] = getattr(import_module(module), name)
-        return found
-    loaded: type[Device] = entry_points(group=GROUP)[kind].load()
-    return loaded
+    found: type[Device] = loaded_class(GROUP, kind, BUILT_IN)
+    return found

@@ -170,6 +170,8 @@ def checked_devices(
             problems += validation_problems(error, ("devices", name))
         except ImportError as error:
             problems.append(f"devices.{name}.kind: {kind} needs a package: {error}")
+        except ValueError as error:
+            problems.append(f"devices.{name}.kind: {error}")
 
 
 def validation_problems(error: ValidationError, where: tuple[str, ...]) -> list[str]:

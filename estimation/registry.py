@@ -6,9 +6,11 @@ entry points (lines in the metadata of a package that name one of its functions)
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
+from typing import Any, NamedTuple
 
 from estimation import tuning
 from estimation.estimator import Estimator
@@ -182,15 +184,72 @@ BUILT_IN: dict[str, Factory] = {
 """Functions that construct the estimators of this package, by the name of the estimator."""
 
 
-@cache
-def offered() -> dict[str, EntryPoint]:
-    """Return the entry points of the estimators of other installed packages, by name.
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+"""Pattern of the name of an estimator. It is part of the names of columns in recordings."""
 
-    An entry point is a line in the metadata of a package that names one of its functions. If an
-    estimator has the same name as an estimator of this package (`BUILT_IN`), it is left out.
+
+class Offered(NamedTuple):
+    """The estimators of other installed packages."""
+
+    points: dict[str, EntryPoint]
+    """Entry points (lines in the metadata of a package that name one of its functions), by name."""
+    problems: dict[str, str]
+    """Why an estimator cannot be used, by its name: the name is invalid or ambiguous."""
+
+
+@cache
+def offered() -> Offered:
+    """Return the estimators of other installed packages."""
+    points: dict[str, EntryPoint] = {}
+    problems = {}
+    for point in entry_points(group=GROUP):
+        name, which = point.name, f"estimator {point.name!r} of the package {package(point)}"
+        if not NAME.fullmatch(name):
+            problems[name] = f"{which}: expected a name of letters, digits and _"
+        elif name in BUILT_IN or name == "all":
+            problems[name] = f"{which}: teleop uses this name itself: expected another name"
+        elif name in points:
+            other = package(points[name])
+            problems[name] = f"{which}: the package {other} has an estimator of the same name"
+        else:
+            points[name] = point
+    return Offered(points, problems)
+
+
+def package(point: EntryPoint) -> str:
+    """Return name and version of the installed package to which an entry point belongs."""
+    return f"{point.dist.name} {point.dist.version}" if point.dist else "unknown"
+
+
+def made_by(point: EntryPoint, step: str, call: Callable[[], Any], *passed: type[Exception]) -> Any:
+    """Call a function of another package, and return its result.
+
+    Parameters
+    ----------
+    point
+        Entry point of the package, for the error message.
+    step
+        What the function should do, such as `loaded`, for the error message.
+    call
+        The function.
+    *passed
+        Exceptions that are raised unchanged.
+
+    Raises
+    ------
+    ValueError
+        The function raised another exception except KeyboardInterrupt, for example SystemExit,
+        which would end the program without a message.
     """
-    points = entry_points(group=GROUP)
-    return {point.name: point for point in points if point.name not in BUILT_IN}
+    try:
+        return call()
+    except BaseException as error:
+        if isinstance(error, (KeyboardInterrupt, *passed)):
+            raise
+        raise ValueError(
+            f"estimator {point.name!r} of the package {package(point)}: {point.value} cannot be "
+            f"{step}: {type(error).__name__}: {' '.join(str(error).split())}"
+        ) from error
 
 
 class Methods(Mapping[str, Factory]):
@@ -212,23 +271,28 @@ class Methods(Mapping[str, Factory]):
         """
         if name in BUILT_IN:
             return BUILT_IN[name]
-        point = offered()[name]
-        try:
-            factory: Factory = point.load()
-        except (ImportError, AttributeError) as error:
-            raise ValueError(
-                f"estimator {name!r}: its entry point {point.value} cannot be loaded: {error}"
-            ) from error
-        return factory
+        point = offered().points[name]
+        factory = made_by(point, "loaded", point.load)
+
+        def make(settings: MethodSettings) -> Estimator:
+            estimator = made_by(point, "called", lambda: factory(settings), ValueError)
+            if not isinstance(estimator, Estimator):
+                raise ValueError(
+                    f"estimator {name!r} of the package {package(point)}: {point.value} returned "
+                    f"{type(estimator).__name__}: expected an Estimator"
+                )
+            return estimator
+
+        return make
 
     def __iter__(self) -> Iterator[str]:
-        return iter((*BUILT_IN, *offered()))
+        return iter((*BUILT_IN, *offered().points))
 
     def __len__(self) -> int:
-        return len(BUILT_IN) + len(offered())
+        return len(BUILT_IN) + len(offered().points)
 
     def __contains__(self, name: object) -> bool:
-        return name in BUILT_IN or name in offered()
+        return name in BUILT_IN or name in offered().points
 
 
 METHODS = Methods()
@@ -247,13 +311,19 @@ def named_estimators(names: str | Sequence[str]) -> tuple[str, ...]:
     Raises
     ------
     ValueError
-        A name is unknown or repeated, or there is no name.
+        A name is unknown or repeated, or there is no name. Or an estimator of another package has
+        an invalid name, or a name that is used twice.
     """
     if isinstance(names, str):
         names = [name.strip() for name in names.split(",") if name.strip()]
+    problems = offered().problems
     if list(names) == ["all"]:
+        if problems:
+            raise ValueError("; ".join(problems.values()))
         return tuple(METHODS)
     for name in names:
+        if name in problems:
+            raise ValueError(problems[name])
         if name not in METHODS:
             raise ValueError(f"estimator {name!r}: expected all, or some of {', '.join(METHODS)}")
         if list(names).count(name) > 1:

@@ -6,6 +6,7 @@ import contextlib
 import errno
 import os
 import sys
+import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -108,7 +109,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     The exit code is 0 for success, 2 for bad input, a failure of the rig or a full disk, 3 for a
     safety stop, and 130 if the command itself handled Ctrl-C. It is 1 if the program that reads
     standard output through a pipe has closed the pipe. In these cases no traceback is printed.
-    Other exceptions are errors in this program. They are not caught.
+    Other exceptions are errors in this program. They are not caught, except SystemExit, which code
+    of another package can raise: one line names its place, and the exit code is 1.
 
     Parameters
     ----------
@@ -145,6 +147,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     except BrokenPipeError as error:
         discard_output(error)
+        return 1
+    except SystemExit as error:  # raised by code of another package
+        if isinstance(error.__context__, BrokenPipeError):  # rich has noticed it
+            discard_output(error.__context__)
+            return 1
+        frame = traceback.extract_tb(error.__traceback__)[-1]
+        print_error(f"{frame.filename}, line {frame.lineno}: ended the program: {error!r}")
         return 1
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EIO) or error.filename:

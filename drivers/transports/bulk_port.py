@@ -160,7 +160,7 @@ def open_port(channel: str, baud: int) -> PortablePort:
     try:
         port = serial.serial_for_url(channel, baud, timeout=0, write_timeout=0, exclusive=True)
     except OSError as error:
-        if error.errno == errno.EAGAIN:
+        if error.errno in (errno.EAGAIN, errno.EBUSY):
             raise BusyPortError(f"it is used by {process_text(lock_holder(channel))}") from error
         raise
     with contextlib.suppress(AttributeError, NotImplementedError, ValueError, OSError):

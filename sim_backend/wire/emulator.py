@@ -98,6 +98,8 @@ class Emulator:
                     f"devices.{name}: there is no emulated {settings.kind}: expected a package "
                     "that provides one"
                 ) from None
+            except ImportError as error:
+                raise ValueError(f"devices.{name}: {settings.kind}: {error}") from error
             found.append((name, kind(name, settings, self.mechanism.mounts[name])))
         return found
 

@@ -6,9 +6,7 @@ another installed package.
 
 from __future__ import annotations
 
-from importlib import import_module
-from importlib.metadata import entry_points
-
+from drivers.registry import loaded_class
 from sim_backend.wire.emulated_device import EmulatedDevice
 
 GROUP = "teleop.emulators"
@@ -35,10 +33,10 @@ def emulated_class(kind: str) -> type[EmulatedDevice]:
     ------
     KeyError
         There is no class for this kind.
+    ImportError
+        A package that the class needs is not installed.
+    ValueError
+        The package of the class is not usable (see `drivers.registry.loaded_class`).
     """
-    if kind in BUILT_IN:
-        module, _, name = BUILT_IN[kind].partition(":")
-        found: type[EmulatedDevice] = getattr(import_module(module), name)
-        return found
-    loaded: type[EmulatedDevice] = entry_points(group=GROUP)[kind].load()
-    return loaded
+    found: type[EmulatedDevice] = loaded_class(GROUP, kind, BUILT_IN)
+    return found

@@ -242,13 +242,12 @@ class RunningRendering:
         if count < FEWEST:
             unknown = None if stable else False
             return Rendering(math.nan, math.nan, math.nan, self._lowest, unknown, remarks)
-        felt, felt_square, touched, touched_square, error, square = self._sums.tolist()
-        rendered = felt / felt_square
-        expected = self._scale * (touched / touched_square)
-        relative = math.sqrt((error / count) / (square / count))
-        return Rendering(
-            rendered, rendered / expected - 1.0, relative, self._lowest, stable, remarks
-        )
+        felt, felt_square, touched, touched_square, error, square = self._sums
+        with np.errstate(all="ignore"):  # NaN or inf if the hand or the slave did not move
+            rendered = float(felt / felt_square)
+            difference = float(rendered / (self._scale * (touched / touched_square)) - 1.0)
+            relative = float(np.sqrt((error / count) / (square / count)))
+        return Rendering(rendered, difference, relative, self._lowest, stable, remarks)
 
     def _remarks(self) -> Iterator[str]:
         """Yield why the felt stiffness is missing, and whether the hand felt the stiff prior."""
@@ -258,6 +257,8 @@ class RunningRendering:
                 f"force gain was at most {self._strongest:.2g} N and above {LEAST_FORCE:g} N at "
                 f"{self._evaluated} ticks: expected {FEWEST}"
             )
+        elif self._sums[1] == 0.0:
+            yield "no felt stiffness: the hand did not move"
         if self._of_prior > MOST_PRIOR * self._considered:
             cause = "the misfit or the interval of each estimate was too large"
             if self._deepest < SMALLEST:

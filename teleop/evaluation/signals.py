@@ -10,7 +10,7 @@ import numpy as np
 
 from estimation.compiled import Floats
 from teleop.errors import InputError
-from teleop.evaluation.formats.columns import Wanted, find_columns, listed, picker
+from teleop.evaluation.formats.columns import Picker, Wanted, find_columns, listed
 from teleop.evaluation.formats.registry import read_tables
 from teleop.evaluation.formats.table import Table
 from teleop.evaluation.sampling_gaps import long_periods
@@ -115,7 +115,7 @@ def chosen_table(path: Path, wanted: Wanted, whole: Collection[str] = ()) -> Tab
         The file cannot be read. Or the file has no table with the stated number. Or the user states
         no number, and several tables have columns of position, force and time.
     """
-    tables = read_tables(path, picker(wanted, whole), wanted)
+    tables = read_tables(path, Picker(wanted, whole), wanted)
     if wanted.block is not None:
         if not 1 <= wanted.block <= len(tables):
             raise InputError(f"{path}: no block {wanted.block}: {blocks(tables)}")

@@ -15,6 +15,7 @@ import numpy as np
 from estimation import Bank, Conditioner
 from teleop.control.alignment import Pair
 from teleop.control.estimation import Estimated, Estimation
+from teleop.control.failures import failure
 from teleop.recording.message import Layout
 from teleop.recording.sinks import Outcome, Sink
 from teleop.safety import Event
@@ -104,8 +105,10 @@ class LaterEstimates(Estimation, Sink):
         try:
             if not self.error:
                 messages = self._completed(messages)
-        except Exception as error:
-            self.error = error
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # an estimator of another package can raise SystemExit
+            _, self.error = failure(error)
         finally:
             for message in messages:
                 for sink in self._sinks:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from estimation.compiled import Floats
 from teleop.evaluation.formats.columns import split_heading
-from teleop.evaluation.formats.table import Heading, Pick, Table
+from teleop.evaluation.formats.table import Heading, Pick, Places, Table
 from teleop.evaluation.units import canonical
+
+if TYPE_CHECKING:
+    from estimation.compiled import Floats
 
 FEWEST = 3
 """Smallest number of samples in an array that becomes a column."""
@@ -42,17 +45,24 @@ def vectors(name: str, value: Any, by_rows: bool = False) -> dict[str, Floats]:
         array = (array - array.reshape(-1)[:1]) / np.timedelta64(1, "s")
     elif array.dtype.kind == "m":
         array = array / np.timedelta64(1, "s")
-    if array.dtype.kind not in "fiub" or array.size < FEWEST:
+    if not can_be_columns(array.shape, array.dtype.kind):
         return {}
     array = np.squeeze(array)
     if array.ndim == 1:
         return {name: array}
-    if array.ndim != 2:
-        return {}
     columns = array if by_rows else array.T
     if len(columns) > WIDEST or columns.shape[1] < FEWEST:
         return {}
     return {f"{name}[{i}]": column for i, column in enumerate(columns, 1)}
+
+
+def can_be_columns(shape: Sequence[int], kind: str) -> bool:
+    """Return whether an array of this shape and kind of elements can be a vector or matrix.
+
+    `kind` is the attribute of numpy's dtype: numbers, truth values, dates and durations.
+    """
+    long = [count for count in shape if count != 1]
+    return kind in "fiubmM" and 1 <= len(long) <= 2 and math.prod(long) >= FEWEST
 
 
 def heading(name: str, unit: Any = None) -> Heading:
@@ -108,7 +118,7 @@ def table_of(
         headings,
         picked,
         samples,
-        lambda i: f"{where}, sample {i + 1}",
+        Places(f"{where}, sample ", range(1, samples + 1)),
         title,
         dict(about or {}),
     )

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from teleop.evaluation.formats.columns import Wanted
 from teleop.evaluation.formats.messages import Message, tables_of
-from teleop.evaluation.formats.table import Pick, Table, missing, reading
+from teleop.evaluation.formats.table import Pick, Table, missing
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
@@ -30,19 +30,12 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
     except ImportError as error:
         raise missing("rosbags", "a ROS bag") from error
     store = get_typestore(Stores.LATEST)
-    with reading(path, "a ROS bag"):
-        reader = AnyReader([path], default_typestore=store)
-        reader.open()
+    reader = AnyReader([path], default_typestore=store)
+    reader.open()
 
     def messages(topics: Sequence[str]) -> Iterator[Message]:
         connections = [c for c in reader.connections if c.topic in topics]
-        with reading(path, "a ROS bag"):
-            found = iter(reader.messages(connections))
-        while True:
-            with reading(path, "a ROS bag"):
-                connection, recorded, data = next(found, (None, 0, b""))
-            if connection is None:
-                return
+        for connection, recorded, data in reader.messages(connections):
             yield connection.topic, recorded, partial(reader.deserialize, data, connection.msgtype)
 
     with contextlib.closing(reader):

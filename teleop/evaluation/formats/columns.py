@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from teleop.errors import InputError
 from teleop.evaluation.formats.names import KNOWN, NAMES, plain
-from teleop.evaluation.formats.table import Heading, Pick
+from teleop.evaluation.formats.table import Heading
 from teleop.evaluation.units import ON_LEVER, UNITS, canonical, is_unit, size_of
 
 SHOWN = 6
@@ -271,27 +272,24 @@ def find_columns(where: str, headings: Sequence[Heading], wanted: Wanted) -> dic
     return columns
 
 
-def picker(wanted: Wanted, whole: Collection[str] = ()) -> Pick:
-    """Return a function that takes the headings of a table and returns the columns to load.
+@dataclass(frozen=True)
+class Picker:
+    """Function that takes the headings of a table and returns the indices of the columns to load.
 
-    The columns are returned as indices. They are the columns of position, force and time; none if
-    one of them is not found.
-
-    Parameters
-    ----------
-    wanted
-        The options of the user.
-    whole
-        Names of columns. If a table contains all of them, every column is loaded. If no names are
-        given, this rule does not apply.
+    They are the columns of position, force and time; none if one of them is not found.
     """
 
-    def pick(headings: Sequence[Heading]) -> Collection[int]:
-        if whole and set(whole) <= {heading.name for heading in headings}:
+    wanted: Wanted
+    """The options of the user."""
+    whole: Collection[str] = ()
+    """Names of columns. If a table contains all of them, every column is loaded. If it is empty,
+    this rule does not apply."""
+
+    def __call__(self, headings: Sequence[Heading]) -> Collection[int]:
+        """Return the indices of the columns to load."""
+        if self.whole and set(self.whole) <= {heading.name for heading in headings}:
             return range(len(headings))
         try:
-            return {column.place for column in find_columns("", headings, wanted).values()}
+            return {column.place for column in find_columns("", headings, self.wanted).values()}
         except InputError:
             return ()
-
-    return pick

@@ -20,7 +20,7 @@ from teleop.evaluation.formats.layout import (
     is_samples,
 )
 from teleop.evaluation.formats.numbers import Rows
-from teleop.evaluation.formats.table import Heading, Pick, Table, stated_filter
+from teleop.evaluation.formats.table import Heading, Pick, Places, Table, stated_filter
 from teleop.json_documents import dumps, loads
 
 LONGEST_LINE = 1 << 18
@@ -213,7 +213,7 @@ class Scan:
             table.columns = rows.columns()
             table.samples = len(numbers)
             table.problem = rows.problem
-            table.sample = lambda i, numbers=numbers: self._place(int(numbers[i]))  # type: ignore[misc]
+            table.sample = Places(self._place(""), numbers)
         return [table for table, _ in self._tables]
 
     def _close(self) -> None:
@@ -238,7 +238,7 @@ class Scan:
                 if self._tables[-1][1].picked:
                     return
 
-    def _place(self, number: int) -> str:
+    def _place(self, number: int | str) -> str:
         return f"{self._path}, line {number}"
 
     def _cells(self, number: int, line: str) -> list[str]:

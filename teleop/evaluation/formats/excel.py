@@ -15,7 +15,7 @@ from teleop.errors import InputError
 from teleop.evaluation.formats.columns import Wanted
 from teleop.evaluation.formats.dialect import Dialect
 from teleop.evaluation.formats.layout import headings_above, is_number, is_samples
-from teleop.evaluation.formats.table import Pick, Table, missing, reading, stated_filter
+from teleop.evaluation.formats.table import Pick, Places, Table, missing, stated_filter
 
 NUMBERS = Dialect(None, ".")
 """Dialect of numbers that are stored as text in a cell."""
@@ -29,10 +29,9 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
         raise missing("python-calamine", "Excel") from error
     with open_input(path) as file:
         content = BytesIO(file.read())
-    with reading(path, "a spreadsheet"):
-        workbook = python_calamine.load_workbook(content)
-        names = workbook.sheet_names
-        sheets = {name: workbook.get_sheet_by_name(name).to_python() for name in names}
+    workbook = python_calamine.load_workbook(content)
+    names = workbook.sheet_names
+    sheets = {name: workbook.get_sheet_by_name(name).to_python() for name in names}
     tables = []
     for name, rows in sheets.items():
         table = table_in(f"{path}, sheet {name!r}", name, rows, pick)
@@ -92,7 +91,7 @@ def table_in(where: str, name: str, rows: Sequence[Sequence[Any]], pick: Pick) -
                 headings,
                 columns,
                 len(numbers),
-                lambda i, numbers=numbers: f"{where}, row {numbers[i] + 1}",  # type: ignore[misc]
+                Places(f"{where}, row ", [i + 1 for i in numbers]),
                 name,
                 problem=problem,
             )

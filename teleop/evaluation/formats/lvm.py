@@ -16,7 +16,7 @@ from teleop.evaluation.formats.delimited import HEAD, not_text, parts
 from teleop.evaluation.formats.dialect import Dialect
 from teleop.evaluation.formats.encoding import encoding_of
 from teleop.evaluation.formats.numbers import Rows
-from teleop.evaluation.formats.table import Heading, Pick, Table, stated_filter
+from teleop.evaluation.formats.table import Heading, Pick, Places, Table, stated_filter
 
 END = "***End_of_Header***"
 SEPARATORS = {"Tab": "\t", "Comma": ","}
@@ -172,7 +172,7 @@ class Segments:
             numbers = rows.numbers()
             table.columns, table.problem = rows.columns(), rows.problem
             table.samples = len(numbers)
-            table.sample = lambda i, n=numbers: f"{self._path}, line {n[i]}"  # type: ignore[misc]
+            table.sample = Places(f"{self._path}, line ", numbers)
             if waveform:
                 table.columns[0] = (
                     waveform[0] + np.arange(len(numbers), dtype=np.float64) * waveform[1]

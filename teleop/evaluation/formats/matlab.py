@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from drivers.input_file import open_input
-from estimation.compiled import Floats
 from teleop.evaluation.formats import hdf5
 from teleop.evaluation.formats.arrays import tables_by_length, texts, vectors
 from teleop.evaluation.formats.columns import Wanted
-from teleop.evaluation.formats.table import Pick, Table, reading
+from teleop.evaluation.formats.table import Pick, Table
 from teleop.json_documents import dumps
+
+if TYPE_CHECKING:
+    from estimation.compiled import Floats
 
 EXPORTED = ("settings", "events")
 """Text variables that `teleop export` writes to a MATLAB file."""
@@ -32,8 +34,7 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
         file.seek(0)
         from scipy.io import loadmat
 
-        with reading(path, "a MATLAB file"):
-            content = loadmat(file, squeeze_me=True, simplify_cells=True)
+        content = loadmat(file, squeeze_me=True, simplify_cells=True)
     columns: dict[str, Floats] = {}
     units: dict[str, Any] = {}
     for name, value in content.items():

@@ -51,8 +51,7 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
         The file is damaged or incomplete, or has no numbers in messages of ROS 2 or JSON.
     """
     with open_input(path) as file:
-        with reading(path, "MCAP"):
-            summary = summary_of(file)
+        summary = summary_of(file)
         if summary is None:
             raise InputError(f"{path}: the MCAP file has no summary: expected a complete file")
         channels = summary.channels
@@ -64,12 +63,7 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
         def messages(names: Sequence[str]) -> Iterator[Message]:
             file.seek(0)
             reader = SeekingReader(file, record_size_limit=LARGEST_RECORD)
-            found = iter(reader.iter_messages(names))
-            while True:
-                with reading(path, "MCAP"):
-                    _, channel, message = next(found, (None, None, None))
-                if channel is None or message is None:
-                    return
+            for _, channel, message in reader.iter_messages(names):
                 if decode := decoders.get(channel.id):
                     yield channel.topic, message.log_time, partial(decode, message.data)
 

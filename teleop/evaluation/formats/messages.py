@@ -7,15 +7,17 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from estimation.compiled import Floats
 from teleop.errors import InputError
 from teleop.evaluation.formats.arrays import heading
 from teleop.evaluation.formats.columns import Wanted
-from teleop.evaluation.formats.table import Heading, Pick, Table
+from teleop.evaluation.formats.table import Heading, Pick, Places, Table
+
+if TYPE_CHECKING:
+    from estimation.compiled import Floats
 
 SI_FIELDS = {
     r"(^|\.)force\.[xyz]$": "N",
@@ -289,7 +291,7 @@ def joined(path: Path, headings: Sequence[Heading], used: Sequence[Topic]) -> Ta
         headings,
         columns,
         len(within),
-        lambda i: f"{path}, message {within[i] + 1} of {base.name}",
+        Places(f"{path}, message ", within + 1, f" of {base.name}"),
         notes=tuple(notes),
     )
 

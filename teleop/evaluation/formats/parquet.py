@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from drivers.input_file import open_input
-from estimation.compiled import Floats
 from teleop.evaluation.formats.arrays import table_of, texts, vectors
 from teleop.evaluation.formats.columns import Wanted
-from teleop.evaluation.formats.table import Pick, Table, missing, reading
+from teleop.evaluation.formats.table import Pick, Table, missing
+
+if TYPE_CHECKING:
+    from estimation.compiled import Floats
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
@@ -20,7 +22,7 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
         raise missing("pyarrow", "Parquet") from error
     columns: dict[str, Floats] = {}
     units: dict[str, Any] = {}
-    with open_input(path) as file, reading(path, "Parquet"):
+    with open_input(path) as file:
         content = parquet.read_table(file)
         for field in content.schema:
             kind = field.type

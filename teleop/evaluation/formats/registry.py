@@ -8,6 +8,7 @@ from pathlib import Path
 from drivers.input_file import open_input
 from teleop.errors import InputError
 from teleop.evaluation.formats.columns import Wanted
+from teleop.evaluation.formats.reader_process import read_apart
 from teleop.evaluation.formats.table import Pick, Table
 from teleop.files import unreadable
 
@@ -23,6 +24,16 @@ BEGINNINGS = {
     b"#ROSBAG": "bag",
 }
 """Module that reads a file, by the first bytes of the file; `delimited` for all other files."""
+FOREIGN = {
+    "matlab": "a MATLAB file",
+    "hdf5": "HDF5",
+    "parquet": "Parquet",
+    "tdms": "TDMS",
+    "excel": "a spreadsheet",
+    "mcap": "MCAP",
+    "bag": "a ROS bag",
+}
+"""Name of each format that a foreign library reads, for messages, by its module."""
 OF_MESSAGES = ("mcap", "bag")
 """Modules that read files of messages, which have topics."""
 ROS_2_BAG = "metadata.yaml"
@@ -56,6 +67,7 @@ def read_tables(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
         The file, or the folder of a ROS 2 bag.
     pick
         Function that takes the headings of a table, and returns the indices of the columns to load.
+        It must be picklable.
     wanted
         The options of the user.
 
@@ -68,8 +80,10 @@ def read_tables(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
         name = reader_of(path)
         if wanted.topic and name not in OF_MESSAGES:
             raise InputError(f"{path}: --topic is for a ROS bag or an MCAP file")
-        module = import_module(f"{__package__}.{name}")
-        tables: list[Table] = module.read(path, pick, wanted)
+        if name in FOREIGN:
+            tables = read_apart(name, FOREIGN[name], path, pick, wanted)
+        else:
+            tables = import_module(f"{__package__}.{name}").read(path, pick, wanted)
     except OSError as error:
         raise unreadable(path, error) from error
     if not tables:

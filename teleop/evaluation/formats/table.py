@@ -7,10 +7,15 @@ import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from estimation.compiled import Floats
 from teleop.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from estimation.compiled import Floats
 
 
 class Heading(NamedTuple):
@@ -28,6 +33,25 @@ class Heading(NamedTuple):
 
 Pick = Callable[[Sequence[Heading]], Collection[int]]
 """Function that returns the indices of the columns to load; empty if the table is not usable."""
+
+
+@dataclass(frozen=True)
+class Places:
+    """Return the file and place of a sample, for messages. A function of the index of the sample.
+
+    It is a class, because a table is passed between processes, and Python cannot pass a closure.
+    """
+
+    before: str
+    """Text before the number of the place, such as `file.csv, line `."""
+    numbers: Sequence[int] | NDArray[np.int64]
+    """Number of the place of each sample."""
+    after: str = ""
+    """Text after the number."""
+
+    def __call__(self, i: int) -> str:
+        """Return the file and place of the sample with index `i`."""
+        return f"{self.before}{self.numbers[i]}{self.after}"
 
 
 @dataclass
@@ -77,7 +101,7 @@ def missing(library: str, what: str) -> InputError:
 def reading(path: Path, what: str) -> Iterator[None]:
     """Context manager that converts exceptions of a library to `InputError`.
 
-    The library reads a file in the block of the `with` statement.
+    The library reads a file in the block of the `with` statement. MemoryError is not converted.
 
     Parameters
     ----------
@@ -95,7 +119,7 @@ def reading(path: Path, what: str) -> Iterator[None]:
     """
     try:
         yield
-    except InputError:
+    except (InputError, MemoryError):
         raise
     except Exception as error:
         if isinstance(error, OSError) and error.errno:

@@ -6,16 +6,18 @@ import contextlib
 import logging
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from drivers.input_file import open_input
-from estimation.compiled import Floats
 from teleop.evaluation.formats.arrays import tables_by_group, vectors
 from teleop.evaluation.formats.columns import Wanted
 from teleop.evaluation.formats.names import KNOWN, plain
-from teleop.evaluation.formats.table import Pick, Table, missing, reading, stated_filter
+from teleop.evaluation.formats.table import Pick, Table, missing, stated_filter
+
+if TYPE_CHECKING:
+    from estimation.compiled import Floats
 
 MOST_WARNINGS = 3
 """Largest number of warnings of the library that are reported for a file."""
@@ -36,7 +38,7 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
     groups: dict[str, dict[str, Floats]] = {}
     units: dict[str, dict[str, Any]] = {}
     stated = []
-    with open_input(path) as file, reading(path, "TDMS"), warnings_of("nptdms") as warnings:
+    with open_input(path) as file, warnings_of("nptdms") as warnings:
         content = TdmsFile.read(file)
     properties = [content.properties]
     for group in content.groups():

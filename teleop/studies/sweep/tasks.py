@@ -291,7 +291,9 @@ def results(task: Task, points: Sequence[Point]) -> list[dict[str, Any]]:
             result["stopped"] = str(stop)
         except InputError as error:
             result["error"] = "; ".join(str(error).splitlines())
-        except (Exception, SystemExit) as error:  # a plug-in can call `sys.exit`
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # an estimator of another package can raise SystemExit
             result["error"] = f"{type(error).__name__}: {error}"
             result["traceback"] = traceback.format_exc()
         found.append(result)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from sim_backend import Sensors
 from sim_backend.channel import ChannelSettings
 from teleop.evaluation.rendering import hand
 from teleop.safety.events import ACTIVE
 from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
 
 
 def test_stiffness_at_hand_and_slave_is_that_of_the_same_motion(feedback_settings):
@@ -30,3 +34,20 @@ def test_the_position_of_the_hand_does_not_drift_where_a_limit_reduced_the_veloc
     force = (k * felt.position + k3 * felt.position**3)[deep]
     assert np.max(np.abs(force - active["displayed_force"][deep])) < 0.5
     assert abs(result.feedback()["rendered_k_error"]) < 0.01
+
+
+def test_a_hand_that_did_not_move_has_no_felt_stiffness():
+    """No packet of a channel arrives, while the force sensor has an offset of 1 N."""
+    result = run_trial(
+        TrialSettings(
+            clock="virtual",
+            duration=1.0,
+            rate=4000.0,
+            channel=ChannelSettings(loss=0.999),
+            sensors=Sensors(contact_zero=1.0),
+        )
+    )
+    feedback = result.feedback()
+    assert math.isnan(feedback["rendered_k"])
+    assert math.isnan(feedback["rendered_k_error"])
+    assert not feedback["stable"]

@@ -23,11 +23,19 @@ def motion():
 
 
 @pytest.fixture
-def without(monkeypatch):
-    """Takes libraries away, as where the extra is not installed."""
+def library(monkeypatch, tmp_path):
+    """Returns a function that replaces a library by some code in the process that reads files."""
 
-    def take(*names):
-        for name in names:
-            monkeypatch.setitem(__import__("sys").modules, name, None)
+    def replace(name, code):
+        folder = tmp_path / "libraries"
+        folder.mkdir(exist_ok=True)
+        (folder / f"{name}.py").write_text(code)
+        monkeypatch.setenv("PYTHONPATH", str(folder))
 
-    return take
+    return replace
+
+
+@pytest.fixture
+def without(library):
+    """Returns a function that removes a library, as where the extra is not installed."""
+    return lambda name: library(name, "raise ImportError")

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 
@@ -59,3 +61,52 @@ def test_a_missing_library_and_a_damaged_file_are_reported_in_one_line(
     path.write_bytes(whole)
     without("h5py")
     assert "HDF5 needs h5py: pip install '.[formats]'" in refused("estimate", path)
+
+
+def elsewhere(file, kind, name):
+    """Add a dataset of 200 samples, whose values are in another file, to an HDF5 file."""
+    if kind == "link":
+        file["other"] = h5py.ExternalLink(name, "/x")
+    elif kind == "external":
+        file.create_dataset("other", (200,), float, external=[(name, 0, 1600)])
+    else:
+        layout = h5py.VirtualLayout((200,), float)
+        layout[:] = h5py.VirtualSource(name, "x", (200,))
+        file.create_virtual_dataset("other", layout)
+
+
+@pytest.mark.parametrize("kind", ["link", "external", "virtual"])
+def test_no_other_file_is_opened(tmp_path, motion, refused, kind):
+    """A FIFO without a writer would be waited for."""
+    fifo, path = tmp_path / "fifo", tmp_path / "data.h5"
+    os.mkfifo(fifo)
+    with h5py.File(path, "w") as file:
+        elsewhere(file, kind, str(fifo))
+    assert "'other': in other files, expected data in this file" in refused("estimate", path)
+    with h5py.File(path, "a") as file:
+        write(file, motion)
+    assert motion.same(read_signals(path)).notes == ("'other': in other files, left out",)
+
+
+def test_groups_that_contain_themselves_are_searched_once(tmp_path, motion):
+    path = tmp_path / "data.h5"
+    with h5py.File(path, "w") as file:
+        group = file.create_group("a")
+        write(group, motion)
+        for i in range(8):
+            group[f"self{i}"] = group
+            group[f"file{i}"] = file["/"]
+            group[f"soft{i}"] = h5py.SoftLink("/a")
+            group[f"lost{i}"] = h5py.SoftLink("/nothing")
+    motion.same(read_signals(path))
+
+
+def test_images_and_datasets_larger_than_the_memory_are_reported(tmp_path, motion, refused):
+    path = tmp_path / "data.h5"
+    with h5py.File(path, "w") as file:
+        write(file, motion)
+        file.create_dataset("video", (1 << 14, 1 << 14, 1 << 14), "f8", chunks=(1, 64, 64))
+    motion.same(read_signals(path))
+    with h5py.File(path, "a") as file:
+        file.create_dataset("long", (1 << 42,), "f8", chunks=(64,))
+    assert "it needs more memory than" in refused("estimate", path)

@@ -81,7 +81,7 @@ def test_the_fields_of_a_bag_are_listed_with_their_units(bag, refused):
 
 
 def test_a_bag_without_its_library_is_refused_in_one_line(bag, refused, without):
-    without("rosbags", "rosbags.highlevel")
+    without("rosbags")
     assert "a ROS bag needs rosbags: pip install '.[formats]'" in refused("estimate", bag)
 
 
@@ -212,7 +212,7 @@ def test_a_foreign_file_that_was_cut_off_is_refused_in_one_line(json_mcap, refus
 
 
 def test_a_missing_library_is_named(ros2_mcap, refused, without):
-    without("mcap_ros2", "mcap_ros2.decoder")
+    without("mcap_ros2")
     message = refused("estimate", ros2_mcap)
     assert "needs mcap-ros2-support: pip install '.[formats]'" in message
 

@@ -1,0 +1,114 @@
+"""A crash, a hang or a lack of memory of a foreign library ends only the process that reads."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+import zipfile
+
+import pytest
+
+from teleop.evaluation.formats import reader_process
+
+HEAD = b"PK\x03\x04"
+"""First bytes of a spreadsheet."""
+REASONS = {
+    "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)": "ended with SIGSEGV",
+    "import os; os.abort()": "ended with SIGABRT",
+    "raise SystemExit(0)": "ended with exit code 0",
+    "import os; os._exit(7)": "ended with exit code 7",
+    "bytes(1 << 45)": "it needs more memory than",
+    "import time; time.sleep(600)": "not done after 1 s",
+    "while True: pass": "not done after 1 s",
+    "def f(): f()\nf()": "maximum recursion depth exceeded",
+    "print('noise')\nimport os; os.write(1, b'noise')\nraise ImportError": "needs python-calamine",
+    "raise TypeError('two\\nlines')": "two lines",
+}
+"""What a library can do, and the text that is reported."""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="exit codes contain signals")
+@pytest.mark.parametrize("code", REASONS, ids=lambda code: code[:30])
+def test_what_a_library_does_is_one_line(tmp_path, refused, library, monkeypatch, code):
+    monkeypatch.setattr(
+        reader_process, "SHORTEST_LIMIT", 1.0 if "not done" in REASONS[code] else 60
+    )
+    library("python_calamine", code)
+    path = tmp_path / "data.xlsx"
+    path.write_bytes(HEAD)
+    message = refused("estimate", path)
+    assert REASONS[code] in message
+    assert str(path) in message or "pip install" in message
+
+
+@pytest.mark.real_time
+@pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+def test_a_command_that_is_stopped_ends_its_reader(tmp_path, library, ending):
+    started = tmp_path / "started"
+    code = f"import os, time; open({str(started)!r}, 'w').write(str(os.getpid())); time.sleep(600)"
+    library("python_calamine", code)
+    path = tmp_path / "data.xlsx"
+    path.write_bytes(HEAD)
+    process = subprocess.Popen([sys.executable, "-m", "teleop", "estimate", path])
+    while not (started.exists() and started.read_text()):
+        assert process.poll() is None
+        time.sleep(0.01)
+    process.send_signal(ending)
+    assert process.wait() == 130
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(started.read_text()), 0)
+
+
+PACKAGE = "http://schemas.openxmlformats.org/package/2006"
+CONTENT_TYPES = (
+    f'<Types xmlns="{PACKAGE}/content-types"><Default Extension="rels" ContentType="application/'
+    'vnd.openxmlformats-package.relationships+xml"/><Default Extension="xml" '
+    'ContentType="application/xml"/><Override PartName="/xl/workbook.xml" ContentType="'
+    'application/vnd.openxmlformats-officedocument.spreadsheetml.sheet.main+xml"/></Types>'
+)
+MAIN = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
+RELATIONS = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
+
+
+def workbook(path, sheet, **files):
+    """Write a workbook whose only sheet has this content."""
+    parts = {
+        "[Content_Types].xml": CONTENT_TYPES,
+        "_rels/.rels": f'<Relationships xmlns="{PACKAGE}/relationships"><Relationship Id="r1" '
+        f'Type="{RELATIONS}/officeDocument" Target="xl/workbook.xml"/></Relationships>',
+        "xl/workbook.xml": f'<workbook xmlns="{MAIN}" xmlns:r="{RELATIONS}"><sheets>'
+        '<sheet name="s" sheetId="1" r:id="r1"/></sheets></workbook>',
+        "xl/_rels/workbook.xml.rels": f'<Relationships xmlns="{PACKAGE}/relationships">'
+        f'<Relationship Id="r1" Type="{RELATIONS}/worksheet" Target="worksheets/sheet1.xml"/>'
+        "</Relationships>",
+        "xl/worksheets/sheet1.xml": f'<worksheet xmlns="{MAIN}"><sheetData>{sheet}</sheetData>'
+        "</worksheet>",
+    }
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
+        for name, content in (parts | files).items():
+            file.writestr(name, content)
+    return path
+
+
+def test_a_workbook_with_a_cell_in_each_corner_is_refused(tmp_path, refused):
+    """The library requests memory for 16384 x 1048576 cells, and ends the process."""
+    corners = "A1", "XFD1048576"
+    cells = "".join(f'<row><c r="{corner}"><v>1</v></c></row>' for corner in corners)
+    path = workbook(tmp_path / "corners.xlsx", cells)
+    assert path.stat().st_size < 2000
+    message = refused("estimate", path)
+    assert "corners.xlsx: cannot be read as a spreadsheet: the reader ended with" in message
+
+
+def test_a_workbook_that_expands_to_more_than_the_memory_limit_is_refused(
+    tmp_path, refused, monkeypatch
+):
+    monkeypatch.setattr(reader_process, "memory_limit", lambda: 350 << 20)
+    path = workbook(tmp_path / "bomb.xlsx", ("<row>" + "<c><v>1</v></c>" * 16384 + "</row>") * 200)
+    assert path.stat().st_size < 1 << 20
+    message = refused("estimate", path)
+    assert "the reader ended with" in message or "it needs more memory than" in message
