@@ -30,6 +30,8 @@ from typing import Any, NamedTuple
 from fault_case import CampaignClock, Case
 from fault_kinds import CHANNEL, KINDS, PERIOD, late_jumps
 from fault_run import run_case
+from page_in_process import InProcess
+from page_process import PageProcess
 
 from sim_backend.faults import FaultyRig
 from teleop.control.admittance import AdmittanceParameters
@@ -58,26 +60,55 @@ TRIALS: dict[FeedbackName, Trials] = {
 }
 LATE = 0.02
 """Allowed lateness of a tick in real time without real-time settings [s]."""
+PAGE_LATE = 0.3
+"""Allowed time from a command to the process with the page until its effect, in real time [s]."""
 
 
-def virtual(
-    condition: str, cube: str, names: list[str], instants: int, seed: int, law: FeedbackName
-) -> list[dict]:
-    """Inject all kinds of fault at random times of one trial, each in its own child process."""
-    names = [name for name in names if law != "none" or not KINDS[name].linked]
-    settings = TrialSettings(
+def possible(names: list[str], law: FeedbackName, page: bool) -> list[str]:
+    """Return the kinds of fault that are possible with a law, with or without the live page."""
+    return [
+        name
+        for name in names
+        if (law != "none" or not KINDS[name].linked) and (page or not KINDS[name].paged)
+    ]
+
+
+def settings_of(condition: str, cube: str, law: FeedbackName, **more: Any) -> TrialSettings:
+    """Return the settings of a trial with a law of force feedback."""
+    return TrialSettings(
         condition=condition,
         cube=cube,
-        clock="virtual",
-        duration=7.0,
         feedback=FeedbackSettings(law),
         admittance=TRIALS[law].admittance,
         channel=None if law == "none" else CHANNEL,
+        **more,
     )
+
+
+def virtual(
+    condition: str,
+    cube: str,
+    names: list[str],
+    instants: int,
+    seed: int,
+    law: FeedbackName,
+    page: bool = False,
+) -> list[dict]:
+    """Inject all kinds of fault at random times of one trial, each in its own child process."""
+    names = possible(names, law, page)
+    settings = settings_of(condition, cube, law, clock="virtual", duration=9.0)
     clock = CampaignClock(settings.rate)
     rig = FaultyRig(make_rig(settings, clock.now))
     rig.open()
-    case = Case(settings, rig, clock)
+    case = Case(
+        settings,
+        rig,
+        clock,
+        (lambda layout: InProcess(layout, True, False, clock.now)) if page else None,
+    )
+    if isinstance(case.page, InProcess):
+        clock.page = case.page
+    case.arm()
     random_ = random.Random(f"{condition} {cube} {seed}")
     moments = sorted(random_.sample(range(100, 5900), instants))
     results = []
@@ -118,9 +149,16 @@ def workers(jobs: list[tuple[Any, ...]]) -> list[dict[str, Any]]:
         return [result for future in futures for result in future.result()]
 
 
-def real(condition: str, cube: str, name: str, seed: int) -> dict[str, Any]:
+def real(
+    condition: str,
+    cube: str,
+    name: str,
+    seed: int,
+    law: FeedbackName = "none",
+    page: bool = False,
+) -> dict[str, Any]:
     """Run one case in real time, from the start of a trial."""
-    settings = TrialSettings(condition=condition, cube=cube, duration=3.0)
+    settings = settings_of(condition, cube, law, duration=6.0)
 
     class Clock(type(make_clock(settings))):  # type: ignore[misc]
         """The machine's clock, which can stall."""
@@ -135,17 +173,22 @@ def real(condition: str, cube: str, name: str, seed: int) -> dict[str, Any]:
     clock = Clock(settings.rate)
     rig = FaultyRig(make_rig(settings, clock.now))
     rig.open()
-    case = Case(settings, rig, clock)
-    case.random.seed(seed)
-    for _ in range(case.random.randrange(300, 1200)):
-        case.loop.step()
-    with tempfile.TemporaryDirectory() as folder:
-        return run_case(case, name, Path(folder), LATE)
+    case = Case(settings, rig, clock, (lambda layout: PageProcess(layout, True)) if page else None)
+    try:
+        case.arm()
+        case.random.seed(seed)
+        for _ in range(case.random.randrange(300, 1200)):
+            case.loop.step()
+        with tempfile.TemporaryDirectory() as folder:
+            return run_case(case, name, Path(folder), LATE + PAGE_LATE * KINDS[name].paged)
+    finally:
+        if case.page:
+            case.page.end()
 
 
 def table(results: list[dict[str, Any]]) -> int:
     """Print a line for each kind; return the number of cases with a problem."""
-    print(f"{'kind':<30}{'cases':>7}{'due':>7}{'stop [ms]':>11}{'bound':>8}{'overshoot':>11}  bad")
+    print(f"{'kind':<30}{'cases':>7}{'page':>7}{'due':>7}{'stop [ms]':>11}{'bound':>8}{'overshoot':>11}  bad")
     bad = 0
     for name, kind in KINDS.items():
         rows = [r for r in results if r["kind"] == name]
@@ -155,12 +198,14 @@ def table(results: list[dict[str, Any]]) -> int:
         bad += len(failed)
         bound = "-" if math.isinf(kind.bound) else f"{kind.bound * 1e3:.0f}"
         print(
-            f"{name:<30}{len(rows):>7}{sum(r.get('due', False) for r in rows):>7}"
+            f"{name:<30}{len(rows):>7}{sum(r.get('page', False) for r in rows):>7}"
+            f"{sum(r.get('due', False) for r in rows):>7}"
             f"{max(r['stop'] for r in rows) * 1e3:>11.1f}{bound:>8}"
             f"{max(r.get('overshoot', 0.0) for r in rows):>10.1%}  {len(failed)}"
         )
         for row in failed[:3]:
-            print(f"    {row.get('condition')}, {row.get('cube')}, {row.get('instant', 0):.3f} s: "
+            print(f"    {row.get('condition')}, {row.get('cube')}, {row.get('law')}, "
+                  f"page {row.get('page')}, {row.get('instant', 0):.3f} s: "
                   f"{'; '.join(row['problems'])}")  # fmt: skip
     return bad
 
@@ -172,14 +217,18 @@ def main() -> int:
     parser.add_argument("--real", type=int, default=0, help="also runs of each in real time")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--law", action="append", choices=list(TRIALS), help="only these laws")
+    parser.add_argument("--page", choices=("with", "without"), help="only with, or without, a page")
     options = parser.parse_args()
     names = options.kind or list(KINDS)
+    laws = options.law or list(TRIALS)
+    pages = [page for page in (False, True) if options.page in (None, ("without", "with")[page])]
     jobs = [
-        (condition, cube, names, math.ceil(options.instants / len(cubes)), options.seed, law)
+        (condition, cube, names, math.ceil(options.instants / len(cubes)), options.seed, law, page)
         for law, (conditions, cubes, _) in TRIALS.items()
-        if law in (options.law or TRIALS)
+        if law in laws
         for condition in conditions
         for cube in cubes
+        for page in pages
     ]
     started = time.perf_counter()
     results = workers(jobs) if options.instants else []
@@ -188,10 +237,12 @@ def main() -> int:
     if options.real:
         late_jumps()
         timed = [
-            real(condition, CUBES[(i + run) % 3], name, run)
+            real(condition, TRIALS[law].cubes[(i + run) % len(TRIALS[law].cubes)], name, run, law, page)
             for run in range(options.real)
-            for i, name in enumerate(n for n in names if not KINDS[n].linked)
-            for condition in TRIALS["none"].conditions
+            for law in laws
+            for page in pages
+            for i, name in enumerate(possible(names, law, page))
+            for condition in TRIALS[law].conditions
         ]
         print(f"\nreal time, {len(timed)} cases")
         bad += table(timed)

@@ -180,19 +180,29 @@ class InProcess(LiveLink):
             if self.runs and self._server.control.holder is client:
                 self._server._lose_control()
 
-    def take_control(self) -> None:
-        self.send("control")
-
     def arm(self) -> None:
-        """Press UNLOCK and START."""
-        self.send("unlock")
-        self.send("start")
+        """Take control, and press UNLOCK and START."""
+        for kind in ("control", "unlock", "start"):
+            self.send(kind)
+
+    def silence(self) -> None:
+        """Send no more heartbeats."""
+        self.beats = False
 
     def flood(self) -> None:
         for n in range(FLOOD):
             self.send("ping", at=n)
 
+    def flood_another(self) -> None:
+        """Let another page, which has no control, send too many messages."""
+        own, self._client = self._client, None
+        self.connect()
+        self.flood()
+        self._client = own
+
     def kill(self) -> None:
-        """Kill or suspend the live process."""
+        """Stop the live process."""
         self.runs = False
+
+    suspend = kill
 

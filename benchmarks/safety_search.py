@@ -281,7 +281,6 @@ class SafetySearch(RuleBasedStateMachine):
     def page_arms(self, ticks: int) -> None:
         """Do what a person does who starts the trial in the page."""
         assert self.page
-        self.page.take_control()
         self.page.arm()
         self.tick(ticks)
 
@@ -318,7 +317,7 @@ class SafetySearch(RuleBasedStateMachine):
             if raw:
                 self.page.cells.point(depth, grip)
             else:
-                self.page.take_control()
+                self.page.send("control")
                 self.page.send("pointer", depth=depth, grip=grip)
             self.tick(ticks)
 
@@ -350,7 +349,7 @@ class SafetySearch(RuleBasedStateMachine):
     def page_fails(self, failure: str, ticks: int) -> None:
         assert self.page
         if failure == "silent":
-            self.page.beats = False
+            self.page.silence()
         elif failure == "closed":
             self.page.disconnect()
         elif failure == "floods":
