@@ -129,7 +129,7 @@ class Case:
         """Run the loop until the drives are armed."""
         while self.controller.mode is not Mode.ACTIVE:
             if not self.loop.step():
-                raise RuntimeError("the drives were not armed")
+                raise RuntimeError(f"not armed: {[*self.box._events]}")
             if self.page and self.controller.mode is Mode.READY:
                 self.page.arm()
 

@@ -266,8 +266,8 @@ class SafetySearch(RuleBasedStateMachine):
         self.wait(ticks)
 
     def wait(self, ticks: int) -> None:
-        """Run the ticks after which a failure must be detected; few, if nothing can move."""
-        self.tick(ticks if self.controller.mode is Mode.ACTIVE else min(ticks, 20))
+        """Run the ticks after which a failure must be detected; few, if nothing can move soon."""
+        self.tick(ticks if self.controller.mode in (Mode.READY, Mode.ACTIVE) else min(ticks, 20))
 
     def interrupt(self, reports: bool, motions: bool) -> None:
         if isinstance(self.link, BilateralLink):
