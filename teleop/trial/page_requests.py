@@ -97,8 +97,12 @@ class PageRequests(NoPage):
         if self._by_page:
             self._check_heartbeats()
             if counts[ARM] != self._arm and not self.arms:
-                self.arms = True
-                self._seen[1] = self._now()
+                # A START that waited in a live process that hung has no effect, now or later: it
+                # is old, and the missing heartbeats would stop the drives in the next tick.
+                now = self._now()
+                self._arm = counts[ARM]
+                self.arms = now - self._seen[0] <= PROCESS_SILENCE
+                self._seen[1] = now
 
     def _check_heartbeats(self) -> None:
         counts, seen, now = self._counts, self._seen, self._now()
