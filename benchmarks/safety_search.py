@@ -139,8 +139,9 @@ class SafetySearch(RuleBasedStateMachine):
         self.energised = False
         self.command, self.still = STANDSTILL, 0.0
         """The last command, and the time for which the rig's time has stood still [s]."""
-        self.cut = 0.0
-        """Time for which the channel has been interrupted while the drives were armed [s]."""
+        self.cut = [0.0, 0.0]
+        """Time for which each direction of the channel has been interrupted while the drives were
+        armed [s]."""
         self.count = self.counts[law, may]
         self.count["trials"] += 1
         self.count["channel"] += channel is not None
@@ -509,7 +510,7 @@ class SafetySearch(RuleBasedStateMachine):
             self.check_page()
             self.check_link(record)
         else:
-            self.cut = 0.0
+            self.cut = [0.0, 0.0]
 
         # Commands are zero except in the modes active, stopping and fault.
         if mode in (Mode.DISCONNECTED, Mode.IDLE, Mode.READY):
@@ -532,8 +533,9 @@ class SafetySearch(RuleBasedStateMachine):
         if isinstance(link, BilateralLink):
             channel = self.settings.channel or ChannelSettings()
             longest = channel.max_silence + channel.delay + channel.jitter + 2 * PERIOD
-            self.cut = self.cut + record.dt if link.reports.cut or link.motions.cut else 0.0
-            assert self.cut <= longest
+            for i, direction in enumerate((link.reports, link.motions)):
+                self.cut[i] = self.cut[i] + record.dt if direction.cut else 0.0
+            assert max(self.cut) <= longest
             assert not link.values.port_energy < -link._master.allowance
 
 
