@@ -26,6 +26,7 @@ import itertools
 import mmap
 import os
 import random
+import shlex
 import signal
 import struct
 import subprocess
@@ -33,6 +34,7 @@ import sys
 import tempfile
 import time
 from dataclasses import dataclass
+from datetime import date
 from multiprocessing.connection import Client, Connection, Listener
 from pathlib import Path
 from typing import Any
@@ -283,11 +285,12 @@ def kill(
 
 def repeated(target: str, law: str, page: str, instant: float, real: str) -> dict[str, Any]:
     """Return the result of `kill`, repeated while the loop overran on a busy machine."""
-    for repeats in range(1 + REPEATS):
+    repeats = -1
+    result: dict[str, Any] = {"overran": True}
+    while result.get("overran") and repeats < REPEATS:
+        repeats += 1
         with tempfile.TemporaryDirectory() as folder:
             result = kill(target, law, page, Path(folder), instant, real)
-        if not result.get("overran"):
-            break
     return result | {"repeats": repeats}
 
 
@@ -336,6 +339,7 @@ def main() -> int:
         victim(Path(path), Path(shared), address, options.realtime, law, page)
         return 0
     rng = random.Random(options.seed)
+    print(f"# python {shlex.join(sys.argv)}, {date.today()}")
     print(
         f"{'killed':<12}{'feedback':<16}{'page':<9}{'kills':>6}{'lost':>6}{'median':>8}"
         f"{'allowed':>9}{'stop [ms]':>11}{'bound':>8}{'not cont.':>10}{'left':>6}"

@@ -63,7 +63,7 @@ class NoProcess:
         with os.fdopen(ready, "wb") as pipe:
             pipe.write(dumps({"url": "in this process"}).encode() + b"\n")
         self.stdout = os.fdopen(output, "rb", 0)
-        self.stdin = open(os.devnull, "wb", 0)  # noqa: SIM115
+        self.stdin = Path(os.devnull).open("wb", 0)  # noqa: SIM115
 
     def wait(self, timeout: float) -> int:
         return 0
@@ -205,4 +205,3 @@ class InProcess(LiveLink):
         self.runs = False
 
     suspend = kill
-

@@ -1,6 +1,7 @@
 """Define a live page in real time: its live process, and a page that another process opens.
 
-    python benchmarks/page_process.py URL      # the page; it reads its commands, one a line
+The process of the page runs this file, with the address of the page as its argument. It reads
+commands from standard input, one a line.
 """
 
 from __future__ import annotations

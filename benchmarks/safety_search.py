@@ -17,11 +17,13 @@ from __future__ import annotations
 
 import argparse
 import math
+import shlex
 import sys
 import time
 from collections import Counter, defaultdict
+from datetime import date
 from functools import cache
-from typing import Any
+from typing import Any, ClassVar
 
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import seed as seeded
@@ -46,7 +48,7 @@ from teleop.control.controller import Controller
 from teleop.control.estimation import Estimation
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.live.cells import ARM, END, PAGE, PROCESS, STOP
-from teleop.safety import Fault, Mode, Request, stops_immediately
+from teleop.safety import Fault, Mode, stops_immediately
 from teleop.safety.channels import DetectedFault
 from teleop.trial.assembly import make_layout, make_link
 from teleop.trial.page_requests import PAGE_SILENCE, PROCESS_SILENCE
@@ -85,7 +87,7 @@ def settings_of(law: str, channel: ChannelSettings | None) -> TrialSettings:
 class SafetySearch(RuleBasedStateMachine):
     """Runs a controller with the events that hypothesis chooses, and checks each tick."""
 
-    counts: defaultdict[tuple[str, str], Counter[str]] = defaultdict(Counter)
+    counts: ClassVar[defaultdict[tuple[str, str], Counter[str]]] = defaultdict(Counter)
     """What the trials contained, by the law of force feedback and what the page may do."""
 
     @initialize(
@@ -562,6 +564,7 @@ def main() -> int:
     started = time.perf_counter()
     search(options.trials, options.seed)
     took = time.perf_counter() - started
+    print(f"# python {shlex.join(sys.argv)}, {date.today()}")
     print(f"{options.trials} trials from seed {options.seed} in {took:.0f} s: no law was broken")
     print(f"{'feedback':<16}{'page':<9}{'trials':>8}{'channel':>9}{'armed':>7}{'faults':>8}"
           f"{'time [s]':>10}{'active [s]':>12}")  # fmt: skip

@@ -62,8 +62,8 @@ def test_every_kind_of_fault_ends_as_docs_safety_states_under_every_condition():
     """Run in another process, because the campaign forks, which fails with pytest's threads.
 
     The kinds of fault of a condition are divided among its trials. Those of the link are injected
-    in each trial that has a link, and those of the live page in each trial that has one. With this seed, the random times are early, between 0.6 s and
-    2 s, so that the trials are short.
+    in each trial that has a link, and those of the live page in each trial that has one. With this
+    seed, the random times are early, between 0.6 s and 2 s, so that the trials are short.
     """
     code = CODE.format(folder=str(ROOT / "benchmarks"), trials=TRIALS)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
