@@ -125,6 +125,7 @@ class InProcess(LiveLink):
         self._server.control = Control(now)
         self._due = self._beat_due = -math.inf
         self._client: PageClient | None = None
+        self._waiting: list[str] = []
         self.runs = self.beats = True
         self.connect()
 
@@ -155,7 +156,10 @@ class InProcess(LiveLink):
 
     def receive(self, message: str) -> None:
         """Receive a message of the page, as the server does."""
-        if not (self._client and self.runs):
+        if not self._client:
+            return
+        if not self.runs:
+            self._waiting.append(message)
             return
         try:
             if self._client.is_flooding():
@@ -168,6 +172,7 @@ class InProcess(LiveLink):
     def connect(self) -> None:
         """Connect a new page in place of the present one."""
         self.disconnect()
+        self._waiting.clear()
         connection: Any = SimpleNamespace()
         self._client = PageClient(connection, self._now)
         self._server._clients.add(self._client)
@@ -205,3 +210,10 @@ class InProcess(LiveLink):
         self.runs = False
 
     suspend = kill
+
+    def resume(self) -> None:
+        """Continue the live process, which first receives the messages that have waited."""
+        self.runs = True
+        waiting, self._waiting = self._waiting, []
+        for message in waiting:
+            self.receive(message)

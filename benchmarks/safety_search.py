@@ -211,7 +211,8 @@ class SafetySearch(RuleBasedStateMachine):
         self.switch.count, self.switch.reason, self.switch.key.pressed = 0, "", False
         self.interrupt(False, False)
         if self.page:
-            self.page.runs = self.page.beats = True
+            self.page.resume()
+            self.page.beats = True
             self.page.connect()
         self.tick(1)
 
@@ -328,14 +329,18 @@ class SafetySearch(RuleBasedStateMachine):
     @rule(
         cells=st.lists(st.sampled_from([STOP, END, ARM, PROCESS, PAGE]), min_size=1, max_size=4),
         trial=st.booleans(),
+        hung=st.sampled_from([0, 0, 320]),
     )
-    def cells_change(self, cells: list[int], trial: bool) -> None:
+    def cells_change(self, cells: list[int], trial: bool, hung: int) -> None:
         """Write to the cells, as a live process that has gone wrong may do.
 
         If `trial` is False, they are written after the end of a trial, before the next one. The
-        controller is the same in both trials.
+        controller is the same in both trials. Before, the live process hangs for some ticks.
         """
         assert self.page
+        if hung:
+            self.page.suspend()
+            self.wait(hung)
         if not trial:
             self.page.close()
         for cell in cells:
@@ -362,11 +367,14 @@ class SafetySearch(RuleBasedStateMachine):
         self.wait(ticks)
 
     @precondition(lambda self: self.page)
-    @rule()
-    def page_returns(self) -> None:
+    @rule(new=st.booleans())
+    def page_returns(self, new: bool) -> None:
+        """Continue the live process and the page; with `new`, a new page is opened."""
         assert self.page
-        self.page.runs = self.page.beats = True
-        self.page.connect()
+        self.page.resume()
+        self.page.beats = True
+        if new:
+            self.page.connect()
         self.tick(1)
 
     @precondition(lambda self: self.controller.mode is Mode.FAULT)
