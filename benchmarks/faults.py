@@ -44,6 +44,7 @@ from teleop.control.admittance import AdmittanceParameters
 from teleop.control.clock import Tick
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.names import FeedbackName
+from teleop.safety import Fault
 from teleop.trial.assembly import make_clock, make_rig
 from teleop.trial.realtime import realtime
 from teleop.trial.settings import TrialSettings
@@ -67,6 +68,8 @@ TRIALS: dict[FeedbackName, Trials] = {
 }
 LATE = 0.02
 """Allowed lateness of a tick in real time on a machine that other programs use too [s]."""
+BUSY = (str(Fault.OVERRUN), str(Fault.DRIVE_ERROR))
+"""Faults of a loop that was late: its own, and that of the watchdogs of the drives."""
 PAGE_LATE = 0.3
 """Allowed time from a command to the process with the page until its effect, in real time [s]."""
 
@@ -194,6 +197,15 @@ def real(
             case.page.end()
 
 
+def patient(*case: Any) -> dict[str, Any]:
+    """Run `real`, and repeat it twice if the machine was too busy for the loop."""
+    for _ in range(3):
+        row = real(*case)
+        if not row["problems"] or row["fault"] not in BUSY:
+            break
+    return row
+
+
 def table(results: list[dict[str, Any]]) -> int:
     """Print a line for each kind; return the number of cases with a problem."""
     print(
@@ -251,7 +263,7 @@ def main() -> int:
     if options.real:
         late_jumps()
         timed = [
-            real(condition, cubes[(i + run) % len(cubes)], name, run, law, page)
+            patient(condition, cubes[(i + run) % len(cubes)], name, run, law, page)
             for run in range(options.real)
             for law, (conditions, cubes, _) in TRIALS.items()
             if law in laws
