@@ -115,4 +115,5 @@ async def client(url: str) -> None:
 
 
 if __name__ == "__main__":
-    asyncio.run(client(sys.argv[1]))
+    with contextlib.suppress(OSError):  # the trial has already ended
+        asyncio.run(client(sys.argv[1]))
