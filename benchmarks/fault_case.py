@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+from page_in_process import InProcess
+from page_process import PageProcess
 
 from sim_backend.faults import FaultyRig
 from teleop.control.clock import Tick, VirtualClock
@@ -12,27 +16,32 @@ from teleop.recording.black_box import BlackBox
 from teleop.recording.mcap_writer import McapFile
 from teleop.recording.message import Layout
 from teleop.recording.sinks import Outcome, Sink, event_record
+from teleop.safety import Mode
 from teleop.trial.assembly import make_controller, make_layout
 from teleop.trial.loop import Loop
 from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
+AnyPage = InProcess | PageProcess
 FLUSHED = 80
 """Number of ticks after which the file is flushed."""
 
 
 class CampaignClock(VirtualClock):
-    """Virtual clock that can skip periods."""
+    """Virtual clock that can skip periods. The live page also runs in periods that are skipped."""
 
     def __init__(self, rate: float) -> None:
         super().__init__(rate)
         self.losing = 0
         self.once = 0
+        self.page: InProcess | None = None
 
     def wait(self) -> Tick:
         lost, self.once = self.losing + self.once, 0
-        self._tick += lost
-        super().wait()
+        for _ in range(1 + lost):
+            super().wait()
+            if self.page:
+                self.page.advance()
         return Tick(0.0, lost > 0, lost)
 
 
@@ -80,9 +89,23 @@ class FileSink(Sink):
 
 
 class Case:
-    """One trial into which a fault will be injected."""
+    """One trial into which a fault will be injected.
 
-    def __init__(self, settings: TrialSettings, rig: FaultyRig, clock: Any) -> None:
+    Parameters
+    ----------
+    settings, rig, clock
+        As for the trial.
+    make_page
+        Creates the live page in which the trial is armed, from the layout; None for no page.
+    """
+
+    def __init__(
+        self,
+        settings: TrialSettings,
+        rig: FaultyRig,
+        clock: Any,
+        make_page: Callable[[Layout], AnyPage] | None = None,
+    ) -> None:
         self.settings, self.rig, self.clock = settings, rig, clock
         self.sim = rig.rig
         self.limits = settings.limits
@@ -97,6 +120,18 @@ class Case:
         """Commanded travel of the master since the injection [m]."""
         controller = make_controller(settings, rig, self.bank, clock)
         self.loop = Loop(controller, clock, self.layout, self.sinks, self.switch, settings.duration)
+        self.page = make_page(self.layout) if make_page else None
+        if self.page:
+            self.sinks.append(self.page)
+            self.switch.page = self.page.begin(settings, self.layout)
+
+    def arm(self) -> None:
+        """Run the loop until the drives are armed."""
+        while self.controller.mode is not Mode.ACTIVE:
+            if not self.loop.step():
+                raise RuntimeError(f"not armed: {[*self.box._events]}")
+            if self.page and self.controller.mode is Mode.READY:
+                self.page.arm()
 
     @property
     def controller(self) -> Any:

@@ -26,6 +26,7 @@ from sim_backend.faults import (
 from sim_backend.plant import Intention
 from teleop.safety import Fault
 from teleop.safety.palpation_limits import STOPPING
+from teleop.trial.page_requests import PAGE_SILENCE, PROCESS_SILENCE
 
 PERIOD = 1e-3
 RAMP = STOPPING + PERIOD
@@ -54,6 +55,8 @@ class Kind:
     """Whether the run must end with a stop that is not a fault."""
     linked: bool = False
     """Whether the kind needs force feedback over a channel."""
+    paged: bool = False
+    """Whether the kind needs a live page that armed the drives."""
 
 
 def rig_fault(make: Callable[[Case], RigFault]) -> Inject:
@@ -215,6 +218,32 @@ def die(case: Case) -> None:
     case.killed = True
 
 
+def page_kinds() -> dict[str, Kind]:
+    """Return the faults of the live page in which the drives were armed, and of its process."""
+
+    def page(action: str, *arguments: str) -> Inject:
+        return lambda case: getattr(case.page, action)(*arguments)
+
+    lost, alone = frozenset({Fault.PAGE_LOST}), PAGE_SILENCE + RAMP + PERIOD
+    process = {"bound": PROCESS_SILENCE + RAMP + PERIOD, "paged": True}
+    return {
+        "page: STOP": Kind(
+            page("send", "stop"),
+            frozenset({Fault.EMERGENCY_STOP}),
+            PERIOD,
+            "live page",
+            paged=True,
+        ),
+        "page: END": Kind(page("send", "end"), CONTINUES, RAMP, ends=True, paged=True),
+        "page silent": Kind(page("silence"), lost, alone, paged=True),
+        "page closed": Kind(page("disconnect"), lost, alone, paged=True),
+        "page floods": Kind(page("flood"), lost, alone, paged=True),
+        "another page floods": Kind(page("flood_another"), CONTINUES, math.inf, paged=True),
+        "live process killed": Kind(page("kill"), lost, **process),
+        "live process suspended": Kind(page("suspend"), lost, **process),
+    }
+
+
 CONTINUES: frozenset[Fault | None] = frozenset({None})
 KINDS = sensor_kinds() | {
     "drive error": Kind(
@@ -269,6 +298,7 @@ KINDS = sensor_kinds() | {
         evidence=gave_energy,
         linked=True,
     ),
+    **page_kinds(),
     "Ctrl-C": Kind(interrupt(1), CONTINUES, RAMP, ends=True),
     "Ctrl-C twice": Kind(interrupt(2), CONTINUES, PERIOD, ends=True),
 }

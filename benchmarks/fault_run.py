@@ -9,7 +9,7 @@ from typing import Any
 
 from fault_case import FLUSHED, Case, FileSink
 from fault_evidence import at_once
-from fault_kinds import CONTINUES, KINDS
+from fault_kinds import CONTINUES, KINDS, PERIOD
 
 from teleop.recording.mcap_reader import read_intact
 from teleop.recording.recording import load
@@ -18,7 +18,8 @@ from teleop.safety import Mode
 SETTLE = 60
 """Number of ticks that are run after standstill, because the contact force may still increase."""
 LONGEST = 1500
-"""Number of ticks after which a case ends, even if the fault could not be detected."""
+"""Number of ticks after which a case ends, even if the fault could not be detected. The time limit
+of the kind is added."""
 OVERSHOOT = 0.05
 """Allowed overshoot over the hard force limit, as a fraction of the limit."""
 
@@ -40,7 +41,8 @@ def run_case(case: Case, name: str, folder: Path, slack: float = 0.0) -> dict[st
     speed = case.speed
     quiet = 0
     alive = True
-    for n in range(LONGEST):
+    longest = LONGEST + (0 if math.isinf(kind.bound) else round(kind.bound / PERIOD))
+    for n in range(longest):
         if case.killed:
             case.clock.wait()
             case.sim.read()
@@ -105,6 +107,8 @@ def run_case(case: Case, name: str, folder: Path, slack: float = 0.0) -> dict[st
         "kind": name,
         "condition": case.settings.condition,
         "cube": case.settings.cube,
+        "law": case.settings.feedback.law,
+        "page": case.page is not None,
         "instant": started,
         "fault": str(fault) if fault else None,
         "due": due,

@@ -1,21 +1,32 @@
-"""Kill the controller or the recorder at random times of a run, and check what is lost.
+"""Kill a process of a trial at random times, and check what is lost and when the slave stops.
 
-    python benchmarks/kills.py              # 100 of each
-    python benchmarks/kills.py --times 10
+    python benchmarks/kills.py              # 25 kills of each kind
+    python benchmarks/kills.py --times 2 --target live
 
-The rig runs in another process, like a real drive. When the controller is killed with SIGKILL, the
-watchdog of the rig has to stop the slave. The numbers of lost ticks and the time until the slave
-stopped are printed. The exit code is 1 if a pushed tick is lost when the controller is killed, if
-more than 300 ms are lost when the recorder is killed, if the recovered ticks are not contiguous, or
-if the slave did not stop in time.
+The controller, the recorder or the live process is killed with SIGKILL: without and with force
+feedback over a channel, without a live page, with a live page that only watches, and with a live
+page in which the drives were armed. The rig runs in another process, like a real drive. A line of
+the table shows the ticks that are not in the recovered recording (the largest number, the median,
+and the limit), the longest time until the slave stopped, and its limit:
+
+- If the controller is killed, the watchdog of the rig stops the slave, and no tick is lost.
+- If the recorder is killed, the run continues, and at most 300 ms are lost.
+- If the live process is killed, no tick is lost. The slave stops only if the page armed the drives.
+
+The last columns are the numbers of kills with recovered ticks that are not contiguous, with a
+process that did not end, of runs that were repeated because the machine was too busy for the loop,
+and of kills with another problem. The exit code is 1 if a limit was exceeded, or if one of these
+numbers, except that of the repeated runs, is not 0.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import mmap
 import os
 import random
+import shlex
 import signal
 import struct
 import subprocess
@@ -23,19 +34,25 @@ import sys
 import tempfile
 import time
 from dataclasses import dataclass
+from datetime import date
 from multiprocessing.connection import Client, Connection, Listener
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fault_kinds import RAMP
+from faults import settings_of
+from page_process import PageProcess
 
 from drivers import Command, Measurement, Rig
 from sim_backend import CUBES, FreePalpation, SimulatedRig
 from teleop.errors import InputError
 from teleop.recording.recorder import RecorderProcess
-from teleop.recording.recording import load
+from teleop.recording.recording import Recording, load
+from teleop.safety import Event, Fault, Mode
+from teleop.trial.assembly import make_layout
+from teleop.trial.page_requests import PROCESS_SILENCE
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 WATCHDOG = 0.1
 """Timeout of the emulated drive's watchdog [s]."""
@@ -43,11 +60,28 @@ LATEST = 0.02
 """Allowed lateness of the watchdog on a busy machine [s]."""
 LOST = 0.3
 """Largest loss of a killed recorder [s]."""
-COUNTS = struct.Struct("<qqq")
-"""Content of the shared memory: pushed ticks, process id of the recorder, state of the run.
+COUNTS = struct.Struct("<qqqqq")
+"""Content of the shared memory: pushed ticks, process ids of recorder and live process, whether the
+drives were armed, and state of the run.
 
 The state is 0 during the run, 1 after a complete run, and 2 if the recording was not complete.
 """
+TARGETS = {
+    "controller": ("none", "arms"),
+    "recorder": ("none", "arms"),
+    "live": ("watches", "arms"),
+}
+"""What the live page may do in the runs in which a process is killed: there is none, it only
+watches, or the drives were armed in it."""
+LAWS = ("none", "model-mediated")
+RATE = 1000.0
+"""Ticks per second [Hz]."""
+OVERRUN = str(Fault.OVERRUN)
+"""Fault of a run that is repeated, because other programs on the machine caused the fault."""
+REPEATS = 5
+"""Largest number of repetitions of a run."""
+GONE = 10.0
+"""Time within which all processes of a run must end after the controller was killed [s]."""
 
 
 def serve_rig(address: str) -> None:
@@ -114,32 +148,86 @@ class RemoteRig(Rig):
         self._call("idle")
 
 
-def victim(path: Path, shared: Path, address: str, real: Any) -> None:
-    """Run the controller that will be killed, or whose recorder will be killed."""
+def victim(path: Path, shared: Path, address: str, real: Any, law: Any, page: str) -> None:
+    """Run the controller. It, its recorder or its live process will be killed."""
     with shared.open("r+b") as file:
         counts = mmap.mmap(file.fileno(), COUNTS.size)
-    push = RecorderProcess.push
-    pushed = 0
+    push, event = RecorderProcess.push, RecorderProcess.event
+    pushed = armed = 0
+    settings = settings_of("free", "soft", law, duration=2.0)
+    live = None
+    if page != "none":
+        layout = make_layout(settings, settings.estimation_preset.bank())
+        live = PageProcess(layout, page == "arms")
+        live.arm()
 
     def counted(self: RecorderProcess, message: bytes) -> None:
         nonlocal pushed
         push(self, message)
         pushed += 1
-        COUNTS.pack_into(counts, 0, pushed, self.process.pid, 0)
+        COUNTS.pack_into(counts, 0, pushed, self.process.pid, live.pid if live else 0, armed, 0)
+
+    def noticed(self: RecorderProcess, happened: Event) -> None:
+        nonlocal armed
+        armed = armed or happened.mode is Mode.ACTIVE
+        event(self, happened)
 
     RecorderProcess.push = counted  # type: ignore[method-assign]
+    RecorderProcess.event = noticed  # type: ignore[method-assign]
     trial = run_trial(
-        TrialSettings(duration=2.0),
+        settings,
         path,
         real=real,
         rig_maker=lambda now: RemoteRig(Client(address)),
         arm=True,
+        live=live,
     )
-    COUNTS.pack_into(counts, 0, pushed, 0, 1 + bool(trial.incomplete))
+    COUNTS.pack_into(counts, 0, pushed, 0, 0, armed, 1 + bool(trial.incomplete))
+    if live:
+        live.end()
 
 
-def kill(target: str, folder: Path, instant: float, real: str) -> dict[str, Any]:
-    """Run a controller, kill it or its recorder, and return the losses."""
+def has_ended(pid: int) -> bool:
+    """Return whether a process has ended, even if nobody has waited for it."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except FileNotFoundError:
+        return True
+
+
+def remaining(pids: list[int]) -> int:
+    """Return the number of processes that have not ended within `GONE`."""
+    deadline = time.monotonic() + GONE
+    while not all(map(has_ended, pids)) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    return sum(not has_ended(pid) for pid in pids)
+
+
+def recovered(path: Path, target: str) -> Recording | None:
+    """Return the recording of a run; None if its recorder was killed before its first flush."""
+    if target == "recorder":
+        out = path.with_name("recovered.mcap")
+        silent = subprocess.run(
+            [sys.executable, "-m", "teleop", "recover", str(path), "--out", str(out)],
+            capture_output=True,
+        )
+        return None if silent.returncode else load(out)
+    for _ in range(500):  # the recorder may still write
+        try:
+            return load(path)
+        except InputError:
+            time.sleep(0.02)
+    return load(path)
+
+
+def faults_of(recording: Recording) -> list[str]:
+    return [event["fault"] for event in recording.events if event["fault"]]
+
+
+def kill(
+    target: str, law: str, page: str, folder: Path, instant: float, real: str
+) -> dict[str, Any]:
+    """Run a controller, kill one of its processes, and return the losses."""
     path, shared = folder / "run.mcap", folder / "counts"
     shared.write_bytes(bytes(COUNTS.size))
     address = str(folder / "rig")
@@ -148,99 +236,126 @@ def kill(target: str, folder: Path, instant: float, real: str) -> dict[str, Any]
     assert rig.stdout
     rig.stdout.readline()
     controller = subprocess.Popen(
-        [*me, "--victim", str(path), str(shared), address, "--realtime", real]
+        [*me, "--victim", str(path), str(shared), address, law, page, "--realtime", real]
     )
 
-    def counts() -> tuple[int, int, int]:
+    def counts() -> tuple[int, int, int, int, int]:
         return COUNTS.unpack(shared.read_bytes())
 
-    while counts()[0] < 100:
+    while not counts()[3]:
         time.sleep(0.01)
         if controller.poll() is not None:
-            raise SystemExit("the victim did not start")
-    time.sleep(instant)
-    pushed, recorder, _ = counts()
-    if target == "controller":
-        os.kill(controller.pid, signal.SIGKILL)
-        controller.wait()
-        pushed = counts()[0]
-    else:
-        os.kill(recorder, signal.SIGKILL)
-        pushed = counts()[0]
-        controller.wait()
-        if counts()[2] != 2:
-            raise SystemExit("the run did not report that its recorder was killed")
+            rig.kill()
+            rig.communicate()
+            faults = faults_of(load(path))
+            return {"overran": OVERRUN in faults, "problem": f"not armed: {faults}"}
+    time.sleep(0.1 + instant)
+    pushed, recorder, live, *_ = counts()
+    pids = {"controller": controller.pid, "recorder": recorder, "live": live}
+    os.kill(pids[target], signal.SIGKILL)
+    at_kill = counts()[0]
+    controller.wait()
+    pushed, *_, state = counts()
     stopped = float(rig.stdout.readline())
     rig.wait()
-    recovered = path
-    if target == "controller":
-        for _ in range(500):
-            try:
-                recording = load(path)
-                break
-            except InputError:
-                time.sleep(0.02)
-        else:
-            recording = load(path)
-    else:
-        recovered = folder / "recovered.mcap"
-        silent = subprocess.run(
-            [sys.executable, "-m", "teleop", "recover", str(path), "--out", str(recovered)],
-            capture_output=True,
-        )
-        if silent.returncode:  # killed before its first flush
-            return {"lost": pushed, "contiguous": True, "stopped": 0.0}
-        recording = load(recovered)
+    left = remaining([pid for pid in (recorder, live) if pid])
+    recording = recovered(path, target)
+    if target == "recorder":
+        pushed = at_kill
+    if recording is None:
+        return {"lost": pushed, "left": left}
     t, dt = recording["time"], recording["dt"]
-    return {
+    result: dict[str, Any] = {
         "lost": pushed - len(recording),
         "contiguous": bool(np.allclose(np.diff(t), dt[1:], atol=1e-9)),
-        "stopped": stopped if target == "controller" else 0.0,
+        "left": left,
     }
+    faults, expected = faults_of(recording), []
+    if target == "controller":
+        result["stopped"] = stopped
+    elif target == "live" and page == "arms":
+        expected = [str(Fault.PAGE_LOST)]
+        moves = np.flatnonzero(recording["commanded_slave_velocity"])
+        result["stopped"] = max(t[moves[-1] + 1] - t[at_kill - 1], 0.0)
+    if target != "controller" and state != 1 + (target == "recorder"):
+        result["problem"] = f"state {state}"
+    if faults != expected:
+        result["problem"] = f"faults {faults}"
+    return result | {"overran": OVERRUN in faults}
+
+
+def repeated(target: str, law: str, page: str, instant: float, real: str) -> dict[str, Any]:
+    """Return the result of `kill`, repeated while the loop overran on a busy machine."""
+    repeats = -1
+    result: dict[str, Any] = {"overran": True}
+    while result.get("overran") and repeats < REPEATS:
+        repeats += 1
+        with tempfile.TemporaryDirectory() as folder:
+            result = kill(target, law, page, Path(folder), instant, real)
+    return result | {"repeats": repeats}
+
+
+def bound(target: str, page: str) -> float:
+    """Return the longest permitted time from the kill until the slave has stopped [s]."""
+    if target == "controller":
+        return WATCHDOG + LATEST
+    return PROCESS_SILENCE + RAMP + LATEST if (target, page) == ("live", "arms") else 0.0
+
+
+def table_line(target: str, law: str, page: str, results: list[dict[str, Any]]) -> bool:
+    """Print the results of one kind of kill, and return whether all are as they should be."""
+    allowed = round(LOST * RATE) if target == "recorder" else 0
+    limit = bound(target, page)
+    lost = sorted(r.get("lost", 0) for r in results)
+    stopped = max(r.get("stopped", 0.0) for r in results)
+    broken = sum(not r.get("contiguous", True) for r in results)
+    left = sum(r.get("left", 0) > 0 for r in results)
+    problems = [r["problem"] for r in results if "problem" in r]
+    print(
+        f"{target:<12}{law:<16}{page:<9}{len(results):>6}{lost[-1]:>6}{lost[len(lost) // 2]:>8}"
+        f"{allowed:>9}{stopped * 1e3:>11.1f}{limit * 1e3:>8.0f}{broken:>10}{left:>6}"
+        f"{sum(r['repeats'] for r in results):>10}{len(problems):>10}",
+        flush=True,
+    )
+    for problem in problems[:3]:
+        print(f"    {problem}")
+    return not (lost[-1] > allowed or stopped > limit or broken or left or problems)
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--times", type=int, default=100)
+    parser.add_argument("--times", type=int, default=25)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--target", choices=("controller", "recorder"), help="only this one")
+    parser.add_argument("--target", choices=[*TARGETS], help="only this one")
+    parser.add_argument("--law", choices=LAWS, help="only this law of force feedback")
     parser.add_argument("--realtime", choices=("require", "try", "off"), default="try")
-    parser.add_argument("--victim", nargs=3, help=argparse.SUPPRESS)
+    parser.add_argument("--victim", nargs=5, help=argparse.SUPPRESS)
     parser.add_argument("--rig", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.rig:
         serve_rig(options.rig)
         return 0
     if options.victim:
-        path, shared, address = options.victim
-        victim(Path(path), Path(shared), address, options.realtime)
+        path, shared, address, law, page = options.victim
+        victim(Path(path), Path(shared), address, options.realtime, law, page)
         return 0
     rng = random.Random(options.seed)
-    bad = 0
-    for target, allowed in (("controller", 0), ("recorder", round(LOST * 1000))):
-        if options.target not in (None, target):
-            continue
-        results = []
-        for _ in range(options.times):
-            with tempfile.TemporaryDirectory() as folder:
-                results.append(kill(target, Path(folder), rng.uniform(0.0, 1.2), options.realtime))
-        lost = [r["lost"] for r in results]
-        stopped = max(r["stopped"] for r in results)
-        broken = sum(not r["contiguous"] for r in results)
-        print(
-            f"{target} killed {len(results)} times: ticks lost at most {max(lost)} "
-            f"(allowed {allowed}), median {sorted(lost)[len(lost) // 2]}; "
-            f"{broken} recordings not contiguous"
-        )
-        if target == "controller":
-            print(
-                f"  the drive stopped {stopped * 1e3:.1f} ms after the last command at the "
-                f"latest (watchdog {WATCHDOG * 1e3:.0f} ms)"
-            )
-        bad += (
-            sum(r["lost"] > allowed or r["stopped"] > WATCHDOG + LATEST for r in results) + broken
-        )
-    return 1 if bad else 0
+    print(f"# python {shlex.join(sys.argv)}, {date.today()}")
+    print(
+        f"{'killed':<12}{'feedback':<16}{'page':<9}{'kills':>6}{'lost':>6}{'median':>8}"
+        f"{'allowed':>9}{'stop [ms]':>11}{'bound':>8}{'not cont.':>10}{'left':>6}"
+        f"{'repeated':>10}{'problems':>10}"
+    )
+    good = True
+    for target, pages in TARGETS.items():
+        for law, page in itertools.product(LAWS, pages):
+            if options.target in (None, target) and options.law in (None, law):
+                results = [
+                    repeated(target, law, page, rng.uniform(0.0, 1.2), options.realtime)
+                    for _ in range(options.times)
+                ]
+                good &= table_line(target, law, page, results)
+    return 0 if good else 1
 
 
 if __name__ == "__main__":

@@ -78,6 +78,22 @@ class Page:
             await asyncio.sleep(0.05)
 
 
+@contextlib.asynccontextmanager
+async def connected(address: str, token: str) -> AsyncIterator[Page]:
+    """Open a page of a server within the block."""
+    async with connect(
+        f"ws://{address}/ws", origin=f"http://{address}", compression=None
+    ) as connection:
+        await connection.send(json.dumps({"type": "hello", "token": token, "view": "main"}))
+        page = Page(connection)
+        try:
+            yield page
+        finally:
+            page.task.cancel()
+            page.beats.cancel()
+            await asyncio.gather(page.task, page.beats, return_exceptions=True)
+
+
 class Session:
     """A running command with a live page."""
 
@@ -95,20 +111,9 @@ class Session:
             if b"teleop.live.process" in Path(f"/proc/{child}/cmdline").read_bytes()
         ]
 
-    @contextlib.asynccontextmanager
-    async def page(self) -> AsyncIterator[Page]:
-        """Open a page within the block."""
-        url, origin = f"ws://{self.address}/ws", f"http://{self.address}"
-        async with connect(url, origin=origin, compression=None) as connection:
-            hello = {"type": "hello", "token": self.token, "view": "main"}
-            await connection.send(json.dumps(hello))
-            page = Page(connection)
-            try:
-                yield page
-            finally:
-                page.task.cancel()
-                page.beats.cancel()
-                await asyncio.gather(page.task, page.beats, return_exceptions=True)
+    def page(self) -> contextlib.AbstractAsyncContextManager[Page]:
+        """Open a page within a block."""
+        return connected(self.address, self.token)
 
     def cpu(self) -> float:
         """Return the processor time of the live process so far [s]."""

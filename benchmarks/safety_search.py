@@ -5,17 +5,25 @@
 Hypothesis runs a controller on the simulated rig with one or more faults at random ticks: wrong
 measurements, calls of the rig that fail before or after their effect, exceptions in the condition
 and in an estimator, a rig whose time stands still or jumps, skipped periods of the loop, and
-requests in every mode. After every tick, the rules in `SafetySearch.check` must hold for the
-simulated plant. A trial that violates a rule is reduced to the shortest such trial, and printed.
+requests in every mode. Each trial has a law of force feedback, a channel between master and slave,
+and a live page that can arm the drives, that only watches, or none. Page, live process and channel
+fail too, and the page makes requests at any time. After every tick, the rules in
+`SafetySearch.check` must hold for the simulated plant. A trial that violates a rule is reduced to
+the shortest such trial, and printed. Without a violation, a table of what the trials contained is
+printed.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
+import shlex
 import sys
 import time
-from typing import Any
+from collections import Counter, defaultdict
+from datetime import date
+from functools import cache
+from typing import Any, ClassVar
 
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import seed as seeded
@@ -27,54 +35,139 @@ from hypothesis.stateful import (
     rule,
     run_state_machine_as_test,
 )
+from page_in_process import InProcess
 from search_rig import BOUND, LIMITS, PERIOD, Pushing, SearchRig
 
 from drivers import CHANNELS, STANDSTILL, RigError
 from estimation import MatchedFilter, paper_preset
+from sim_backend.channel import ChannelSettings
 from sim_backend.faults import Frozen, Replaced, Reported, RigFault, Runaway, Shifted
-from teleop.control.admittance import Admittance, AdmittanceParameters
+from teleop.control.bilateral import BilateralLink
 from teleop.control.clock import Tick
 from teleop.control.controller import Controller
-from teleop.control.coupling import Coupling
 from teleop.control.estimation import Estimation
-from teleop.control.link import DirectLink
-from teleop.safety import Fault, Mode, Request, stops_immediately
+from teleop.control.feedback.settings import FeedbackSettings
+from teleop.live.cells import ARM, END, PAGE, PROCESS, STOP
+from teleop.safety import Fault, Mode, stops_immediately
 from teleop.safety.channels import DetectedFault
+from teleop.trial.assembly import make_layout, make_link
+from teleop.trial.page_requests import PAGE_SILENCE, PROCESS_SILENCE
+from teleop.trial.settings import TrialSettings
+from teleop.trial.stop_switch import StopSwitch
+
+LAWS = ("none", "position-force", "model-mediated", "passivity")
+CHANNELS_BETWEEN = (
+    None,
+    ChannelSettings(0.025, 5e-3, 0.05),
+    ChannelSettings(0.2, 0.1, 0.5),
+    ChannelSettings(max_silence=0.01),
+)
+PAGES = ("none", "watches", "arms")
+"""What the live page may do: there is none, it watches and stops, or it also arms the drives."""
+WATCHED = (ARM, PROCESS, PAGE)
+"""Cells whose changes the rules of the live page need."""
+DEPTHS = (0.0, 2e-3, 0.012, -0.05, 0.1, 1e6, -1e300, 9e15, math.nan, math.inf)
+"""Positions of the pointer [m]."""
+MESSAGES = ("", "null", "{", '{"type": "beat"}', '{"type": "hello", "token": "", "view": "main"}')
+"""Messages of a page that are not valid requests."""
+
+
+@cache
+def settings_of(law: str, channel: ChannelSettings | None) -> TrialSettings:
+    return TrialSettings(
+        condition="free",
+        cube="soft",
+        clock="virtual",
+        feedback=FeedbackSettings(law),  # type: ignore[arg-type]
+        channel=channel,
+        custom_limits=LIMITS,
+    )
 
 
 class SafetySearch(RuleBasedStateMachine):
     """Runs a controller with the events that hypothesis chooses, and checks each tick."""
 
+    counts: ClassVar[defaultdict[tuple[str, str], Counter[str]]] = defaultdict(Counter)
+    """What the trials contained, by the law of force feedback and what the page may do."""
+
     @initialize(
         force=st.sampled_from([1.5, -1.0]),
         ticks=st.sampled_from([0, 3, 8, 60, 60, 60]),
         arm=st.sampled_from([True, True, True, False]),
+        law=st.sampled_from(LAWS),
+        channel=st.sampled_from(CHANNELS_BETWEEN),
+        may=st.sampled_from(PAGES),
+        pointer=st.booleans(),
+        press=st.sampled_from([True, True, True, False]),
     )
-    def start(self, force: float, ticks: int, arm: bool) -> None:
+    def start(
+        self,
+        force: float,
+        ticks: int,
+        arm: bool,
+        law: str,
+        channel: ChannelSettings | None,
+        may: str,
+        pointer: bool,
+        press: bool,
+    ) -> None:
         self.n = 0
-        self.rig = SearchRig(lambda: self.n * PERIOD)
-        self.condition = Pushing()
-        self.condition.force = force
         self.bank = paper_preset("soft").bank()
+        self.settings = settings_of(law, channel)
+        self.layout = make_layout(self.settings, self.bank)
+        self.page: InProcess | None = None
+        self.by_page = may == "arms"
+        if may != "none":
+            self.page = InProcess(self.layout, self.by_page, pointer, self.now)
+        operator = self.page.make_operator() if self.page else None
+        self.rig = SearchRig(self.now, operator)
+        self.condition = Pushing()
+        self.condition.force = None if operator else force
+        self.link = make_link(self.settings)
         self.controller = Controller(
             self.rig,
             self.condition,
-            DirectLink(Admittance(AdmittanceParameters()), Coupling()),
+            self.link,
             Estimation(MatchedFilter(), self.bank),
             PERIOD,
             LIMITS,
         )
         self.rig.open()
-        self.arm, self.stop, self.halt, self.skipped = arm, "", False, 0
+        self.switch = StopSwitch()
+        self.arm, self.halt, self.skipped = arm, False, 0
         self.faults: tuple[DetectedFault, ...] = ()
         self.tripped = math.inf
         """True time at which the mode fault began [s]; infinite in any other mode."""
         self.energised = False
         self.command, self.still = STANDSTILL, 0.0
         """The last command, and the time for which the rig's time has stood still [s]."""
+        self.cut = [0.0, 0.0]
+        """Time for which each direction of the channel has been interrupted while the drives were
+        armed [s]."""
+        self.count = self.counts[law, may]
+        self.count["trials"] += 1
+        self.count["channel"] += channel is not None
+        self.begin()
         self.tick(ticks)
+        if self.by_page and press:
+            self.tick(30)  # until the page shows that the trial can be started
+            self.page_arms(ticks)
 
-    @rule(ticks=st.sampled_from([1, 2, 5, 20, 60, 130]))
+    def now(self) -> float:
+        return self.n * PERIOD
+
+    def begin(self) -> None:
+        """Begin a trial in the live page."""
+        if self.page:
+            at_begin = [*self.page.counts]
+            if not self.by_page:
+                at_begin[STOP] = self.page._stops  # a STOP between two trials stops the next one
+            self.at_begin = at_begin
+            self.switch.page = self.page.begin(self.settings, self.layout)
+            self.known = [*self.page.counts]
+            self.changed = [self.now()] * len(self.known)
+
+    @rule(ticks=st.sampled_from([1, 2, 5, 20, 60, 130, 400]))
     def run_ticks(self, ticks: int) -> None:
         self.tick(ticks)
 
@@ -114,7 +207,13 @@ class SafetySearch(RuleBasedStateMachine):
         self.rig.standing = False
         self.condition.error = None
         self.bank.__dict__.pop("update", None)
-        self.halt, self.stop, self.faults = False, "", ()
+        self.halt, self.faults = False, ()
+        self.switch.count, self.switch.reason, self.switch.key.pressed = 0, "", False
+        self.interrupt(False, False)
+        if self.page:
+            self.page.resume()
+            self.page.beats = True
+            self.page.connect()
         self.tick(1)
 
     @rule(
@@ -159,32 +258,161 @@ class SafetySearch(RuleBasedStateMachine):
         fault=st.sampled_from([None, None, *Fault]),
     )
     def request(self, arm: bool, stop: str, halt: bool, fault: Fault | None) -> None:
-        self.arm, self.stop, self.halt = arm, stop, halt
+        self.arm, self.halt = arm, halt
+        self.switch.count, self.switch.reason = bool(stop) + halt, stop
         self.faults = (DetectedFault(fault, "key", math.nan, math.nan, math.nan),) if fault else ()
+        self.tick(1)
+
+    @precondition(lambda self: isinstance(self.link, BilateralLink))
+    @rule(reports=st.booleans(), motions=st.booleans(), ticks=st.sampled_from([1, 60, 450]))
+    def interrupt_channel(self, reports: bool, motions: bool, ticks: int) -> None:
+        self.interrupt(reports, motions)
+        self.wait(ticks)
+
+    def wait(self, ticks: int) -> None:
+        """Run the ticks after which a failure must be detected; few, if nothing can move soon."""
+        self.tick(ticks if self.controller.mode in (Mode.READY, Mode.ACTIVE) else min(ticks, 20))
+
+    def interrupt(self, reports: bool, motions: bool) -> None:
+        if isinstance(self.link, BilateralLink):
+            self.link.reports.cut, self.link.motions.cut = reports, motions
+
+    @precondition(lambda self: self.by_page)
+    @rule(ticks=st.sampled_from([1, 20, 100]))
+    def start_in_page(self, ticks: int) -> None:
+        self.page_arms(ticks)
+
+    def page_arms(self, ticks: int) -> None:
+        """Do what a person does who starts the trial in the page."""
+        assert self.page
+        self.page.arm()
+        self.tick(ticks)
+
+    @precondition(lambda self: self.page)
+    @rule(
+        kind=st.sampled_from(
+            ["stop", "stop", "end", "control", "release", "unlock", "start", "beat", "next"]
+        ),
+        ticks=st.sampled_from([1, 1, 20]),
+    )
+    def page_requests(self, kind: str, ticks: int) -> None:
+        assert self.page
+        self.page.send(kind, **({"n": 0} if kind == "beat" else {}))
+        self.tick(ticks)
+
+    @precondition(lambda self: self.page)
+    @rule(message=st.sampled_from(MESSAGES))
+    def page_sends(self, message: str) -> None:
+        assert self.page
+        self.page.receive(message)
+        self.tick(1)
+
+    @precondition(lambda self: self.page and self.page._has_pointer)
+    @rule(
+        depths=st.lists(st.sampled_from(DEPTHS), min_size=1, max_size=8),
+        grip=st.booleans(),
+        raw=st.booleans(),
+        ticks=st.sampled_from([1, 5, 40, 200]),
+    )
+    def pointer_moves(self, depths: list[float], grip: bool, raw: bool, ticks: int) -> None:
+        """Move the pointer, in the page or in the cells."""
+        assert self.page
+        for depth in depths:
+            if raw:
+                self.page.cells.point(depth, grip)
+            else:
+                self.page.send("control")
+                self.page.send("pointer", depth=depth, grip=grip)
+            self.tick(ticks)
+
+    @precondition(lambda self: self.page)
+    @rule(
+        cells=st.lists(st.sampled_from([STOP, END, ARM, PROCESS, PAGE]), min_size=1, max_size=4),
+        trial=st.booleans(),
+        hung=st.sampled_from([0, 0, 320]),
+    )
+    def cells_change(self, cells: list[int], trial: bool, hung: int) -> None:
+        """Write to the cells, as a live process that has gone wrong may do.
+
+        If `trial` is False, they are written after the end of a trial, before the next one. The
+        controller is the same in both trials. Before, the live process hangs for some ticks.
+        """
+        assert self.page
+        if hung:
+            self.page.suspend()
+            self.wait(hung)
+        if not trial:
+            self.page.close()
+        for cell in cells:
+            self.page.cells.count(cell)
+        if not trial and self.controller.mode in (Mode.IDLE, Mode.READY):
+            self.begin()
+        self.tick(1)
+
+    @precondition(lambda self: self.page)
+    @rule(
+        failure=st.sampled_from(["silent", "closed", "floods", "process"]),
+        ticks=st.sampled_from([1, 20, 320, 2100]),
+    )
+    def page_fails(self, failure: str, ticks: int) -> None:
+        assert self.page
+        if failure == "silent":
+            self.page.silence()
+        elif failure == "closed":
+            self.page.disconnect()
+        elif failure == "floods":
+            self.page.flood()
+        else:
+            self.page.kill()
+        self.wait(ticks)
+
+    @precondition(lambda self: self.page)
+    @rule(new=st.booleans())
+    def page_returns(self, new: bool) -> None:
+        """Continue the live process and the page; with `new`, a new page is opened."""
+        assert self.page
+        self.page.resume()
+        self.page.beats = True
+        if new:
+            self.page.connect()
         self.tick(1)
 
     @precondition(lambda self: self.controller.mode is Mode.FAULT)
     @rule()
     def rearm(self) -> None:
+        """Begin a new trial after a fault."""
         self.controller.rearm()
         self.tripped = math.inf
+        if self.page:
+            self.page.close()
+        self.begin()
         self.tick(1)
 
     def teardown(self) -> None:
         """Run until every time limit has passed."""
         if hasattr(self, "controller") and (self.rig.standing or self.tripped < math.inf):
             self.tick(round(2 * BOUND / PERIOD))
+        if getattr(self, "page", None):
+            self.page.end()  # type: ignore[union-attr]
 
     def tick(self, count: int) -> None:
         """Run ticks, each followed by the check."""
         for _ in range(count):
             before = self.controller.mode
-            self.n += 1 + self.skipped
+            for _ in range(1 + self.skipped):
+                self.n += 1
+                if self.page:
+                    self.page.advance()
             self.rig.calls.clear()
+            if self.page:
+                self.look()
+            request = self.switch.request(self.arm)
+            self.requested = request._replace(
+                halt=request.halt or self.halt, faults=(*request.faults, *self.faults)
+            )
             try:
                 record = self.controller.tick(
-                    Tick(0.0, self.skipped > 0, self.skipped),
-                    Request(self.arm, self.stop, self.halt, self.faults),
+                    Tick(0.0, self.skipped > 0, self.skipped), self.requested
                 )
             except RigError:
                 if self.controller._measurement is not None:
@@ -192,7 +420,25 @@ class SafetySearch(RuleBasedStateMachine):
                 self.skipped = 0
                 continue  # the very first reading may fail: nothing was enabled
             self.skipped = 0
+            if self.page:
+                self.page.push(self.layout.pack(record, 0))
+                for event in record.events:
+                    self.page.event(event)
             self.check(record, before)
+            self.count["ticks"] += 1
+            self.count["active"] += record.mode is Mode.ACTIVE
+            self.count["armed"] += record.mode is Mode.ACTIVE and before is Mode.READY
+            self.count["faults"] += record.mode is Mode.FAULT and before is not Mode.FAULT
+
+    def look(self) -> None:
+        """Store when each cell of the live page changed; of START, only the first time."""
+        assert self.page
+        for cell in WATCHED:
+            count = self.page.counts[cell]
+            if count != self.known[cell]:
+                if cell != ARM or self.known[ARM] == self.at_begin[ARM]:
+                    self.changed[cell] = self.now()
+                self.known[cell] = count
 
     def check(self, record: Any, before: Mode) -> None:
         """Check the safety rules."""
@@ -218,9 +464,11 @@ class SafetySearch(RuleBasedStateMachine):
             assert before is Mode.READY
             assert mode in (Mode.READY, Mode.ACTIVE)
             assert self.arm
-            assert not self.stop
-            assert not self.halt
-            assert not self.faults
+            assert not self.requested.stop
+            assert not self.requested.halt
+            assert not self.requested.faults
+            if self.page and self.by_page:
+                assert self.page.counts[ARM] != self.at_begin[ARM], "nobody pressed START"
             self.energised = True
 
         # A dangerous measurement or request stops the drives in the same tick, in every mode.
@@ -230,6 +478,7 @@ class SafetySearch(RuleBasedStateMachine):
             dangerous = (
                 self.halt
                 or any(stops_immediately(fault.fault) for fault in self.faults)
+                or (self.page and self.page.counts[STOP] != self.at_begin[STOP])
                 or m.emergency_stop
                 or bool(m.drive_error)
                 or LIMITS.hard_force < abs(f) < math.inf
@@ -263,9 +512,41 @@ class SafetySearch(RuleBasedStateMachine):
         else:
             assert self.tripped == math.inf
 
+        # No trial continues after a request to stop, a silent channel, an active law of force
+        # feedback, or the loss of the live page that armed the drives.
+        if mode is Mode.ACTIVE:
+            assert not self.requested.stop
+            assert not self.requested.faults
+            self.check_page()
+            self.check_link(record)
+        else:
+            self.cut = [0.0, 0.0]
+
         # Commands are zero except in the modes active, stopping and fault.
         if mode in (Mode.DISCONNECTED, Mode.IDLE, Mode.READY):
             assert all(command == STANDSTILL for command in written)
+
+    def check_page(self) -> None:
+        """Check the rules of a live page while the drives are armed."""
+        if not self.page:
+            return
+        counts, now = self.page.counts, self.now()
+        assert counts[STOP] == self.at_begin[STOP]
+        assert counts[END] == self.at_begin[END]
+        if self.by_page:
+            assert now - self.changed[PROCESS] <= PROCESS_SILENCE + 1e-9
+            assert now - max(self.changed[PAGE], self.changed[ARM]) <= PAGE_SILENCE + 1e-9
+
+    def check_link(self, record: Any) -> None:
+        """Check the rules of a channel and of force feedback while the drives are armed."""
+        link = self.link
+        if isinstance(link, BilateralLink):
+            channel = self.settings.channel or ChannelSettings()
+            longest = channel.max_silence + channel.delay + channel.jitter + 2 * PERIOD
+            for i, direction in enumerate((link.reports, link.motions)):
+                self.cut[i] = self.cut[i] + record.dt if direction.cut else 0.0
+            assert max(self.cut) <= longest
+            assert not link.values.port_energy < -link._master.allowance
 
 
 def search(trials: int, seed: int | None = None) -> None:
@@ -291,7 +572,14 @@ def main() -> int:
     started = time.perf_counter()
     search(options.trials, options.seed)
     took = time.perf_counter() - started
+    print(f"# python {shlex.join(sys.argv)}, {date.today()}")
     print(f"{options.trials} trials from seed {options.seed} in {took:.0f} s: no law was broken")
+    print(f"{'feedback':<16}{'page':<9}{'trials':>8}{'channel':>9}{'armed':>7}{'faults':>8}"
+          f"{'time [s]':>10}{'active [s]':>12}")  # fmt: skip
+    for (law, may), count in sorted(SafetySearch.counts.items()):
+        print(f"{law:<16}{may:<9}{count['trials']:>8}{count['channel']:>9}{count['armed']:>7}"
+              f"{count['faults']:>8}{count['ticks'] * PERIOD:>10.1f}"
+              f"{count['active'] * PERIOD:>12.1f}")  # fmt: skip
     return 0
 
 

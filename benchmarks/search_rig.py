@@ -9,6 +9,7 @@ from typing import Any
 from drivers import Command, Measurement, Rig, RigError
 from sim_backend import CUBES, SimulatedRig
 from sim_backend.faults import FaultyRig
+from sim_backend.hand import Hand
 from teleop.control.conditions import Condition
 from teleop.safety import Limits
 from teleop.safety.palpation_limits import palpation_limits
@@ -36,8 +37,8 @@ BOUND = STANDING + RAMP + WATCHDOG + 3 * PERIOD
 class SearchRig(Rig):
     """A simulated rig. Its calls may fail, and its time may stand still or jump."""
 
-    def __init__(self, now: Any) -> None:
-        self.sim = SimulatedRig(CUBES["soft"], now, watchdog=WATCHDOG)
+    def __init__(self, now: Any, operator: Hand | None = None) -> None:
+        self.sim = SimulatedRig(CUBES["soft"], now, operator, watchdog=WATCHDOG)
         self.faulty = FaultyRig(self.sim)
         self.failing: dict[str, str] = {}
         """Calls that fail, by name: `before` or `after` their effect."""
@@ -83,12 +84,15 @@ class SearchRig(Rig):
 
 
 class Pushing(Condition):
-    """A condition that returns a force that the search chooses, or raises an exception."""
+    """A condition that returns a force that the search chooses, or raises an exception.
 
-    force = 0.0
+    If the force is None, it is that of the hand.
+    """
+
+    force: float | None = 0.0
     error: Exception | None = None
 
     def drive_force(self, t: float, measurement: Measurement) -> float:
         if self.error:
             raise self.error
-        return self.force
+        return measurement.master_force if self.force is None else self.force

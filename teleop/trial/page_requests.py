@@ -100,8 +100,14 @@ class PageRequests(NoPage):
             self.reason = "ended from the live page"
         if self._by_page:
             self._check_heartbeats()
-            if counts[ARM] != self._arm:
-                self.arms = True
+            if counts[ARM] != self._arm and not self.arms:
+                # A START that waited in a live process that hung has no effect, now or later: it
+                # is old, and the silence would stop the drives in the next tick.
+                now = self._now()
+                self._arm = counts[ARM]
+                self.arms = now - self._heard <= PROCESS_SILENCE and (
+                    now - self._cells.seen <= PAGE_AGE
+                )
 
     def _check_heartbeats(self) -> None:
         beats, now = self._counts[PROCESS], self._now()

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.input_file import open_input
-from estimation.registry import offered
+from estimation.registry import offered, package
 from teleop.errors import reason
 from teleop.json_documents import dumps
 from teleop.software import software
@@ -63,7 +63,7 @@ def versions() -> dict[str, str]:
 def plug_ins_in(document: Any) -> tuple[str, ...]:
     """Return the names of the estimators of other packages that a document contains."""
     text = dumps(document)
-    return tuple(name for name in sorted(offered()) if dumps(name) in text)
+    return tuple(name for name in sorted(offered().points) if dumps(name) in text)
 
 
 @cache
@@ -72,10 +72,10 @@ def plug_in(name: str) -> dict[str, Any]:
 
     The code consists of all modules of the package that contains the estimator.
     """
-    point = offered().get(name)
+    point = offered().points.get(name)
     if point is None:
         return {}
-    known = {"version": f"{point.dist.name} {point.dist.version}"} if point.dist else {}
+    known = {"version": package(point)}
     try:
         spec = find_spec(point.module.partition(".")[0])
     except (ImportError, ValueError):

@@ -10,6 +10,7 @@ import re
 import signal
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -36,40 +37,45 @@ CODE = """
 import json, sys
 sys.path.insert(0, {folder!r})
 import faults
-linked = [name for name, kind in faults.KINDS.items() if kind.linked]
-others = [name for name, kind in faults.KINDS.items() if not kind.linked]
+special = [name for name, kind in faults.KINDS.items() if kind.linked or kind.paged]
+others = [name for name in faults.KINDS if name not in special]
 rows = []
-for condition, laws in {laws!r}.items():
-    for i, (law, cube) in enumerate(laws):
-        names = linked + others[i :: len(laws)]
-        rows += faults.virtual(condition, cube, names, 1, seed=1270, law=law)
+for condition, trials in {trials!r}.items():
+    for i, (law, cube, page) in enumerate(trials):
+        names = special + others[i :: len(trials)]
+        rows += faults.virtual(condition, cube, names, 1, seed=1270, law=law, page=page)
 print(json.dumps(rows))
 """
-LAWS = {
-    "free": [("none", "soft"), ("model-mediated", "medium"), ("passivity", "soft")],
-    "mimic": [("none", "hard"), ("position-force", "soft")],
-    "autonomous": [("none", "medium")],
+TRIALS = {
+    "free": [
+        ("none", "soft", False),
+        ("model-mediated", "medium", True),
+        ("passivity", "soft", False),
+    ],
+    "mimic": [("none", "hard", False), ("position-force", "soft", False)],
+    "autonomous": [("none", "medium", False)],
 }
-"""Laws of force feedback of each condition, and the cubes."""
+"""Laws of force feedback of each condition, the cubes, and whether a live page is attached."""
 
 
 def test_every_kind_of_fault_ends_as_docs_safety_states_under_every_condition():
     """Run in another process, because the campaign forks, which fails with pytest's threads.
 
-    The kinds of fault of a condition are divided among its laws. Those of the link are injected
-    under each law that has a link. With this seed, the random times are early, between 0.6 s and
-    2 s, so that the trials are short.
+    The kinds of fault of a condition are divided among its trials. Those of the link are injected
+    in each trial that has a link, and those of the live page in each trial that has one. With this
+    seed, the random times are early, between 0.6 s and 2 s, so that the trials are short.
     """
-    code = CODE.format(folder=str(ROOT / "benchmarks"), laws=LAWS)
+    code = CODE.format(folder=str(ROOT / "benchmarks"), trials=TRIALS)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     rows = json.loads(done.stdout)
     assert [row for row in rows if row["problems"]] == []
-    linked = {name for name, kind in campaign.KINDS.items() if kind.linked}
-    injected = [(row["kind"], row["condition"]) for row in rows if row["kind"] not in linked]
-    others = campaign.KINDS.keys() - linked
-    assert sorted(injected) == sorted(itertools.product(others, LAWS))
-    assert sorted(row["kind"] for row in rows if row["kind"] in linked) == sorted([*linked] * 3)
+    kinds = campaign.KINDS.items()
+    special = {name: 1 if kind.paged else 3 for name, kind in kinds if kind.linked or kind.paged}
+    injected = [(row["kind"], row["condition"]) for row in rows if row["kind"] not in special]
+    others = campaign.KINDS.keys() - special.keys()
+    assert sorted(injected) == sorted(itertools.product(others, TRIALS))
+    assert Counter(row["kind"] for row in rows if row["kind"] in special) == special
 
 
 def test_a_cube_with_an_inclusion_behind_a_spring_is_compressed_as_its_force_requires():

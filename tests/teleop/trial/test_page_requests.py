@@ -120,6 +120,14 @@ def test_a_trial_that_waits_for_start_ends_without_a_fault_if_the_process_is_los
     assert not request.faults
 
 
+def test_start_from_a_live_process_that_was_silent_does_not_arm_the_drives(one):
+    one.after(1.0)
+    one.writer.count(ARM)
+    assert not one.after(0.01).arm
+    assert not one.after(1.0, PROCESS, PAGE).arm  # it is not carried out later
+    assert one.press(ARM).arm
+
+
 def test_a_trial_armed_at_the_terminal_does_not_need_the_page():
     one = Page().begin(by_page=False)
     request = one.after(5.0)
