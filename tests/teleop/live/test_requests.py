@@ -80,6 +80,8 @@ def test_a_host_is_resolved_to_the_address_at_which_the_server_listens():
     [(kind, name) for kind, fields in FIELDS.items() for name in fields if int in fields[name]],
 )
 def test_an_integer_that_is_not_exact_as_a_floating_point_number_is_refused(kind, name, value):
-    others = {other: True for other in FIELDS[kind] if other != name}
+    others = {
+        other: 0 if int in types else True for other, types in FIELDS[kind].items() if other != name
+    }
     with pytest.raises(BadRequest, match=f"{kind}.{name}: expected a smaller number"):
         parse_request(json.dumps({"type": kind, **others, name: value}))
