@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable
 
-from drivers import STANDSTILL, Command, Measurement, Rig, new_tuple
+from drivers import STANDSTILL, Command, Measurement, NotStoppedError, Rig, new_tuple
 from teleop.control.alignment import Alignment, Pair
 from teleop.control.clock import Tick
 from teleop.control.conditions import Condition
@@ -250,9 +250,10 @@ class Controller:
     def _apply(self, verdict: Verdict, now: float) -> Command:
         """Send the command to the drives, and disable the drives if the supervisor requires it.
 
-        The drives are disabled by `Rig.idle`. If `Rig.idle` fails, it is called again at each tick
-        until it succeeds. Until it succeeds, no command is sent after a first command of zero
-        velocity, so that the watchdogs (timers in the drives) stop the drives.
+        The drives are disabled by `Rig.idle`. It is called again at each tick until it returns
+        True, that is, until the drives have confirmed that they are disabled. Until then, no
+        command is sent after a first command of zero velocity, so that the watchdogs (timers in the
+        drives) stop the drives.
 
         The argument `verdict` is the output of the supervisor, and `now` is the time of this tick
         [s]. The velocities that the drives applied are returned [m/s].
@@ -268,9 +269,11 @@ class Controller:
         if self._energised and not operating:
             self._silent = verdict.command == STANDSTILL
             try:
-                self._rig.idle()
-                self._energised = self._silent = False
+                if self._rig.idle():
+                    self._energised = self._silent = False
                 applied = STANDSTILL
+            except NotStoppedError as error:
+                self._fail(Fault.NOT_STOPPED, error, now)
             except BaseException as error:
                 error.add_note("the drives could not be disabled")
                 self._fail(Fault.RIG_FAILURE, error, now)

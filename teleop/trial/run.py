@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from drivers import RigError
+from drivers import NotStoppedError, RigError
 from teleop.control.conditions import Condition
 from teleop.errors import InputError
 from teleop.files import FAULT_REPORT, unwritable
@@ -136,6 +136,10 @@ def run_trial(
                 loop.run()
                 switch.clean_up()
                 rejected = {name: dict(counts) for name, counts in rig.rejected.items()}
+        except NotStoppedError as unstopped:
+            if not loop:
+                raise
+            loop.end_unstopped(str(unstopped))
         except RigError:
             if not loop or not (loop.error or box.fault):
                 raise

@@ -11,7 +11,6 @@ from typing import Any
 from drivers import RigError
 from teleop.errors import InputError, SafetyStop
 from teleop.files import make_folder
-from teleop.safety.events import time_text
 from teleop.studies.json_lines import LOCK, locked
 from teleop.studies.series.journal import INTERRUPTED, NAME, RECORDINGS, Journal
 from teleop.studies.series.plan import Plan
@@ -231,7 +230,7 @@ def spoilt(trial: Trial) -> str:
     It must be repeated if it was stopped for safety, interrupted, or recorded incompletely.
     """
     if trial.fault:
-        return f"stopped {time_text(trial.fault['time'])}: {trial.fault['text']}"
+        return trial.stop_text
     if trial.interrupted:
         return INTERRUPTED
     return trial.incomplete

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from drivers import RigError
+from drivers import NotStoppedError, RigError
 from sim_backend.wire.emulator import PlannedFault
 from sim_backend.wire.wire_faults import FAULTS, BaudMismatch, Burst
-from teleop.safety import Fault, Mode
+from teleop.safety import Fault, Mode, Request
+from teleop.safety.channels import DetectedFault
+from teleop.trial.assembly import make_clock, make_controller
 
 AT = 0.2
 """Time of a fault after the drives were enabled [s]."""
+KEY = DetectedFault(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan)
 RATE = 500.0
 """Rate of the loop [Hz]."""
 
@@ -145,6 +150,43 @@ def test_bus_off_is_reported(in_memory, wired):
     assert trial.fault["fault"] == Fault.RIG_FAILURE
     assert "is off" in trial.fault["text"]
     check_stopped(trial, emulator)
+
+
+def odrive_of_firmware_05(text):
+    return text.replace('"0.6"', '"0.5"\ntorque_constant_nm_per_a = 0.04')
+
+
+def stopped_without_commands(in_memory, seconds):
+    """Stop an ODrive of firmware 0.5 with a torque constant; lose all frames to it from then on.
+
+    Return the travel of the slave [m], the drives that are enabled, and the faults.
+    """
+    emulators = []
+    trial = in_memory("odrive-reaction-force", edit=odrive_of_firmware_05, prepare=emulators.append)
+    clock, bank = make_clock(trial.settings), trial.settings.estimation_preset.bank()
+    with contextlib.suppress(NotStoppedError), trial.make_rig(clock.now) as rig:
+        (emulator,) = emulators
+        device, lost_until = emulator.devices["slave"], -math.inf
+        receive = device.receive
+        device.receive = lambda frame, now: now < lost_until or receive(frame, now)
+        controller = make_controller(trial.settings, rig, bank, clock)
+        for n in range(1500):
+            tick, stop = clock.wait(), n == 430
+            if stop:
+                start, lost_until = emulator.mechanism.rig.plant.slave.x, rig.present() + seconds
+                assert abs(emulator.mechanism.rig.plant.slave.v) > 5e-3
+            controller.tick(tick, Request(arm=True, faults=(KEY,) * stop))
+        travel = emulator.mechanism.rig.plant.slave.x - start
+    faults = [cause.fault for cause in controller._supervision.causes]
+    return travel, emulator.mechanism.driven, faults
+
+
+@pytest.mark.parametrize("lost", [3e-3, 0.02, 1.0])
+def test_an_odrive_that_loses_the_stop_request_is_stopped_nevertheless(in_memory, lost):
+    travel, driven, faults = stopped_without_commands(in_memory, lost)
+    assert abs(travel) < 1e-3
+    assert not driven
+    assert faults == [Fault.EMERGENCY_STOP]
 
 
 def test_error_frames_do_not_stop_the_run_while_other_frames_arrive(in_memory):
