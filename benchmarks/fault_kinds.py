@@ -61,6 +61,8 @@ class Kind:
     """Function that returns whether the fault can be detected yet."""
     ends: bool = False
     """Whether the run must end with a stop that is not a fault."""
+    obeys: bool = True
+    """Whether the drive obeys a stop. If not, the contact force is not checked."""
     linked: bool = False
     """Whether the kind needs force feedback over a channel."""
 
@@ -260,7 +262,11 @@ KINDS = sensor_kinds() | {
         0.1,
     ),
     "drive does not obey a stop": Kind(
-        disobey, frozenset({Fault.MOVES_AFTER_STOP}), math.inf, evidence=moves_on
+        disobey,
+        frozenset({Fault.MOVES_AFTER_STOP}),
+        math.inf,
+        evidence=moves_on,
+        obeys=False,
     ),
     "rig unplugged": Kind(
         rig_fault(lambda case: Unplugged()), frozenset({Fault.RIG_FAILURE}), PERIOD

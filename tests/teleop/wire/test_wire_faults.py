@@ -61,8 +61,14 @@ def check_stopped(trial, emulator):
     assert not emulator.mechanism.driven
 
 
-@pytest.mark.parametrize("kind", ["drop", "double", "reorder", "truncate", "length"])
-@pytest.mark.parametrize("wired", [BOARD, ODRIVE], ids=["usb", "can"])
+@pytest.mark.parametrize(
+    ("wired", "kind"),
+    [
+        *((wired, kind) for kind in ("drop", "gaps", "double", "reorder") for wired in WIRES[:2]),
+        (BOARD, "truncate"),
+        (BOARD, "length"),
+    ],
+)
 def test_occasional_lost_duplicated_or_corrupt_frames_do_not_stop_the_run(in_memory, wired, kind):
     trial, _ = run(in_memory, wired, kind)
     assert trial.fault is None
@@ -79,7 +85,7 @@ def test_noise_on_a_line_with_checksums_loses_only_the_affected_frames(in_memory
     assert ages.max() < 0.02
 
 
-@pytest.mark.parametrize("kind", ["corrupt", "noise"])
+@pytest.mark.parametrize("kind", ["corrupt", "noise", "truncate", "length"])
 @pytest.mark.parametrize("wired", [ODRIVE, CIA402], ids=["can", "drives"])
 def test_noise_on_an_slcan_line_without_checksums_is_tolerated_or_stops_the_rig(
     in_memory, wired, kind
@@ -138,7 +144,7 @@ def test_a_line_at_another_baud_rate_is_reported_at_the_start(stepped, wired, mo
     monkeypatch.setattr("drivers.devices.board.PATIENCE", 0.5)
 
     def mismatch(emulator):
-        emulator.wires[wired.bus].fault = BaudMismatch()
+        emulator.wires[wired.bus].distort(BaudMismatch)
 
     with pytest.raises(RigError, match="baud|is not acknowledged"):
         stepped(wired.rig, prepare=mismatch).run()
