@@ -175,12 +175,22 @@ class WiredRig(Rig):
         return bus
 
     def _poll(self) -> None:
-        """Read every bus, and then call the method `update` of every device."""
+        """Read every bus, and then call the method `update` of every device.
+
+        If a bus cannot be read, the other buses are still read, because they can have the messages
+        with which drives confirm a stop. Then the error is raised.
+        """
+        error = None
         for bus in self.buses.values():
-            bus.poll()
+            try:
+                bus.poll()
+            except RigError as failed:
+                error = error or failed
         now = self._now()
         for device in self.devices.values():
             device.update(now)
+        if error:
+            raise error
 
     def read(self) -> Measurement:
         """Read every bus, and return the latest sample of every channel (measured quantity).

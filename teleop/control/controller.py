@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable
 
-from drivers import STANDSTILL, Command, Measurement, NotStoppedError, Rig, new_tuple
+from drivers import STANDSTILL, Ages, Command, Measurement, NotStoppedError, Rig, new_tuple
 from teleop.control.alignment import Alignment, Pair
 from teleop.control.clock import Tick
 from teleop.control.conditions import Condition
@@ -201,8 +201,8 @@ class Controller:
         """Read the sensors; return the measurement, and the time since the last measurement [s].
 
         The zero offsets (tare) are subtracted from the measurement. If reading fails, the error
-        becomes a fault, and the last measurement is returned with a time one period later. If even
-        the first reading fails, the exception is raised.
+        becomes a fault, and the last measurement is returned with a time and ages one period later.
+        If even the first reading fails, the exception is raised.
         """
         last = self._measurement
         try:
@@ -212,7 +212,8 @@ class Controller:
         except BaseException as error:
             if last is None:
                 raise
-            measurement = last._replace(time=last.time + self._period)
+            age = Ages._make(age + self._period for age in last.age)
+            measurement = last._replace(time=last.time + self._period, age=age)
             self._fail(Fault.RIG_FAILURE, error, measurement.time)
         self._measurement = measurement
         if last is None:

@@ -240,6 +240,19 @@ def test_a_drive_that_does_not_confirm_a_stop_is_named(rig, device, time):
     assert not rig.idle()
 
 
+def test_a_bus_that_fails_does_not_keep_the_others_from_being_read(rig, device, time):
+    class Failing(FakeBus):
+        def poll(self):
+            raise RigError("first: the port is gone")
+
+    read = []
+    rig.buses["wire"].poll = lambda: read.append(time.now)
+    rig.buses = {"first": Failing("first", time), **rig.buses}
+    with pytest.raises(RigError, match="first: the port is gone"):
+        rig.read()
+    assert read
+
+
 def test_a_rig_that_was_not_enabled_is_closed_without_waiting(rig, device, time):
     device.drives["b"].confirming = False
     rig.idle()

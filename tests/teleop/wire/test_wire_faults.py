@@ -195,6 +195,44 @@ def test_an_odrive_that_loses_the_stop_request_is_stopped_nevertheless(in_memory
     assert faults == [Fault.EMERGENCY_STOP]
 
 
+def disobedient(emulator):
+    """Make the slave's ODrive ignore every stop, and its watchdog."""
+    device = emulator.devices["slave"]
+    device._expired = lambda now: False
+    enter = device._enter
+    device._enter = lambda state, now: None if emulator.mechanism.driven else enter(state, now)
+
+
+def test_an_odrive_that_does_not_confirm_the_end_of_a_trial_is_a_safety_stop(in_memory):
+    trial = in_memory("odrive-reaction-force", duration=0.3, rate=RATE, prepare=disobedient).run()
+    assert trial.fault["fault"] == Fault.NOT_STOPPED
+    assert "drive slave: no confirmation within 0.5 s" in trial.stop_text
+    assert trial.recording.events[-1]["fault"] == Fault.NOT_STOPPED
+
+
+def test_an_odrive_that_moves_on_after_a_fault_is_reported_as_the_worst_fault(
+    in_memory, monkeypatch
+):
+    monkeypatch.setattr("teleop.trial.loop.AFTER", 0.8)
+
+    def prepare(emulator):
+        disobedient(emulator)
+        set_value = emulator.devices["slave"]._set
+
+        def keep_moving(command, data, now):
+            set_value(command, data, now)
+            if now > emulator._started + AT:
+                emulator.devices["slave"]._input_vel = -2.0
+
+        emulator.devices["slave"]._set = keep_moving
+
+    trial = in_memory("odrive-reaction-force", duration=0.45, rate=RATE, prepare=prepare).run()
+    assert trial.fault["fault"] == Fault.MOVES_AFTER_STOP
+    assert ": the slave does not follow its command: " in trial.stop_text
+    assert "the slave moves although its drives are disabled: -" in trial.stop_text
+    assert "use the hardware emergency stop" in trial.stop_text
+
+
 def test_error_frames_do_not_stop_the_run_while_other_frames_arrive(in_memory):
     trial, _ = run(in_memory, ODRIVE, "error-frames")
     assert trial.fault is None
