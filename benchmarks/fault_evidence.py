@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fault_case import Case
 
+from teleop.safety.checks import LONGEST_HALT
 from teleop.safety.palpation_limits import FROZEN, FROZEN_SPEED
 
 
@@ -35,6 +36,12 @@ def after_stall(case: Case, travel: float, change: float) -> bool:
     During the stall, the watchdogs of the drives act.
     """
     return True
+
+
+def moves_on(case: Case, travel: float, change: float) -> bool:
+    """Return whether the slave has moved for so long after the stop that it cannot be coasting."""
+    halting = case.controller._supervision.halting
+    return halting is not None and case.clock.now() - halting.since > LONGEST_HALT
 
 
 def over_force(case: Case, travel: float, change: float) -> bool:

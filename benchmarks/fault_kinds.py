@@ -8,13 +8,22 @@ from dataclasses import dataclass
 from typing import Any
 
 from fault_case import Case, FileSink
-from fault_evidence import accelerated, after_stall, at_once, handle_moved, moved, over_force
+from fault_evidence import (
+    accelerated,
+    after_stall,
+    at_once,
+    handle_moved,
+    moved,
+    moves_on,
+    over_force,
+)
 from fault_links import CHANNEL, activate, gave_energy, silence
 
 from drivers import CHANNELS
 from sim_backend import Cube
 from sim_backend.body import root
 from sim_backend.faults import (
+    Disobedient,
     Frozen,
     Replaced,
     Reported,
@@ -53,6 +62,8 @@ class Kind:
     """Function that returns whether the fault can be detected yet."""
     ends: bool = False
     """Whether the run must end with a stop that is not a fault."""
+    obeys: bool = True
+    """Whether the drive obeys a stop. If not, the contact force is not checked."""
     linked: bool = False
     """Whether the kind needs force feedback over a channel."""
     paged: bool = False
@@ -78,6 +89,14 @@ def break_condition(case: Case) -> None:
 def runaway(case: Case) -> RigFault:
     fastest = case.limits.max_velocity
     return Runaway(case.random.choice((-1.0, 1.0)) * case.random.uniform(0.3, 1.0) * fastest)
+
+
+def disobey(case: Case) -> None:
+    """Press the stop key; the drive moves on, and may report that it is disabled."""
+    velocity = case.random.choice((-1.0, 1.0)) * case.random.uniform(0.1, 1.0)
+    fault = Disobedient(velocity * case.limits.max_velocity, case.random.random() < 0.5)
+    case.rig.inject(fault)
+    press(case)
 
 
 class Shove:
@@ -270,6 +289,13 @@ KINDS = sensor_kinds() | {
         rig_fault(runaway),
         frozenset({Fault.NOT_FOLLOWING, Fault.VELOCITY_LIMIT, Fault.FROZEN}),
         0.1,
+    ),
+    "drive does not obey a stop": Kind(
+        disobey,
+        frozenset({Fault.MOVES_AFTER_STOP}),
+        math.inf,
+        evidence=moves_on,
+        obeys=False,
     ),
     "rig unplugged": Kind(
         rig_fault(lambda case: Unplugged()), frozenset({Fault.RIG_FAILURE}), PERIOD

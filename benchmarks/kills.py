@@ -144,8 +144,8 @@ class RemoteRig(Rig):
     def write(self, command: Command) -> Command:
         return self._call("write", command)
 
-    def idle(self) -> None:
-        self._call("idle")
+    def idle(self) -> bool:
+        return bool(self._call("idle"))
 
 
 def victim(path: Path, shared: Path, address: str, real: Any, law: Any, page: str) -> None:

@@ -76,8 +76,8 @@ class SearchRig(Rig):
     def write(self, command: Command) -> Command:
         return self.attempt("write", self.faulty.write, command)
 
-    def idle(self) -> None:
-        self.attempt("idle", self.faulty.idle)
+    def idle(self) -> bool:
+        return self.attempt("idle", self.faulty.idle)
 
     def rearm(self) -> None:
         self.faulty.rearm()

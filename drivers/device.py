@@ -80,10 +80,22 @@ class VelocityDrive(ABC):
         """
 
     @abstractmethod
-    def idle(self) -> None:
-        """Take the drive out of operation immediately. This method may be called repeatedly.
+    def idle(self) -> bool:
+        """Request that the drive leaves operation; return whether the drive has confirmed it.
 
         This method sends its messages at once. It does not wait for the next `Device.transmit`.
+        It is called once per tick until it returns True, because messages can be lost. It may also
+        be called later, and before the drive was in operation.
+
+        Until the drive has confirmed, the device sends no other message that resets the watchdog
+        timer of the drive. If every request is lost, the watchdog thus stops the drive. A request
+        that itself resets this timer is repeated with pauses that become longer than the watchdog
+        time.
+
+        Returns
+        -------
+        bool
+            Whether the drive has reported, after the request, that it is out of operation.
         """
 
 

@@ -23,6 +23,10 @@ class RigError(Exception):
     """A device failed or sends no data. The message names the device and what was expected."""
 
 
+class NotStoppedError(RigError):
+    """A drive does not confirm that it is out of operation. The message names the drive."""
+
+
 def reason(error: Exception) -> str:
     """Return the cause of an error as one line of text that can be part of a message.
 
@@ -119,9 +123,10 @@ class Rig(ABC):
     """A telemanipulator, real or simulated.
 
     A rig is a context manager. On entry the rig is opened. On every exit the drives are taken out
-    of operation, and then the rig is closed. When a drive is in operation, its watchdog is active.
-    The watchdog stops the drive if no more commands arrive, for example because the process was
-    killed.
+    of operation, and then the rig is closed. If the drives have not confirmed that they are out of
+    operation, `close` repeats the request for a limited time. When a drive is in operation, its
+    watchdog is active. The watchdog stops the drive if no more commands arrive, for example because
+    the process was killed.
     """
 
     @property
@@ -202,15 +207,33 @@ class Rig(ABC):
         """
 
     @abstractmethod
-    def idle(self) -> None:
-        """Take the drives out of operation immediately.
+    def idle(self) -> bool:
+        """Take the drives out of operation immediately; return whether they have confirmed it.
 
-        This method may be called in any state of the drives, and repeatedly.
+        This method is called once per tick until it returns True, and no other command is sent in
+        this time. It may be called in any state of the drives.
+
+        Returns
+        -------
+        bool
+            Whether all drives have reported that they are out of operation. A rig whose drives
+            report nothing returns True.
+
+        Raises
+        ------
+        RigError
+            A drive cannot be commanded, or does not confirm in time.
         """
 
     @abstractmethod
     def close(self) -> None:
-        """Release the devices. This method may also be called after `open` failed."""
+        """Release the devices. This method may also be called after `open` failed.
+
+        Raises
+        ------
+        RigError
+            A drive does not confirm that it is out of operation. The devices are released anyway.
+        """
 
     def __enter__(self) -> Self:
         try:

@@ -8,7 +8,17 @@ from contextlib import ExitStack
 from typing import NamedTuple
 
 from drivers.device import CanDevice, DerivedDevice, Device, SerialDevice, VelocityDrive, sole_drive
-from drivers.rig import AXES, CHANNELS, STANDSTILL, Ages, Command, Measurement, Rig, RigError
+from drivers.rig import (
+    AXES,
+    CHANNELS,
+    STANDSTILL,
+    Ages,
+    Command,
+    Measurement,
+    NotStoppedError,
+    Rig,
+    RigError,
+)
 from drivers.rig_file import RigFile
 from drivers.rig_sections import CanSettings
 from drivers.transports.bus import Bus
@@ -19,6 +29,9 @@ FIRST_SAMPLES = 2.0
 """Longest wait until every channel (measured quantity) has a first sample [s]."""
 ENABLING = 2.0
 """Longest time from the first call of `enable` until all drives are in operation [s]."""
+STOPPING = 0.5
+"""Longest time from the first call of `idle` until all drives confirm that they are out of
+operation [s]."""
 
 
 class Channel(NamedTuple):
@@ -88,8 +101,10 @@ class WiredRig(Rig):
             )
             for name, d in file.sections.drives.items()
         ]
-        self._enabling = math.nan
+        self._enabling = self._stopping = math.nan
         self._enabled = False
+        self._operating = False
+        """Whether a drive can be in operation: from `enable` until `idle` returns True."""
 
     @property
     def rejected(self) -> Mapping[str, Mapping[str, int]]:
@@ -160,12 +175,22 @@ class WiredRig(Rig):
         return bus
 
     def _poll(self) -> None:
-        """Read every bus, and then call the method `update` of every device."""
+        """Read every bus, and then call the method `update` of every device.
+
+        If a bus cannot be read, the other buses are still read, because they can have the messages
+        with which drives confirm a stop. Then the error is raised.
+        """
+        error = None
         for bus in self.buses.values():
-            bus.poll()
+            try:
+                bus.poll()
+            except RigError as failed:
+                error = error or failed
         now = self._now()
         for device in self.devices.values():
             device.update(now)
+        if error:
+            raise error
 
     def read(self) -> Measurement:
         """Read every bus, and return the latest sample of every channel (measured quantity).
@@ -207,7 +232,8 @@ class WiredRig(Rig):
             A drive is not in operation 2 s after the first call, or cannot be commanded.
         """
         if math.isnan(self._enabling):
-            self._enabling = self._now()
+            self._enabling, self._stopping = self._now(), math.nan
+            self._operating = True
         ready = [drive.drive.enable() for drive in self._drives]
         self._enabled = all(ready)
         if not self._enabled and self._now() - self._enabling > ENABLING:
@@ -249,24 +275,60 @@ class WiredRig(Rig):
             device.transmit()
         return Command(*applied)
 
-    def idle(self) -> None:
-        """Take every drive out of operation.
+    def idle(self) -> bool:
+        """Take every drive out of operation; return whether every drive has confirmed it.
 
         If this fails for one drive, the other drives are still taken out of operation. Then the
         error is raised.
+
+        Raises
+        ------
+        NotStoppedError
+            A drive has not confirmed within 0.5 s of the first call.
+        RigError
+            A drive cannot be commanded.
         """
         self._enabled, self._enabling = False, math.nan
+        if math.isnan(self._stopping):
+            self._stopping = self._now()
+        running = {wired.name: wired.drive for wired in self._drives}
         with ExitStack() as stack:
-            for wired in self._drives:
-                stack.callback(wired.drive.idle)
+            for name in list(running):
+                stack.callback(self._stop, name, running)
+        if not running:
+            self._operating, self._stopping = False, math.nan
+            return True
+        if self._now() - self._stopping > STOPPING:
+            raise NotStoppedError(
+                f"drive {' and '.join(running)}: no confirmation within {STOPPING:g} s that it is "
+                "out of operation: if it moves, use the hardware emergency stop"
+            )
+        return False
+
+    @staticmethod
+    def _stop(name: str, running: dict[str, VelocityDrive]) -> None:
+        """Take a drive out of operation. If it has confirmed this, remove it from `running`."""
+        if running[name].idle():
+            del running[name]
 
     def close(self) -> None:
-        """End the communication with every device, and close every bus."""
+        """End the communication with every device, and close every bus.
+
+        If a drive was in operation and has not confirmed that it has left operation, the request
+        is first repeated for up to 0.5 s.
+
+        Raises
+        ------
+        NotStoppedError
+            A drive does not confirm that it has left operation.
+        """
         with ExitStack() as stack:
             for bus in self.buses.values():
                 stack.callback(bus.close)
             for device in self.devices.values():
                 stack.callback(device.stop)
+            if self._operating:
+                next(iter(self.buses.values())).wait_for(self.idle, 2.0 * STOPPING)
 
 
 def make_bus(name: str, file: RigFile, now: Callable[[], float]) -> Bus:

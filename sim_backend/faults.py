@@ -134,6 +134,20 @@ class Runaway(RigFault):
         return command._replace(slave_velocity=command.slave_velocity + self.velocity)
 
 
+@dataclass
+class Disobedient(RigFault):
+    """Fault: the drive of the slave moves at a constant velocity, and does not obey a stop."""
+
+    velocity: float
+    """Velocity of the slave [m/s]."""
+    confirms: bool = False
+    """Whether the drives nevertheless report that they are disabled."""
+
+    def command(self, command: Command) -> Command:
+        """Return a copy of the command with the velocity of the fault for the slave."""
+        return command._replace(slave_velocity=self.velocity)
+
+
 class Unplugged(RigFault):
     """Fault: no measurement can be read from the rig, as if a device were disconnected."""
 
@@ -168,6 +182,8 @@ class FaultyRig(Rig):
 
     def read(self) -> Measurement:
         """Return the measurement of the rig, changed by the active fault."""
+        if isinstance(self._fault, Disobedient):
+            self.rig.write(self._fault.command(STANDSTILL))
         return self._fault.read(self.rig.read())
 
     def rearm(self) -> None:
@@ -185,15 +201,17 @@ class FaultyRig(Rig):
         The caller therefore does not see the change in the result. While the drives are disabled,
         zero velocity is sent and returned instead.
         """
-        if not self._enabled:
+        if not (self._enabled or isinstance(self._fault, Disobedient)):
             return self.rig.write(STANDSTILL)
         self.rig.write(self._fault.command(command))
         return command
 
-    def idle(self) -> None:
-        """Disable the drives."""
+    def idle(self) -> bool:
+        """Disable the drives; return whether they have confirmed it."""
         self._enabled = False
-        self.rig.idle()
+        if isinstance(self._fault, Disobedient):
+            return self._fault.confirms
+        return self.rig.idle()
 
     def close(self) -> None:
         """Disconnect from the devices of the rig."""

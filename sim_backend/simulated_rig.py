@@ -163,11 +163,12 @@ class SimulatedRig(Rig):
             self._commanded = self._time
         return self._applied
 
-    def idle(self) -> None:
-        """Disable both drives, and stop them. The operator lets go of the handle."""
+    def idle(self) -> bool:
+        """Disable both drives, and stop them; return True. The operator lets go of the handle."""
         self._enabled = False
         self._applied = STANDSTILL
         self._start = math.inf
+        return True
 
     def close(self) -> None:
         """Do nothing: a simulated rig has no resources to release."""

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
-from drivers import RigError
+from drivers import NotStoppedError, RigError
 from teleop.commands.compare import compare
 from teleop.commands.config import config
 from teleop.commands.estimate import estimate
@@ -138,7 +138,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         unused = " ".join(error.unused_tokens or [])
         print_error(f"unexpected argument {unused!r}: see --help")
         return 2
-    except SafetyStop as error:
+    except (SafetyStop, NotStoppedError) as error:
         print_error(str(error))
         return 3
     except (InputError, CycloptsError, RigError) as error:

@@ -46,9 +46,9 @@ class Axis(VelocityDrive):
         self.velocity = codec.to_counts(velocity, self._scale)
         return self.velocity * self._scale
 
-    def idle(self) -> None:
-        """Stop all axes of the board immediately."""
-        self._board.disable()
+    def idle(self) -> bool:
+        """Stop all axes of the board immediately; return whether the board has confirmed it."""
+        return self._board.disable()
 
 
 class Board(SerialDevice):
@@ -88,6 +88,10 @@ class Board(SerialDevice):
         """Sequence number of the first frame that requested operation."""
         self._acknowledged = False
         """Whether the board accepted the frame `_asked`. If so, its state answers the request."""
+        self._released = 0
+        """Sequence number of the first frame that requested the end of operation."""
+        self._disabled = False
+        """Whether the board has confirmed that all axes are disabled."""
         self._pinged = 0
         self._ping_answered = False
         self._enabled = 0
@@ -210,6 +214,7 @@ class Board(SerialDevice):
 
     def _set_reset(self, sign: str) -> None:
         """Report in `error` that the board was reset. `sign` tells how the reset was detected."""
+        self._disabled = True  # after a reset, the state of the board is idle
         self._reset = self._reset or f"the board was reset, open the rig again: {sign}"
         self.error = self._reset
 
@@ -233,6 +238,11 @@ class Board(SerialDevice):
                 error = STOPPED.get(sample.state, error)
                 self._running = self._running or sample.state == State.ENABLED
             self._latched = self._latched or error
+        elif sample.state == State.ENABLED:
+            self._disabled = False
+        elif sample.state != State.IDLE or signed(sample.acknowledged - self._released, 16) >= 0:
+            # a stopped board, unlike an idle one, does not obey an earlier ENABLE that comes late
+            self._disabled = True
         self.error = self._reset or self._latched or error
 
     def ping(self) -> bool:
@@ -253,7 +263,7 @@ class Board(SerialDevice):
     def enable_axis(self, index: int) -> bool:
         """Request operation of an axis; return whether the board reports that it is enabled."""
         if not self._wanted:
-            self._wanted = True
+            self._wanted, self._disabled = True, False
             self._acknowledged = self._running = False
             self._asked = self._sequence
             self._latched = ""
@@ -267,13 +277,19 @@ class Board(SerialDevice):
         """Clear the stored error. The error that reports a reset of the board is not cleared."""
         self._latched, self.error = "", self._reset
 
-    def disable(self) -> None:
-        """Stop all axes immediately."""
-        self._wanted = False
+    def disable(self) -> bool:
+        """Stop all axes immediately; return whether the board has confirmed that they stopped.
+
+        Each call sends DISABLE, which does not reset the watchdog timer of the board.
+        """
+        if self._wanted:
+            self._wanted, self._released = False, self._sequence
         for axis in self.axes:
             axis.velocity = 0
-        if self._port:
-            self._send(codec.DISABLE)
+        if not self._port:
+            return True
+        self._send(codec.DISABLE)
+        return self._disabled
 
     def transmit(self) -> None:
         """If operation is requested, send the velocities. This resets the board's watchdog."""

@@ -46,6 +46,8 @@ STARTING = 1.0
 RESETTING = 0.5
 """Longest time that the drive may take to reset a fault [s]."""
 FAULTS = (State.FAULT, State.FAULT_REACTION_ACTIVE)
+CONFIRMING = 2
+"""Number of statuswords that confirm a stop. One can have been sent before the drive's reaction."""
 
 
 class Cia402(CanDevice, VelocityDrive):
@@ -84,6 +86,8 @@ class Cia402(CanDevice, VelocityDrive):
         self._armed = self._enabled = self._answered = self._booted = False
         self._control, self._target = Control.QUICK_STOP, 0
         self._resetting_until = math.inf
+        self._stopped = 0
+        """Number of statuswords without operation since the latest stop, or since operation."""
 
     def _units_with(self, rated_torque: float) -> Units:
         s = self.settings
@@ -164,6 +168,7 @@ class Cia402(CanDevice, VelocityDrive):
             self.rejected["statusword"] += 1
             return
         before, self._state = self._state, state
+        self._stopped = 0 if state is State.OPERATION_ENABLED else self._stopped + 1
         if state in FAULTS and before not in (None, *FAULTS):
             self._fail(f"statusword 0x{word:04X}: {state.words}")
         elif self._enabled and state is not State.OPERATION_ENABLED:
@@ -197,6 +202,8 @@ class Cia402(CanDevice, VelocityDrive):
         self._heard = time
         boot_up = self._nmt is NmtState.BOOT_UP
         self._booted |= boot_up
+        if boot_up:  # a drive that was reset is out of operation
+            self._stopped = CONFIRMING
         if self._running and self._nmt is not NmtState.OPERATIONAL:
             left = f"left NMT operational: {self._nmt.words}"
             self._lost = self._lost or ("was reset during operation" if boot_up else left)
@@ -275,14 +282,22 @@ class Cia402(CanDevice, VelocityDrive):
                 self._send()
             self._master.end_tick(self.name, self._bus)
 
-    def idle(self) -> None:
-        """Stop the drive on its quick stop ramp. At standstill, the drive leaves operation."""
+    def idle(self) -> bool:
+        """Stop the drive on its quick stop ramp; return whether the drive has confirmed it.
+
+        At standstill, the drive leaves operation. During the ramp, the drive does not follow
+        velocities, and counts as out of operation. Each call sends the request.
+        """
+        if self._armed:
+            self._stopped = 0
         self._armed = self._enabled = False
         self._control, self._target = Control.QUICK_STOP, 0
         self._resetting_until = math.inf
-        if self._bus and self._running:
-            self._send()
-            self._master.synchronise(self._bus)
+        if not (self._bus and self._running):
+            return True
+        self._send()
+        self._master.synchronise(self._bus)
+        return self._stopped >= CONFIRMING
 
     def _send(self) -> None:
         assert self._bus

@@ -46,6 +46,12 @@ EVERY_SYNC = 1
 """Transmission type of a PDO that is sent or applied at every SYNC."""
 VELOCITY_UNITS = {"counts_per_s": 0x00B50300, "rpm": 0x00B44700}
 """Value of object 60A9h for each value of `velocity_unit`, CiA 402-2 and CiA 303-2."""
+UNSUPPORTED = {0x000000FB: "maxon (EPOS)"}
+"""Vendor ids (object 1018h:01) of drives that this driver would read or set up wrongly.
+
+The rated torque (object 6076h) of an EPOS4 is in millionths of a newton metre, and not in
+thousandths as CiA 402 specifies. An EPOS4 can also refuse the velocity units of `VELOCITY_UNITS`.
+"""
 INVALID = 1 << 31
 """Bit of the COB-ID of a PDO. It is set if the PDO is not used."""
 NO_OBJECT = (0x06020000, 0x06090011)
@@ -150,6 +156,13 @@ class Setup:
 
     def _identify(self) -> None:
         settings = self._settings
+        vendor = self._read_if_there(0x1018, 1) or 0
+        if name := UNSUPPORTED.get(vendor):
+            raise RigError(
+                f"{self._where}: drive of {name}, vendor id 0x{vendor:X}: not supported: its rated "
+                "torque (object 6076h) has another unit, so that the force would be 1000 times too "
+                "large, and it may refuse the velocity unit: expected another CiA 402 drive"
+            )
         self._expect(0x1000, 0, PROFILE, "profile 402 in its low word", mask=0xFFFF)
         self._expect(
             0x6502, 0, SUPPORTS_IT, "bit 8, cyclic synchronous velocity mode", mask=SUPPORTS_IT

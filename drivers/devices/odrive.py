@@ -20,10 +20,14 @@ if TYPE_CHECKING:
 
 FIRST_HEARTBEAT = 1.0
 """Longest wait for the first heartbeat [s]. This is ten times the default period."""
+LEAVING = 1.0
+"""Longest wait at the start until the axis is out of operation [s]."""
 ANSWER = 0.25
 """Longest wait for the firmware version [s]."""
 IQ_PERIOD = 2e-3
 """Shortest time between two requests for the motor current [s]."""
+FIRST_REPEAT = 5e-3
+"""Time after which a request to leave operation is repeated for the first time [s]."""
 
 
 class ODriveSettings(DeviceSettings):
@@ -66,6 +70,8 @@ class ODrive(CanDevice, VelocityDrive):
     The device has one drive, `axis`, which is the device itself. An error is stored until `rearm`
     is called or the axis is enabled again. The user must set the watchdog on the ODrive. Velocity
     commands reset the watchdog timer. With firmware 0.5, every frame to the axis resets this timer.
+    Therefore, from a stop until a heartbeat reports the state IDLE, only the request for this state
+    is sent. The pauses between these requests increase to twice the watchdog time.
 
     Parameters
     ----------
@@ -84,14 +90,23 @@ class ODrive(CanDevice, VelocityDrive):
         self._travel = settings.travel_mm_per_turn * 1e-3
         self._most = settings.max_velocity_mm_per_s * 1e-3
         self._silence = settings.heartbeat_timeout_ms * 1e-3
+        self._longest_pause = max(FIRST_REPEAT, 2e-3 * settings.watchdog_ms)
         self._bus: CanBus | None = None
         self._version: codec.Version | None = None
+        self._state = int(AxisState.UNDEFINED)
+        """State in the latest heartbeat."""
         self._wanted = False
         """Whether operation of the axis is requested."""
         self._settling = False
-        """Whether the next heartbeat can be one that was sent before the request for operation."""
+        """Whether the next heartbeat can be one that was sent before the latest request."""
         self._ready = False
         """Whether the axis is in operation."""
+        self._idle = False
+        """Whether a heartbeat has reported the state IDLE after the request for it."""
+        self._repeat = -math.inf
+        """Earliest time of the next request for the state IDLE [s]."""
+        self._pause = FIRST_REPEAT
+        """Pause after the next request for the state IDLE [s]."""
         self._velocity = 0.0
         self._heard = False
         """Whether a heartbeat was received since the last tick."""
@@ -127,20 +142,27 @@ class ODrive(CanDevice, VelocityDrive):
             yield codec.identifier(self.settings.node, command)
 
     def start(self, bus: CanBus) -> None:
-        """Wait for a heartbeat, check the firmware version, and take the axis out of operation.
+        """Take the axis out of operation, and check the firmware version.
 
         Raises
         ------
         RigError
-            There is no heartbeat, or the firmware does not have the expected version.
+            There is no heartbeat, the axis does not leave operation, or the firmware does not have
+            the expected version.
         """
         self._bus = bus
+        self._wanted = self._idle = False
         wanted = self.settings.firmware
         who = f"{self.name}: node {self.settings.node} on {bus.name}"
         if not bus.wait_for(lambda: self._heard or self._heartbeat > -math.inf, FIRST_HEARTBEAT):
             raise RigError(
                 f"{who}: no heartbeat within {FIRST_HEARTBEAT:g} s: expected an ODrive with "
                 "heartbeats enabled"
+            )
+        if not bus.wait_for(lambda: self._idle or self.idle(), LEAVING):
+            state = codec.state_name(self._state)
+            raise RigError(
+                f"{who}: in state {state} for {LEAVING:g} s: expected IDLE, as requested"
             )
         self._ask(Command.GET_VERSION)
         bus.wait_for(lambda: self._version, ANSWER)
@@ -153,7 +175,6 @@ class ODrive(CanDevice, VelocityDrive):
                 f"{who}: no firmware version reported, as by firmware 0.5: expected {wanted}, as "
                 "in the rig file"
             )
-        self.idle()
 
     def receive(self, frame: can.Message, time: float) -> None:
         """Process a CAN frame that the axis has sent. `time` is its time of arrival [s]."""
@@ -187,11 +208,13 @@ class ODrive(CanDevice, VelocityDrive):
             self.samples[signal] = Sample(value, time)
 
     def _check_state(self, heartbeat: codec.Heartbeat) -> None:
-        """Check whether the axis is in operation as requested, and set `error` if it is not."""
-        if not self._wanted:
-            return
+        """Check whether the axis is in the requested state; in operation, set `error` if not."""
+        self._state = heartbeat.state
         if self._settling:
             self._settling = False
+            return
+        if not self._wanted:
+            self._idle = heartbeat.state == AxisState.IDLE
             return
         operates = heartbeat.state == AxisState.CLOSED_LOOP_CONTROL
         problem = ", ".join(heartbeat.errors)
@@ -207,7 +230,8 @@ class ODrive(CanDevice, VelocityDrive):
         """Detect missing heartbeats, and request the motor current from the axis.
 
         The motor current is requested only if the rig file gives the torque constant of the motor.
-        While operation is requested, `transmit` requests the current, and this method does not.
+        This method requests it only if the axis is out of operation. While operation is requested,
+        `transmit` requests the current.
         """
         self._now = now
         if self._heard:
@@ -215,14 +239,17 @@ class ODrive(CanDevice, VelocityDrive):
         silent = now - self._heartbeat
         if self._wanted and not self.error and silent > self._silence:
             self.error = f"no heartbeat for {silent * 1e3:.0f} ms"
-        if self._bus and not self._wanted:
+        if self._idle:
             self._ask_for_current()
 
     def ping(self) -> bool:
-        """Send a request whose round-trip time can be measured; return True.
+        """Send a request whose round-trip time can be measured; return whether it was sent.
 
-        The request is for the firmware version, or with firmware 0.5 for the motor current.
+        The request is for the firmware version, or with firmware 0.5 for the motor current. It is
+        sent only if the axis is out of operation, because it can reset the watchdog timer.
         """
+        if not self._idle:
+            return False
         self._answered = False
         self._ask(self._question)
         return True
@@ -239,7 +266,7 @@ class ODrive(CanDevice, VelocityDrive):
         request, because this resets the watchdog timer, which may have expired.
         """
         if not self._wanted:
-            self._wanted, self._settling, self.error = True, True, ""
+            self._wanted, self._settling, self._idle, self.error = True, True, False, ""
             limits = codec.set_limits(self._most / self._travel, self.settings.max_current_a)
             mode = codec.set_controller_mode(codec.VELOCITY_CONTROL, codec.PASSTHROUGH)
             self._send(Command.SET_LIMITS, limits)
@@ -269,11 +296,28 @@ class ODrive(CanDevice, VelocityDrive):
             self._send(Command.SET_INPUT_VEL, codec.set_input_vel(self._velocity / self._travel))
             self._ask_for_current()
 
-    def idle(self) -> None:
-        """Command zero velocity, and take the axis out of operation."""
+    def idle(self) -> bool:
+        """Command zero velocity, and request the state IDLE; return whether it is confirmed.
+
+        The first call, and calls after the confirmation, send the request at once. Until the
+        confirmation, it is repeated after pauses of 5, 10, 20 ms and so on. With firmware 0.5, each
+        request resets the watchdog timer, also if the axis does not obey. Therefore the pauses
+        increase to twice the watchdog time.
+        """
+        if not self._bus:
+            return True
+        if self._wanted:
+            # A heartbeat in which a requested operation is not visible yet confirms nothing.
+            self._settling = not self._ready
+            self._repeat, self._pause = -math.inf, FIRST_REPEAT
         self._wanted, self._ready, self._velocity = False, False, 0.0
-        self._send(Command.SET_INPUT_VEL, codec.set_input_vel(0.0))
-        self._request(AxisState.IDLE)
+        now = self._bus.now()
+        if self._idle or now >= self._repeat:
+            self._send(Command.SET_INPUT_VEL, codec.set_input_vel(0.0))
+            self._request(AxisState.IDLE)
+            self._repeat = now + self._pause
+            self._pause = min(2.0 * self._pause, self._longest_pause)
+        return self._idle
 
     def _ask_for_current(self) -> None:
         if self.settings.torque_constant_nm_per_a and self._now - self._asked >= IQ_PERIOD:

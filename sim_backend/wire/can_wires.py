@@ -49,7 +49,7 @@ class CanWire(Wire):
         """Return the CAN frames that the host has sent since the last call."""
 
     @abstractmethod
-    def to_host(self, frames: list[can.Message]) -> None:
+    def send(self, frames: list[can.Message]) -> None:
         """Send CAN frames to the host."""
 
     def due(self) -> float:
@@ -60,15 +60,20 @@ class CanWire(Wire):
         """Pass all CAN frames that were sent since the last call to their receivers.
 
         Each device receives the frames of the host and of the other devices. The host receives the
-        frames of all devices. If the attribute `fault` is set, the fault changes the frames to the
-        host.
+        frames of all devices. A fault changes the frames from and to the host.
 
         Parameters
         ----------
         now
             Present time [s].
         """
-        for frame in self.from_host():
+        sent = self.from_host()
+        if self.to_devices:
+            sent = [self.to_devices.frame(f) for f in self.to_devices.frames(sent, now)]
+            # only the host receives error frames; without its CAN controller, it cannot send
+            is_off = any(f.is_error_frame and f.arbitration_id & BUS_OFF for f in sent)
+            sent = [f for f in sent if not (is_off or f.is_error_frame)]
+        for frame in sent:
             for device in self.devices:
                 device.receive(frame, now)
         frames: list[can.Message] = []
@@ -79,9 +84,9 @@ class CanWire(Wire):
                 if other is not device:
                     for frame in own:
                         other.receive(frame, now)
-        if self.fault:
-            frames = [self.fault.frame(f) for f in self.fault.frames(frames, now)]
-        self.to_host(frames)
+        if self.to_host:
+            frames = [self.to_host.frame(f) for f in self.to_host.frames(frames, now)]
+        self.send(frames)
 
 
 class SlcanWire(CanWire):
@@ -108,9 +113,12 @@ class SlcanWire(CanWire):
 
     def from_host(self) -> list[can.Message]:
         """Return the CAN frames that the host has sent to the adapter since the last call."""
-        return self.adapter.receive(self.port.read())
+        data = self.port.read()
+        if self.to_devices:
+            data = self.to_devices.octets(data) + self.to_devices.noise()
+        return self.adapter.receive(data)
 
-    def to_host(self, frames: list[can.Message]) -> None:
+    def send(self, frames: list[can.Message]) -> None:
         """Send the answers of the slcan adapter to the host, and then the CAN frames of the bus.
 
         An error frame (report of a CAN controller about an error on the bus) is not sent. Instead,
@@ -124,8 +132,8 @@ class SlcanWire(CanWire):
             frames = []
         heard = [frame for frame in frames if not frame.is_error_frame]
         data = self.adapter.pending() + b"".join(map(self.adapter.encode, heard))
-        if self.fault:
-            data = self.fault.octets(data) + self.fault.noise()
+        if self.to_host:
+            data = self.to_host.octets(data) + self.to_host.noise()
         self.port.write(data)
 
     def close(self) -> None:
@@ -173,7 +181,7 @@ class InterfaceWire(CanWire):
             frames.append(frame)
         return frames
 
-    def to_host(self, frames: list[can.Message]) -> None:
+    def send(self, frames: list[can.Message]) -> None:
         """Send CAN frames to the bus, and so to the host. Frames that cannot be sent are lost."""
         assert self._bus
         for frame in frames:

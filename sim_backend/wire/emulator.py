@@ -135,7 +135,7 @@ class Emulator:
         elif fault.kind == "replug":
             self.wires[fault.where].open()
         else:
-            self.wires[fault.where].fault = FAULTS[fault.kind]()
+            self.wires[fault.where].distort(FAULTS[fault.kind])
 
     def step(self, wires: Iterable[Wire] | None = None) -> None:
         """Advance the simulated telemanipulator and the emulated devices to the present time.

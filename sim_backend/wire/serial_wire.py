@@ -46,18 +46,23 @@ class SerialWire(Wire):
         """Pass the bytes of the host to the device, and frames of the device to the host.
 
         A frame of the device is stored until its transmission ends, and is then passed to the host.
+        For a fault, all bytes of the host since the last call are one frame.
 
         Parameters
         ----------
         now
             Present time [s].
         """
-        if data := self.port.read():
+        data = self.port.read()
+        if fault := self.to_devices:
+            sent = fault.frames([data] if data else [], now)
+            data = b"".join(map(fault.octets, sent)) + fault.noise()
+        if data:
             self.device.receive(data, now)
         frames = self.device.emit(now)
-        if self.fault:
-            frames = [self.fault.octets(frame) for frame in self.fault.frames(frames, now)]
-            frames.append(self.fault.noise())
+        if fault := self.to_host:
+            frames = [fault.octets(frame) for frame in fault.frames(frames, now)]
+            frames.append(fault.noise())
         for frame in frames:
             self._free = max(self._free, now) + len(frame) * self._byte_time
             self._line.append((self._free, frame))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 
 from sim_backend.wire.emulated_device import EmulatedDevice
 from sim_backend.wire.wire_faults import WireFault
@@ -16,11 +17,23 @@ class Wire(ABC):
 
     Attributes
     ----------
-    fault
-        Fault that changes the data on the way to the host; None if there is no fault.
+    to_host, to_devices
+        Faults that change the data on the way to the host and to the devices; None if there is no
+        fault.
     """
 
-    fault: WireFault | None = None
+    to_host: WireFault | None = None
+    to_devices: WireFault | None = None
+
+    def distort(self, make_fault: Callable[[], WireFault]) -> None:
+        """Apply a fault to both directions from now on. It replaces the faults before.
+
+        Parameters
+        ----------
+        make_fault
+            Function that returns a new object of the fault. It is called once per direction.
+        """
+        self.to_host, self.to_devices = make_fault(), make_fault()
 
     @abstractmethod
     def open(self) -> None:

@@ -1,4 +1,4 @@
-"""Communication faults on the way from emulated devices to the host."""
+"""Communication faults between emulated devices and the host, in one direction."""
 
 from __future__ import annotations
 
@@ -13,35 +13,36 @@ Frame = TypeVar("Frame")
 
 
 class WireFault:
-    """Base class of faults. A fault changes the frames or bytes that the host receives.
+    """Base class of faults. A fault changes the frames or bytes that a receiver receives.
 
-    The host is the program that uses the emulated devices. A frame is one message of a device.
-    Each fault is a subclass, which overrides some of the methods. The methods of this class return
-    all frames and bytes unchanged.
+    The receiver is the host, which is the program that uses the emulated devices, or the devices on
+    a wire. A frame is one message. Each direction of a wire has its own object of a fault. Each
+    fault is a subclass, which overrides some of the methods. The methods of this class return all
+    frames and bytes unchanged.
     """
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """Return the frames that the host receives now.
+        """Return the frames that are received now.
 
         Parameters
         ----------
         frames
-            Frames that the devices send now.
+            Frames that are sent now.
         now
             Present time [s].
         """
         return frames
 
     def octets(self, data: bytes) -> bytes:
-        """Return the bytes that the host receives on a serial line if a device sends `data`."""
+        """Return the bytes that are received on a serial line if `data` is sent."""
         return data
 
     def frame(self, frame: can.Message) -> can.Message:
-        """Return the CAN frame that the host receives if a device sends `frame`."""
+        """Return the CAN frame that is received if `frame` is sent."""
         return frame
 
     def noise(self) -> bytes:
-        """Return bytes that the host receives on a serial line although no device has sent them."""
+        """Return bytes that are received on a serial line although nobody has sent them."""
         return b""
 
 
@@ -73,8 +74,27 @@ class Dropped(Random):
         return [frame for frame in frames if not self.is_affected()]
 
 
+class Gaps(WireFault):
+    """Fault: all frames are lost for a short time, periodically.
+
+    Parameters
+    ----------
+    every
+        Time between the beginnings of two gaps [s].
+    length
+        Duration of a gap [s].
+    """
+
+    def __init__(self, every: float, length: float) -> None:
+        self._every, self._length = every, length
+
+    def frames(self, frames: list[Frame], now: float) -> list[Frame]:
+        """Return the given frames, or an empty list in a gap."""
+        return [] if now % self._every < self._length else frames
+
+
 class Doubled(Random):
-    """Fault: some frames, chosen at random, arrive twice at the host."""
+    """Fault: some frames, chosen at random, arrive twice."""
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
         """Return the given frames in their order. Frames chosen at random are repeated once."""
@@ -106,7 +126,7 @@ class Reordered(Random):
 
 
 class Delayed(WireFault):
-    """Fault: the host receives all frames with a constant delay.
+    """Fault: all frames are received with a constant delay.
 
     Parameters
     ----------
@@ -128,7 +148,7 @@ class Delayed(WireFault):
 
 
 class Burst(WireFault):
-    """Fault: frames are stored, and the host then receives all stored frames at once (a burst).
+    """Fault: frames are stored, and then all stored frames are received at once (a burst).
 
     Parameters
     ----------
@@ -163,7 +183,9 @@ class Truncated(Random):
 
     def frame(self, frame: can.Message) -> can.Message:
         """Return the frame. If the fault affects it, only the first half of its data remains."""
-        return with_data(frame, frame.data[: len(frame.data) // 2]) if self.is_affected() else frame
+        if frame.is_remote_frame or not self.is_affected():
+            return frame
+        return with_data(frame, frame.data[: len(frame.data) // 2])
 
 
 class WrongLength(Random):
@@ -178,7 +200,7 @@ class WrongLength(Random):
 
         If the data already have the largest length of a CAN frame, remove the last byte instead.
         """
-        if not self.is_affected():
+        if frame.is_remote_frame or not self.is_affected():
             return frame
         return with_data(frame, (frame.data + b"\x55") if len(frame.data) < 8 else frame.data[:7])
 
@@ -200,7 +222,7 @@ class Corrupted(Random):
 
 
 class Noise(Random):
-    """Fault: on a serial line, the host receives random bytes between the frames."""
+    """Fault: on a serial line, random bytes are received between the frames."""
 
     def noise(self) -> bytes:
         """Return some random bytes with the probability `share`, and otherwise no bytes."""
@@ -208,7 +230,7 @@ class Noise(Random):
 
 
 class BaudMismatch(WireFault):
-    """Fault: the host reads at half the line rate of the device, and so receives wrong bytes."""
+    """Fault: the receiver reads at half the line rate, and so receives wrong bytes."""
 
     def octets(self, data: bytes) -> bytes:
         """Return one byte with a wrong value for every two bytes of `data`."""
@@ -218,7 +240,7 @@ class BaudMismatch(WireFault):
 
 
 class Silent(WireFault):
-    """Fault: the port can be opened, but no frames arrive, as with a broken cable to the device."""
+    """Fault: the port can be opened, but no frames arrive, as with a broken cable."""
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
         """Discard the given frames, and return an empty list."""
@@ -250,6 +272,7 @@ class ErrorFrames(WireFault):
 
 FAULTS: dict[str, Callable[[], WireFault]] = {
     "drop": lambda: Dropped(0.1),
+    "gaps": lambda: Gaps(0.05, 5e-3),
     "double": lambda: Doubled(0.1),
     "reorder": lambda: Reordered(0.1),
     "delay": lambda: Delayed(0.1),

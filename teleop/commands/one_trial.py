@@ -74,7 +74,6 @@ class TrialRunner:
         from teleop.output.trial_tables import print_trial
         from teleop.printable import discard_output, print_error
         from teleop.recording.new_recording import new_recording
-        from teleop.safety.events import time_text
         from teleop.trial.run import run_trial
         from teleop.trial.stop_switch import StopSwitch
 
@@ -119,7 +118,7 @@ class TrialRunner:
         if trial.fault:
             for problem in problems:
                 print_error(problem)
-            raise SafetyStop(f"stopped {time_text(trial.fault['time'])}: {trial.fault['text']}")
+            raise SafetyStop(trial.stop_text)
         if problems:
             raise InputError("; ".join(problems))
         return 130 if trial.interrupted else 0

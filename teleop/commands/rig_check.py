@@ -45,6 +45,7 @@ def check(
     json
         Print one JSON document instead of a table.
     """
+    from drivers import NotStoppedError
     from drivers.wired_rig import WiredRig
     from teleop.control.clock import RealClock
     from teleop.errors import InputError, SafetyStop
@@ -66,18 +67,25 @@ def check(
         return 130
     tick_cost(TrialSettings(condition="autonomous"))  # the first ticks of a process are slow
     clock = RealClock(rig_file.sections.rate_hz)
-    with realtime("try") as real_time, WiredRig(rig_file, clock.now) as rig:
-        real_time.start()
-        with live_channels(sys.stderr) as show:
-            channels = listen(
-                rig,
-                clock,
-                seconds,
-                lambda reports: show([channel._asdict() for channel in reports]),
-            )
-        round_trip = dict(round_trips(rig, clock))
-        checked = None if list_problems(channels, []) else check_drives(rig, clock, move)
-        rejected = {name: dict(counts) for name, counts in rig.rejected.items()}
+    checked, unstopped = None, ""
+    try:
+        with realtime("try") as real_time, WiredRig(rig_file, clock.now) as rig:
+            real_time.start()
+            with live_channels(sys.stderr) as show:
+                channels = listen(
+                    rig,
+                    clock,
+                    seconds,
+                    lambda reports: show([channel._asdict() for channel in reports]),
+                )
+            round_trip = dict(round_trips(rig, clock))
+            if not list_problems(channels, []):
+                checked = check_drives(rig, clock, move)
+            rejected = {name: dict(counts) for name, counts in rig.rejected.items()}
+    except NotStoppedError as error:
+        if not checked:
+            raise
+        unstopped = str(error)
     drives = checked.drives if checked else []
     problems = list_problems(channels, drives)
     check = {
@@ -93,8 +101,10 @@ def check(
     else:
         print_check(check)
     if checked and checked.fault:
-        text = checked.fault["text"]
-        raise SafetyStop(f"{file}: stopped {time_text(checked.fault['time'])}: {text}")
+        text = f"stopped {time_text(checked.fault['time'])}: {checked.fault['text']}"
+        raise SafetyStop(f"{file}: {'; '.join(filter(None, (text, unstopped)))}")
+    if unstopped:
+        raise SafetyStop(f"{file}: {unstopped}")
     if checked and checked.interrupted:
         return 130
     if problems:

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable
 
-from drivers import STANDSTILL, Command, Measurement, Rig, new_tuple
+from drivers import STANDSTILL, Ages, Command, Measurement, NotStoppedError, Rig, new_tuple
 from teleop.control.alignment import Alignment, Pair
 from teleop.control.clock import Tick
 from teleop.control.conditions import Condition
@@ -201,8 +201,8 @@ class Controller:
         """Read the sensors; return the measurement, and the time since the last measurement [s].
 
         The zero offsets (tare) are subtracted from the measurement. If reading fails, the error
-        becomes a fault, and the last measurement is returned with a time one period later. If even
-        the first reading fails, the exception is raised.
+        becomes a fault, and the last measurement is returned with a time and ages one period later.
+        If even the first reading fails, the exception is raised.
         """
         last = self._measurement
         try:
@@ -212,7 +212,8 @@ class Controller:
         except BaseException as error:
             if last is None:
                 raise
-            measurement = last._replace(time=last.time + self._period)
+            age = Ages._make(age + self._period for age in last.age)
+            measurement = last._replace(time=last.time + self._period, age=age)
             self._fail(Fault.RIG_FAILURE, error, measurement.time)
         self._measurement = measurement
         if last is None:
@@ -250,9 +251,10 @@ class Controller:
     def _apply(self, verdict: Verdict, now: float) -> Command:
         """Send the command to the drives, and disable the drives if the supervisor requires it.
 
-        The drives are disabled by `Rig.idle`. If `Rig.idle` fails, it is called again at each tick
-        until it succeeds. Until it succeeds, no command is sent after a first command of zero
-        velocity, so that the watchdogs (timers in the drives) stop the drives.
+        The drives are disabled by `Rig.idle`. It is called again at each tick until it returns
+        True, that is, until the drives have confirmed that they are disabled. Until then, no
+        command is sent after a first command of zero velocity, so that the watchdogs (timers in the
+        drives) stop the drives.
 
         The argument `verdict` is the output of the supervisor, and `now` is the time of this tick
         [s]. The velocities that the drives applied are returned [m/s].
@@ -268,9 +270,11 @@ class Controller:
         if self._energised and not operating:
             self._silent = verdict.command == STANDSTILL
             try:
-                self._rig.idle()
-                self._energised = self._silent = False
+                if self._rig.idle():
+                    self._energised = self._silent = False
                 applied = STANDSTILL
+            except NotStoppedError as error:
+                self._fail(Fault.NOT_STOPPED, error, now)
             except BaseException as error:
                 error.add_note("the drives could not be disabled")
                 self._fail(Fault.RIG_FAILURE, error, now)

@@ -11,7 +11,7 @@ from teleop.files import unwritable
 from teleop.recording.mcap_writer import McapFile
 from teleop.recording.message import Layout
 from teleop.recording.recording import Recording, from_messages
-from teleop.recording.sinks import Outcome, Sink, event_record
+from teleop.recording.sinks import Outcome, Sink, event_record, reported_fault
 from teleop.safety import Event
 
 BEFORE, AFTER = 5.0, 1.0
@@ -55,8 +55,8 @@ class BlackBox(Sink):
 
     @property
     def fault(self) -> dict[str, Any] | None:
-        """Event of the first fault, as a dictionary; None if there was no fault."""
-        return next((event for event in self._events if event["fault"]), None)
+        """Event of the reported fault (see `reported_fault`); None if there was no fault."""
+        return reported_fault(self._events)
 
     def recording(self, metadata: dict[str, dict[str, str]]) -> Recording:
         """Return the stored ticks and events as a recording.

@@ -19,6 +19,7 @@ from teleop.recording.bounded_file import check_memory
 from teleop.recording.cdr import CDR
 from teleop.recording.gaps import Gap, missing_ticks
 from teleop.recording.message import REGRESSOR
+from teleop.recording.sinks import reported_fault
 from teleop.recording.stream import (
     FIELD,
     OF_GAPS,
@@ -83,11 +84,11 @@ class Recording:
 
     @property
     def fault(self) -> dict[str, Any] | None:
-        """Event of the first fault that was recorded; None if there was no fault.
+        """Event of the reported fault (see `reported_fault`); None if there was no fault.
 
         A fault is a problem for which the safety supervisor stops the drives.
         """
-        return next((event for event in self.events if event["fault"]), None)
+        return reported_fault(self.events)
 
     @property
     def estimated_channels(self) -> list[str]:

@@ -53,7 +53,7 @@ class RecordingFile:
 
     @property
     def fault(self) -> dict[str, Any] | None:
-        """Event of the first fault that was recorded; None if there was no fault.
+        """Event of the reported fault (see `reported_fault`); None if there was no fault.
 
         A fault is a problem for which the safety supervisor stops the drives.
         """

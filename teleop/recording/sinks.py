@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from teleop.json_documents import finite
-from teleop.safety import Event
+from teleop.safety import Event, Fault
 
 LONGEST_TEXT = 400
 """Largest number of characters in the text of an event."""
@@ -88,6 +89,17 @@ class Memory(Sink):
     def close(self) -> Outcome:
         """Return a result with the number of stored ticks. There is no file to close."""
         return Outcome(None, self._pushed, 0, "")
+
+
+def reported_fault(events: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
+    """Return the event of the fault that a trial reports; None if there was no fault.
+
+    This is the first fault, because later faults can be its effects. There is one exception: if
+    the slave moved after the stop, this is reported.
+    """
+    faults = [event for event in events if event["fault"]]
+    worst = (event for event in faults if event["fault"] == Fault.MOVES_AFTER_STOP)
+    return next(worst, faults[0] if faults else None)
 
 
 def event_record(event: Event) -> dict[str, Any]:

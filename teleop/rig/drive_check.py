@@ -266,8 +266,9 @@ def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
     try:
         with StopSwitch(key=True) as switch, switch.reading_keys():
             Loop(controller, clock, layout, [box], switch, settings.duration).run()
-    finally:
+    except BaseException:
         rig.idle()
+        raise
     if controller.error and not isinstance(controller.error, RigError):
         raise controller.error
     reports = [

@@ -73,6 +73,6 @@ class PausableRig(Rig):
         self.applied = STANDSTILL if self.paused else self._rig.write(command)
         return self.applied
 
-    def idle(self) -> None:
-        """Disable the drives."""
-        self._rig.idle()
+    def idle(self) -> bool:
+        """Disable the drives; return whether they have confirmed it."""
+        return self._rig.idle()

@@ -24,7 +24,6 @@ from teleop.names import CubeName
 from teleop.recording.recording import Recording
 from teleop.rig.zeroing import ForceZero
 from teleop.safety import Limits
-from teleop.safety.events import time_text
 from teleop.safety.rig_limits import rig_limits
 from teleop.trial.arming import motion_text
 from teleop.trial.run import run_trial
@@ -144,8 +143,7 @@ def touch(
             rig_maker=None if rig else lambda now: rig_away_from_cube(cube, now, sensors, seed),
         )
     if trial.fault:
-        text = trial.fault["text"]
-        raise SafetyStop(f"tare: stopped {time_text(trial.fault['time'])}: {text}")
+        raise SafetyStop(f"tare: {trial.stop_text}")
     if trial.interrupted:
         raise KeyboardInterrupt
     return zero.position + contact_position(trial.recording.estimated())

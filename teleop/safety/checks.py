@@ -8,9 +8,20 @@ from drivers import CHANNELS, Command, Measurement
 from teleop.safety.channels import DetectedFault
 from teleop.safety.events import DISCONNECTED, Fault
 from teleop.safety.limits import Limits
-from teleop.safety.state import Request, Supervision
+from teleop.safety.state import Halting, Request, Supervision
 
 CONTACT_FORCE = CHANNELS.index("contact_force")
+POSITION = "slave_position"
+REST = 0.05
+"""Time for which the slave must not move to be at rest after a stop [s]."""
+LONGEST_HALT = 0.5
+"""Longest time from a stop until the slave must be at rest [s].
+
+It is longer than the watchdog times of the drives, and the time in which friction stops a slave
+that coasts: a slave with 0.2 m/s and a friction of 0.04 times its weight coasts for 0.5 s.
+"""
+PUSHING = 0.05
+"""Smallest contact force that can push the slave after a stop, as a fraction of the soft limit."""
 GAIN_ERROR = 0.05
 """Allowed gain error of a drive, as a fraction of the commanded travel."""
 AVERAGING_TIME = 1.0
@@ -145,6 +156,55 @@ def check_limits(
             DetectedFault(Fault.NOT_FOLLOWING, "slave_position", following_error, limit, now)
         )
     return faults
+
+
+def update_halting(
+    halting: Halting | None, measurement: Measurement, limits: Limits
+) -> tuple[Halting | None, list[DetectedFault]]:
+    """Check whether the slave comes to rest after its drives were disabled.
+
+    The slave is at rest if it moved less than `Limits.rest_velocity` times `REST` within `REST`. A
+    slave without power is decelerated by its brake or by friction. The elastic specimen can push it
+    for some time. Motion in the direction of the contact force is therefore permitted. It is a
+    fault if the slave has not been at rest for `LONGEST_HALT` otherwise, and has moved by more than
+    the limit of the following error. After the slave has come to rest, its motion is not checked,
+    because a person may move it. While the position is not known, nothing is checked.
+
+    Parameters
+    ----------
+    halting
+        Motion of the slave since the stop; None if there is nothing to check.
+    measurement
+        Measurement of this tick.
+    limits
+        Limits of rig and channels.
+
+    Returns
+    -------
+    halting
+        Motion of the slave after this tick; None if the slave came to rest.
+    faults
+        The fault, if there is one.
+    """
+    now, x, f = measurement.time, measurement.slave_position, measurement.contact_force
+    if not halting or not math.isfinite(x):
+        return halting, []
+    if not measurement.age.slave_position <= limits.channels[POSITION].max_age:
+        return halting, []
+    if halting.position != halting.position:
+        return Halting(now, x, now, x), []
+    step = x - halting.position
+    if not abs(step) > limits.rest_velocity * REST:
+        return (halting if now - halting.moved < REST else None), []
+    if step * f < 0.0 and abs(f) > PUSHING * limits.soft_force:
+        return Halting(now, x, now, x), []
+    halting = halting._replace(moved=now, position=x)
+    took, travel = now - halting.since, x - halting.start
+    if took <= LONGEST_HALT or not abs(travel) > limits.following_error:
+        return halting, []
+    source = f"{took:.1f} s"
+    limit = limits.following_error
+    return halting, [DetectedFault(Fault.MOVES_AFTER_STOP, source, travel, limit, halting.since)]
 
 
 def check_command(desired: Command, now: float) -> list[DetectedFault]:

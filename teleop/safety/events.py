@@ -38,6 +38,8 @@ class Fault(StrEnum):
     that the cause is reported first.
     """
 
+    MOVES_AFTER_STOP = "motion after a stop"
+    NOT_STOPPED = "stop not confirmed"
     EMERGENCY_STOP = "emergency stop"
     RIG_FAILURE = "rig failure"
     DRIVE_ERROR = "drive error"
@@ -155,6 +157,11 @@ def describe(fault: Fault, source: str, value: float, limit: float) -> str:
         return (
             f"the slave does not follow its command: {value * 1e3:.3g} mm behind it, "
             f"at most {limit * 1e3:.3g} mm"
+        )
+    if fault is Fault.MOVES_AFTER_STOP:
+        return (
+            f"the slave moves although its drives are disabled: {value * 1e3:.3g} mm since the "
+            f"stop, without coming to rest for {source}: use the hardware emergency stop"
         )
     if fault is Fault.OVERRUN:
         return f"the loop overran: {source}; other programs on the machine can be the cause"

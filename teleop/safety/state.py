@@ -37,6 +37,19 @@ NO_REQUEST = Request()
 """Input of the supervisor at a tick without a request."""
 
 
+class Halting(NamedTuple):
+    """Motion of the slave since its drives were disabled, until it has come to rest."""
+
+    since: float
+    """Time of the stop, or the latest time at which the specimen pushed the slave [s]."""
+    start: float
+    """Position of the slave at the time `since` [m]."""
+    moved: float
+    """Latest time at which the slave was seen to move [s]."""
+    position: float
+    """Position of the slave at the time `moved` [m]."""
+
+
 class Supervision(NamedTuple):
     """State of the safety supervisor after a tick, which is its input at the next tick."""
 
@@ -69,8 +82,18 @@ class Supervision(NamedTuple):
     `update_clock_drift`."""
     channel_states: tuple[ChannelState, ...] = (ChannelState(),) * len(CHANNELS)
     """State of the check of each channel, in the order of `CHANNELS`."""
+    halting: Halting | None = None
+    """Motion of the slave after a stop; None before a stop, and after the slave came to rest."""
     causes: tuple[DetectedFault, ...] = ()
     """The first fault of each kind, in the order of detection; empty unless the mode is fault."""
+
+    @property
+    def enabled(self) -> bool:
+        """Whether the drives remain enabled after the tick, if they were enabled.
+
+        They remain enabled in the modes active and stopping, and while the command is not zero.
+        """
+        return self.mode is ACTIVE or self.mode is STOPPING or self.applied != STANDSTILL
 
     @property
     def immediate(self) -> bool:
@@ -97,10 +120,5 @@ class Verdict(NamedTuple):
 
     @property
     def enabled(self) -> bool:
-        """Whether the drives must remain enabled. If False, the controller disables them.
-
-        The drives remain enabled in the modes active and stopping, and while the command is not
-        zero.
-        """
-        mode = self.state.mode
-        return mode is ACTIVE or mode is STOPPING or self.command != STANDSTILL
+        """Whether the drives must remain enabled. If False, the controller disables them."""
+        return self.state.enabled

@@ -19,6 +19,7 @@ from teleop.safety.checks import (
     check_rest,
     update_clock_drift,
     update_following_error,
+    update_halting,
     update_skipped_fraction,
 )
 from teleop.safety.events import (
@@ -34,7 +35,7 @@ from teleop.safety.events import (
 )
 from teleop.safety.limits import Limits
 from teleop.safety.soft_limits import limit_command, ramp_down
-from teleop.safety.state import Request, Supervision, Verdict
+from teleop.safety.state import Halting, Request, Supervision, Verdict
 
 ROUNDING = 1e-6
 """Tolerance for rounding errors of times [s]."""
@@ -73,6 +74,8 @@ def supervise(
     skipped_fraction = update_skipped_fraction(state, request, dt)
     drift = update_clock_drift(state, request, dt, limits)
     position = measurement.slave_position
+    enabled = state.enabled
+    halting, moving = update_halting(state.halting, measurement, limits)
     if state.mode is FAULT:
         state = state._replace(
             time=now,
@@ -80,13 +83,15 @@ def supervise(
             following_error=following_error,
             skipped_fraction=skipped_fraction,
             drift=drift,
+            halting=halting,
         )
-        faults = list(request.faults)
+        faults = [*moving, *request.faults]
         if state.applied != STANDSTILL:
             faults += check_motion(
                 measurement, dt, following_error, skipped_fraction, drift, limits
             )
-        return stop_for_faults(state, faults, dt, request.halt, limits)
+        verdict = stop_for_faults(state, faults, dt, request.halt, limits)
+        return halted(verdict, enabled, measurement)
 
     applied = state.applied
     travels = (0.0, abs(applied[0]) * dt, abs(applied[1]) * dt, 0.0, state.velocity_change)
@@ -94,6 +99,7 @@ def supervise(
         state.channel_states, measurement, travels, limits.channels
     )
     faults += check_motion(measurement, dt, following_error, skipped_fraction, drift, limits)
+    faults += moving
     faults += request.faults
     if state.mode is ACTIVE:
         faults += check_command(desired, now)
@@ -112,8 +118,10 @@ def supervise(
             skipped_fraction,
             drift,
             channel_states,
+            halting,
         )
-        return stop_for_faults(state, faults, dt, request.halt, limits)
+        verdict = stop_for_faults(state, faults, dt, request.halt, limits)
+        return halted(verdict, enabled, measurement)
 
     mode, command, limited, text = state.mode, STANDSTILL, 0, ""
     if mode is ACTIVE and not request.stop:
@@ -153,10 +161,30 @@ def supervise(
         skipped_fraction,
         drift,
         channel_states,
+        halting,
         (),
     )
     state = new_tuple(Supervision, values)
-    return new_tuple(Verdict, (state, command, limited, events, arm))
+    verdict = new_tuple(Verdict, (state, command, limited, events, arm))
+    return verdict if mode is ACTIVE else halted(verdict, enabled, measurement)
+
+
+def halted(verdict: Verdict, enabled: bool, measurement: Measurement) -> Verdict:
+    """Return the output of the supervisor; if it disables the drives, its state observes the halt.
+
+    Parameters
+    ----------
+    verdict
+        Output of `supervise` at this tick.
+    enabled
+        Whether the drives were enabled at the previous tick.
+    measurement
+        Measurement of this tick.
+    """
+    if not enabled or verdict.enabled:
+        return verdict
+    now, x = measurement.time, measurement.slave_position
+    return verdict._replace(state=verdict.state._replace(halting=Halting(now, x, now, x)))
 
 
 def activate(verdict: Verdict) -> Verdict:
@@ -171,7 +199,7 @@ def activate(verdict: Verdict) -> Verdict:
         Output of `supervise` at this tick. Its attribute `arm` is True.
     """
     now = verdict.state.time
-    state = verdict.state._replace(mode=ACTIVE, since=now, following_error=0.0)
+    state = verdict.state._replace(mode=ACTIVE, since=now, following_error=0.0, halting=None)
     return Verdict(state, STANDSTILL, events=(Event(now, ACTIVE, "armed"),))
 
 

@@ -15,7 +15,7 @@ from teleop.control.controller import Controller
 from teleop.recording.black_box import AFTER
 from teleop.recording.message import Layout
 from teleop.recording.sinks import Sink
-from teleop.safety.events import ACTIVE, FAULT, IDLE
+from teleop.safety.events import ACTIVE, FAULT, IDLE, Event, Fault
 from teleop.trial.stop_switch import StopSwitch
 
 END = "end of the trial"
@@ -70,6 +70,10 @@ class Loop:
         self._armed = False
         self._begin = 0.0
         """Time from which the duration of the trial is measured [s]."""
+        self._time = 0.0
+        """Time of the latest tick [s]."""
+        self._unstopped = False
+        """Whether the drives have not confirmed a stop."""
         self._elapsed = 0
         """Number of periods of the clock so far, including skipped periods."""
         self._leave = math.inf
@@ -91,6 +95,17 @@ class Loop:
         while self.step():
             pass
 
+    def end_unstopped(self, text: str) -> None:
+        """Pass the fault to the sinks that a drive did not confirm the stop after the last tick.
+
+        `text` describes the fault. If it was detected in the loop already, nothing is passed.
+        """
+        if not self._unstopped:
+            now, source = self._time, Fault.NOT_STOPPED
+            event = Event(now, FAULT, f"{source}: {text}", source, text, since=now)
+            for sink in self._sinks:
+                sink.event(event)
+
     def step(self) -> bool:
         """Run one tick (period of the control loop), and return whether the loop continues.
 
@@ -110,9 +125,11 @@ class Loop:
             sink.push(message)
         self.ticks += 1
         self._elapsed += 1 + tick.skipped
+        self._time = record.t
         for event in record.events:
             for sink in self._sinks:
                 sink.event(event)
+            self._unstopped |= event.fault is Fault.NOT_STOPPED
             if event.mode is ACTIVE:
                 self._armed, self._begin = True, event.time
             elif event.mode is FAULT:

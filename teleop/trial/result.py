@@ -15,6 +15,7 @@ from teleop.recording.gaps import gap_rows, missing_text
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
 from teleop.recording.sinks import Outcome
+from teleop.safety.events import Fault, time_text
 from teleop.trial.metadata import estimated_channels
 from teleop.trial.settings import TrialSettings
 from teleop.trial.tracked import tracked_ticks, tracking_of
@@ -53,13 +54,28 @@ class Trial(Presented):
     realtime: dict[str, str]
     """Result of each real-time setting by name: `done`, or the reason why it was not applied."""
     fault: dict[str, Any] | None
-    """Event of the first fault; None if there was no fault."""
+    """Event of the reported fault: the first one, or that the slave moved after the stop. None if
+    there was no fault."""
     rejected: dict[str, dict[str, int]]
     """Number of rejected CAN or serial frames, by device of the rig and reason."""
     black_box: Path | None
     """Folder with the ticks before and after a fault (black box); None if none was written."""
     black_box_problem: str = ""
     """Reason why the black box could not be written; empty if there was no such problem."""
+
+    @property
+    def stop_text(self) -> str:
+        """One line that states why the trial was stopped; empty if there was no fault.
+
+        It also states if the drives did not confirm the stop, or if the slave moved after it.
+        """
+        if not self.fault:
+            return ""
+        faults = [event for event in self.ticks.events if event["fault"]] or [self.fault]
+        grave = (Fault.MOVES_AFTER_STOP, Fault.NOT_STOPPED)
+        texts = [faults[0]["text"]]
+        texts += [event["text"] for event in faults[1:] if event["fault"] in grave]
+        return f"stopped {time_text(faults[0]['time'])}: {'; '.join(texts)}"
 
     @cached_property
     def recording(self) -> Recording:
@@ -275,7 +291,11 @@ class Trial(Presented):
             "loop": found.loop,
             "safety": {
                 "fault": self.fault,
-                "further_faults": [e["text"] for e in self.ticks.events if e["fault"]][1:],
+                "further_faults": [
+                    event["text"]
+                    for event in self.ticks.events
+                    if event["fault"] and event["text"] != (self.fault or {}).get("text")
+                ],
                 "limited_ticks": found.limited,
             },
             "realtime": self.realtime,

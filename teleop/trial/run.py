@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from drivers import Rig, RigError
+from drivers import NotStoppedError, Rig, RigError
 from sim_backend import SimulatedRig
 from teleop.control.conditions import Condition
 from teleop.errors import InputError
@@ -163,6 +163,10 @@ def run_trial(
                 loop.run()
                 switch.clean_up()
                 rejected = {name: dict(counts) for name, counts in rig.rejected.items()}
+        except NotStoppedError as unstopped:
+            if not loop:
+                raise
+            loop.end_unstopped(str(unstopped))
         except RigError:
             if not loop or not (loop.error or box.fault):
                 raise

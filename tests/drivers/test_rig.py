@@ -38,6 +38,7 @@ class Recorder(Rig):
 
     def idle(self):
         self.call("idle")
+        return True
 
     def close(self):
         self.call("close")

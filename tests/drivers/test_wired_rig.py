@@ -7,12 +7,12 @@ from typing import Literal
 
 import pytest
 
-from drivers import STANDSTILL, Command, RigError
+from drivers import STANDSTILL, Command, NotStoppedError, RigError
 from drivers import rig_file as module
 from drivers import wired_rig as wiring
 from drivers.device import Device, DeviceSettings, Sample, VelocityDrive
 from drivers.transports.bus import Bus
-from drivers.wired_rig import ENABLING, WiredRig
+from drivers.wired_rig import ENABLING, STOPPING, WiredRig
 
 TEXT = """
 name = "fake"
@@ -66,6 +66,7 @@ class FakeDrive(VelocityDrive):
         self.calls = []
         self.ready = True
         self.failing = False
+        self.confirming = True
 
     def enable(self):
         self.calls.append("enable")
@@ -79,6 +80,7 @@ class FakeDrive(VelocityDrive):
         self.calls.append("idle")
         if self.failing:
             raise RigError("the port is gone")
+        return self.confirming
 
 
 class FakeSettings(DeviceSettings):
@@ -214,6 +216,48 @@ def test_every_drive_is_idled_even_if_one_cannot_be(rig, device):
         rig.idle()
     assert all(drive.calls[-1] == "idle" for drive in device.drives.values())
     assert rig.write(Command(0.1, 0.1)) == STANDSTILL
+
+
+def test_a_stop_is_repeated_at_the_close_until_the_drives_confirm_it(rig, device, time):
+    rig.enable()
+    slave = device.drives["b"]
+    slave.confirming = False
+    assert not rig.idle()
+    rig.buses["wire"].pump = lambda: setattr(slave, "confirming", time.now > 5.2)
+    rig.close()
+    assert slave.calls.count("idle") > 50
+    assert rig.idle()
+
+
+def test_a_drive_that_does_not_confirm_a_stop_is_named(rig, device, time):
+    rig.enable()
+    device.drives["b"].confirming = False
+    assert not rig.idle()
+    with pytest.raises(NotStoppedError, match=r"drive slave: no confirmation within 0.5 s"):
+        rig.close()
+    assert time.now > 5.0 + STOPPING
+    assert rig.enable()
+    assert not rig.idle()
+
+
+def test_a_bus_that_fails_does_not_keep_the_others_from_being_read(rig, device, time):
+    class Failing(FakeBus):
+        def poll(self):
+            raise RigError("first: the port is gone")
+
+    read = []
+    rig.buses["wire"].poll = lambda: read.append(time.now)
+    rig.buses = {"first": Failing("first", time), **rig.buses}
+    with pytest.raises(RigError, match="first: the port is gone"):
+        rig.read()
+    assert read
+
+
+def test_a_rig_that_was_not_enabled_is_closed_without_waiting(rig, device, time):
+    device.drives["b"].confirming = False
+    rig.idle()
+    rig.close()
+    assert time.now == 5.0
 
 
 def test_opening_waits_for_the_first_sample_of_every_channel(rig, device, time):

@@ -11,7 +11,6 @@ from typing import Any
 from drivers import RigError
 from teleop.errors import InputError, SafetyStop
 from teleop.files import make_folder
-from teleop.safety.events import time_text
 from teleop.studies.json_lines import LOCK, locked
 from teleop.studies.series.journal import INTERRUPTED, NAME, RECORDINGS, Journal
 from teleop.studies.series.plan import Plan
@@ -253,7 +252,7 @@ def spoilt(trial: Trial) -> BaseException | None:
     complete.
     """
     if trial.fault:
-        return SafetyStop(f"stopped {time_text(trial.fault['time'])}: {trial.fault['text']}")
+        return SafetyStop(trial.stop_text)
     if trial.interrupted:
         return KeyboardInterrupt(INTERRUPTED)
     return InputError(trial.incomplete) if trial.incomplete else None

@@ -483,15 +483,26 @@ def test_the_drive_sends_only_the_two_mapped_pdos():
     [
         ((0x1000, 0), 0x00020191, r"object 1000h:00 is 0x20191: expected profile 402"),
         ((0x6502, 0), 0x0004, r"object 6502h:00 is 0x4: expected bit 8, cyclic synchronous vel"),
-        ((0x1018, 1), 0x11, r"object 1018h:01 is 0x11: expected vendor_id 0xFB"),
+        ((0x1018, 1), 0x11, r"object 1018h:01 is 0x11: expected vendor_id 0x9A"),
         ((0x1018, 2), 0x12, r"object 1018h:02 is 0x12: expected product_code 0x60"),
     ],
 )
 def test_another_device_is_refused_in_one_line(at, value, message):
-    bench = Bench(settings(vendor_id=0xFB, product_code=0x60))
+    bench = Bench(settings(vendor_id=0x9A, product_code=0x60))
     bench.drive.objects[at].value = value
     with pytest.raises(RigError, match=rf"^drive0: node 5 on can0: {message}[^\n]*$"):
         bench.start()
+
+
+@pytest.mark.parametrize("stated", [None, 0xFB])
+def test_a_drive_whose_torque_has_another_unit_is_refused_before_it_is_set_up(stated):
+    bench = Bench(settings(vendor_id=stated))
+    bench.drive.objects[0x1018, 1].value = 0xFB
+    before = {at: e.value for at, e in bench.drive.objects.items() if e.writable}
+    expected = r"drive0: node 5 on can0: drive of maxon \(EPOS\), vendor id 0xFB: not supported: "
+    with pytest.raises(RigError, match=expected):
+        bench.start()
+    assert {at: e.value for at, e in bench.drive.objects.items() if e.writable} == before
 
 
 def test_a_drive_that_does_not_accept_the_mode_is_refused():

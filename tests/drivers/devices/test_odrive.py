@@ -74,9 +74,12 @@ class Bench:
         self.carriage = Carriage()
         self.odrive = ODrive("slave", settings(firmware, **changes))
         self.axis = EmulatedODrive("slave", settings(other or firmware), self.carriage)
-        self.now = 0.0
+        self.time = 0.0
         self.severed = False
         self.sent: list[can.Message] = []
+
+    def now(self) -> float:
+        return self.time
 
     def send(self, identifier: int, data: bytes, extended: bool = False) -> None:
         self._pass(
@@ -93,18 +96,18 @@ class Bench:
     def _pass(self, frame: can.Message) -> None:
         self.sent.append(frame)
         if not self.severed:
-            self.axis.receive(frame, self.now)
+            self.axis.receive(frame, self.time)
 
     def tick(self) -> None:
-        self.now += TICK
+        self.time += TICK
         self.carriage.readings["position"] += self.carriage.readings["velocity"] * TICK
-        for frame in self.axis.emit(self.now):
+        for frame in self.axis.emit(self.time):
             if not self.severed and frame.arbitration_id in self.odrive.identifiers():
-                self.odrive.receive(frame, self.now)
+                self.odrive.receive(frame, self.time)
 
     def wait_for(self, condition: Callable[[], object], seconds: float) -> bool:
-        end = self.now + seconds
-        while not condition() and self.now <= end:
+        end = self.time + seconds
+        while not condition() and self.time <= end:
             self.tick()
         return bool(condition())
 
@@ -112,7 +115,7 @@ class Bench:
         """Run a tick of a rig; without a velocity there is no command."""
         for _ in range(round(seconds / TICK)):
             self.tick()
-            self.odrive.update(self.now)
+            self.odrive.update(self.time)
             if velocity is not None:
                 self.odrive.command(velocity)
                 self.odrive.transmit()
@@ -135,7 +138,7 @@ class Bench:
             is_remote_frame=remote,
             is_extended_id=False,
         )
-        self.odrive.receive(frame, self.now)
+        self.odrive.receive(frame, self.time)
 
     @property
     def velocity(self) -> float:
@@ -195,7 +198,7 @@ def test_reads_position_velocity_and_force_in_si_units(firmware: str) -> None:
     values = {signal: sample.value for signal, sample in bench.odrive.samples.items()}
     assert values == pytest.approx({"position": 0.0125, "velocity": 0.04, "force": -7.5}, rel=1e-6)
     for sample in bench.odrive.samples.values():
-        assert bench.now - sample.time < 5e-3
+        assert bench.time - sample.time < 5e-3
     assert bench.odrive.signals() == {"position": "m", "velocity": "m/s", "force": "N"}
 
 
@@ -321,7 +324,7 @@ def test_missing_heartbeats_are_an_error(firmware: str) -> None:
 def test_heartbeats_delayed_by_the_host_do_not_count_as_missing(firmware: str) -> None:
     bench = enabled(firmware)
     bench.from_axis(0x01, bytes([0, 0, 0, 0, 8, 0, 0, 0]))
-    bench.odrive.update(bench.now + 1.0)
+    bench.odrive.update(bench.time + 1.0)
     assert not bench.odrive.error
 
 

@@ -44,12 +44,13 @@ def test_a_fault_starts_at_its_time_after_the_drives_were_enabled(tmp_path):
     clock = Clock()
     emulated = emulator("serial-board", tmp_path, clock, PlannedFault("silence", "usb", 0.5))
     run(emulated, clock, 1.0)
-    assert emulated.wires["usb"].fault is None
+    assert emulated.wires["usb"].to_devices is None
     emulated.mechanism.drive("slave", 0.0)
     run(emulated, clock, 0.49)
-    assert emulated.wires["usb"].fault is None
+    assert emulated.wires["usb"].to_devices is None
     run(emulated, clock, 0.05)
-    assert isinstance(emulated.wires["usb"].fault, Silent)
+    assert isinstance(emulated.wires["usb"].to_host, Silent)
+    assert isinstance(emulated.wires["usb"].to_devices, Silent)
 
 
 def test_a_device_that_is_reset_is_a_new_one_on_the_same_wire(tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import ClassVar
 
@@ -56,6 +57,8 @@ class SpyRig(Rig):
 
     def __init__(self, failing: str = "", always: bool = False, **overrides: float) -> None:
         self.tick = -1
+        self.unconfirmed: Sequence[int] = ()
+        """Ticks at which `idle` is not confirmed."""
         self.always = always
         self.failing = failing
         self.overrides = overrides
@@ -72,6 +75,7 @@ class SpyRig(Rig):
 
     def idle(self):
         self.calls.append(f"idle at {self.tick}")
+        return self.tick not in self.unconfirmed
 
     def channels(self, n):
         t = TIMES[n]
@@ -441,9 +445,10 @@ class StuckRig(SpyRig):
         return super().write(command)
 
     def idle(self):
-        super().idle()
+        confirmed = super().idle()
         if self.tick in self.no_idle:
             raise OSError("idle: the cable is out")
+        return confirmed
 
 
 @pytest.mark.parametrize("no_write", [(), range(200, 205)])
@@ -458,6 +463,17 @@ def test_idle_is_repeated_until_it_succeeds_and_no_commands_are_sent_meanwhile(n
     assert [tick for tick in rig.fed if 200 <= tick <= 230] == ([] if no_write else [200])
     assert all(command == Command(0.0, 0.0) for command in rig.written[200:])
     assert not recording["applied_slave_velocity"][200:].any()
+
+
+def test_idle_is_repeated_until_the_drives_confirm_it_and_no_commands_are_sent_meanwhile():
+    rig = StuckRig(contact_force=100.0)
+    rig.unconfirmed = range(200, 230)
+    _, events = record(rig, make(rig))
+    assert {event.fault for event in events if event.fault} == {Fault.FORCE_LIMIT}
+    assert [call for call in rig.calls if call.startswith("idle")] == [
+        f"idle at {tick}" for tick in range(200, 231)
+    ]
+    assert [tick for tick in rig.fed if 200 <= tick <= 230] == [200]
 
 
 def test_a_failed_condition_does_not_hide_an_emergency_stop_or_a_rig_failure():

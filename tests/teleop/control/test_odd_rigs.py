@@ -48,7 +48,7 @@ class OddRig(SimulatedRig):
     def idle(self):
         # number of the read at the first call; the call at the end comes 200 reads later
         self.idled = min(getattr(self, "idled", math.inf), self.calls["read"])
-        super().idle()
+        return super().idle()
 
     def write(self, command):
         return self.attempt("write", super().write, command)

@@ -262,9 +262,10 @@ class Spy(SimulatedRig):
         Spy.last = self
 
     def idle(self):
-        super().idle()
+        confirmed = super().idle()
         self.calls.append("idle")
         assert self._applied == STANDSTILL
+        return confirmed
 
     def enable(self):
         self.calls.append("enable")

@@ -8,11 +8,12 @@ tick is spent in the system's calls.
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -21,7 +22,7 @@ from typing import Any, ClassVar
 import pytest
 
 from drivers import Measurement
-from drivers.rig_file import RigFile, read_rig_file
+from drivers.rig_file import RigFile, parse_rig_file, read_rig_file
 from drivers.wired_rig import WiredRig
 from sim_backend.wire.emulator import Emulator, PlannedFault, host_file
 from sim_backend.wire.mechanism import NEVER
@@ -78,31 +79,39 @@ class SteppedRig(WiredRig):
         self._ahead += seconds
         time.sleep(seconds)
 
-    def open(self) -> None:
-        """Open while the emulator runs in a thread: opening an adapter waits in real time."""
-        self.emulator.__enter__()
-        opened = threading.Event()
+    @contextlib.contextmanager
+    def served(self) -> Iterator[None]:
+        """Run the emulator in a thread, while the rig waits in real time."""
+        done = threading.Event()
 
         def serve() -> None:
-            while not opened.wait(0.5e-3):
+            while not done.wait(0.5e-3):
                 self.emulator.step()
 
         thread = threading.Thread(target=serve)
         thread.start()
         try:
-            super().open()
+            yield
         finally:
-            opened.set()
+            done.set()
             thread.join()
+
+    def open(self) -> None:
+        self.emulator.__enter__()
+        with self.served():
+            super().open()
 
     def read(self) -> Measurement:
         self.emulator.step()
         return super().read()
 
     def close(self) -> None:
-        super().close()
-        self.emulator.__exit__(None, None, None)
-        self._temporary.cleanup()
+        try:
+            with self.served():
+                super().close()
+        finally:
+            self.emulator.__exit__(None, None, None)
+            self._temporary.cleanup()
 
 
 class Line:
@@ -170,6 +179,10 @@ class RigInMemory(SteppedRig):
         self._ahead += seconds
         self.emulator.step()
 
+    @contextlib.contextmanager
+    def served(self) -> Iterator[None]:
+        yield
+
     def open(self) -> None:
         self.emulator.__enter__()
         for wire in self.emulator.wires.values():
@@ -205,10 +218,15 @@ def stepped_trial(
     rewrite: Callable[[str], str] = str,
     kind: type[SteppedRig] = SteppedRig,
     rate: float | None = None,
+    edit: Callable[[str], str] = str,
     **settings: Any,
 ) -> SteppedTrial:
-    """A trial on one of the example rigs, at the rate of its file if no other rate is given."""
-    file = read_rig_file(RIGS / f"{name}.toml")
+    """A trial on one of the example rigs, at the rate of its file if no other rate is given.
+
+    `edit` changes the text of the rig file, for the emulated devices and for the host.
+    """
+    path = RIGS / f"{name}.toml"
+    file = parse_rig_file(path, edit(path.read_text()))
     made = TrialSettings(
         condition=condition,
         clock="virtual",

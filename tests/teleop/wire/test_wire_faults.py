@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from drivers import RigError
+from drivers import NotStoppedError, RigError
 from sim_backend.wire.emulator import PlannedFault
 from sim_backend.wire.wire_faults import FAULTS, BaudMismatch, Burst
-from teleop.safety import Fault, Mode
+from teleop.safety import Fault, Mode, Request
+from teleop.safety.channels import DetectedFault
+from teleop.trial.assembly import make_clock, make_controller
 
 AT = 0.2
 """Time of a fault after the drives were enabled [s]."""
+KEY = DetectedFault(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan)
 RATE = 500.0
 """Rate of the loop [Hz]."""
 
@@ -56,8 +61,14 @@ def check_stopped(trial, emulator):
     assert not emulator.mechanism.driven
 
 
-@pytest.mark.parametrize("kind", ["drop", "double", "reorder", "truncate", "length"])
-@pytest.mark.parametrize("wired", [BOARD, ODRIVE], ids=["usb", "can"])
+@pytest.mark.parametrize(
+    ("wired", "kind"),
+    [
+        *((wired, kind) for kind in ("drop", "gaps", "double", "reorder") for wired in WIRES[:2]),
+        (BOARD, "truncate"),
+        (BOARD, "length"),
+    ],
+)
 def test_occasional_lost_duplicated_or_corrupt_frames_do_not_stop_the_run(in_memory, wired, kind):
     trial, _ = run(in_memory, wired, kind)
     assert trial.fault is None
@@ -74,7 +85,7 @@ def test_noise_on_a_line_with_checksums_loses_only_the_affected_frames(in_memory
     assert ages.max() < 0.02
 
 
-@pytest.mark.parametrize("kind", ["corrupt", "noise"])
+@pytest.mark.parametrize("kind", ["corrupt", "noise", "truncate", "length"])
 @pytest.mark.parametrize("wired", [ODRIVE, CIA402], ids=["can", "drives"])
 def test_noise_on_an_slcan_line_without_checksums_is_tolerated_or_stops_the_rig(
     in_memory, wired, kind
@@ -133,7 +144,7 @@ def test_a_line_at_another_baud_rate_is_reported_at_the_start(stepped, wired, mo
     monkeypatch.setattr("drivers.devices.board.PATIENCE", 0.5)
 
     def mismatch(emulator):
-        emulator.wires[wired.bus].fault = BaudMismatch()
+        emulator.wires[wired.bus].distort(BaudMismatch)
 
     with pytest.raises(RigError, match="baud|is not acknowledged"):
         stepped(wired.rig, prepare=mismatch).run()
@@ -145,6 +156,81 @@ def test_bus_off_is_reported(in_memory, wired):
     assert trial.fault["fault"] == Fault.RIG_FAILURE
     assert "is off" in trial.fault["text"]
     check_stopped(trial, emulator)
+
+
+def odrive_of_firmware_05(text):
+    return text.replace('"0.6"', '"0.5"\ntorque_constant_nm_per_a = 0.04')
+
+
+def stopped_without_commands(in_memory, seconds):
+    """Stop an ODrive of firmware 0.5 with a torque constant; lose all frames to it from then on.
+
+    Return the travel of the slave [m], the drives that are enabled, and the faults.
+    """
+    emulators = []
+    trial = in_memory("odrive-reaction-force", edit=odrive_of_firmware_05, prepare=emulators.append)
+    clock, bank = make_clock(trial.settings), trial.settings.estimation_preset.bank()
+    with contextlib.suppress(NotStoppedError), trial.make_rig(clock.now) as rig:
+        (emulator,) = emulators
+        device, lost_until = emulator.devices["slave"], -math.inf
+        receive = device.receive
+        device.receive = lambda frame, now: now < lost_until or receive(frame, now)
+        controller = make_controller(trial.settings, rig, bank, clock)
+        for n in range(1500):
+            tick, stop = clock.wait(), n == 430
+            if stop:
+                start, lost_until = emulator.mechanism.rig.plant.slave.x, rig.present() + seconds
+                assert abs(emulator.mechanism.rig.plant.slave.v) > 5e-3
+            controller.tick(tick, Request(arm=True, faults=(KEY,) * stop))
+        travel = emulator.mechanism.rig.plant.slave.x - start
+    faults = [cause.fault for cause in controller._supervision.causes]
+    return travel, emulator.mechanism.driven, faults
+
+
+@pytest.mark.parametrize("lost", [3e-3, 0.02, 1.0])
+def test_an_odrive_that_loses_the_stop_request_is_stopped_nevertheless(in_memory, lost):
+    travel, driven, faults = stopped_without_commands(in_memory, lost)
+    assert abs(travel) < 1e-3
+    assert not driven
+    assert faults == [Fault.EMERGENCY_STOP]
+
+
+def disobedient(emulator):
+    """Make the slave's ODrive ignore every stop, and its watchdog."""
+    device = emulator.devices["slave"]
+    device._expired = lambda now: False
+    enter = device._enter
+    device._enter = lambda state, now: None if emulator.mechanism.driven else enter(state, now)
+
+
+def test_an_odrive_that_does_not_confirm_the_end_of_a_trial_is_a_safety_stop(in_memory):
+    trial = in_memory("odrive-reaction-force", duration=0.3, rate=RATE, prepare=disobedient).run()
+    assert trial.fault["fault"] == Fault.NOT_STOPPED
+    assert "drive slave: no confirmation within 0.5 s" in trial.stop_text
+    assert trial.recording.events[-1]["fault"] == Fault.NOT_STOPPED
+
+
+def test_an_odrive_that_moves_on_after_a_fault_is_reported_as_the_worst_fault(
+    in_memory, monkeypatch
+):
+    monkeypatch.setattr("teleop.trial.loop.AFTER", 0.8)
+
+    def prepare(emulator):
+        disobedient(emulator)
+        set_value = emulator.devices["slave"]._set
+
+        def keep_moving(command, data, now):
+            set_value(command, data, now)
+            if now > emulator._started + AT:
+                emulator.devices["slave"]._input_vel = -2.0
+
+        emulator.devices["slave"]._set = keep_moving
+
+    trial = in_memory("odrive-reaction-force", duration=0.45, rate=RATE, prepare=prepare).run()
+    assert trial.fault["fault"] == Fault.MOVES_AFTER_STOP
+    assert ": the slave does not follow its command: " in trial.stop_text
+    assert "the slave moves although its drives are disabled: -" in trial.stop_text
+    assert "use the hardware emergency stop" in trial.stop_text
 
 
 def test_error_frames_do_not_stop_the_run_while_other_frames_arrive(in_memory):

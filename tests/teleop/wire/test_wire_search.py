@@ -72,9 +72,21 @@ def check(record, limits, before):
     assert command == STANDSTILL or not dangerous
 
 
-@pytest.mark.parametrize("name", ["serial-board", "odrive-bota", "cia402-ft300"])
-def test_no_sequence_of_wire_faults_and_requests_leaves_a_wired_rig_moving(stepped, name):
-    trial = stepped(name, duration=2.0)
+def odrive_of_firmware_05(text):
+    return text.replace('"0.6"', '"0.5"\ntorque_constant_nm_per_a = 0.04')
+
+
+@pytest.mark.parametrize(
+    ("name", "edit"),
+    [
+        ("serial-board", str),
+        ("odrive-bota", str),
+        ("odrive-reaction-force", odrive_of_firmware_05),
+        ("cia402-ft300", str),
+    ],
+)
+def test_no_sequence_of_wire_faults_and_requests_leaves_a_wired_rig_moving(stepped, name, edit):
+    trial = stepped(name, duration=2.0, edit=edit)
     limits = trial.settings.limits
 
     @settings(
@@ -92,7 +104,7 @@ def test_no_sequence_of_wire_faults_and_requests_leaves_a_wired_rig_moving(stepp
     )
     def search(faults, stop, stop_at, rearm):
         clock, emulators = make_clock(trial.settings), []
-        case = stepped(name, duration=2.0, faults=faults, prepare=emulators.append)
+        case = stepped(name, duration=2.0, faults=faults, prepare=emulators.append, edit=edit)
         with contextlib.suppress(RigError), case.make_rig(clock.now) as rig:
             # a rig whose port is missing cannot be closed without an error
             run(case, rig, clock, emulators[0], stop, stop_at, rearm)
