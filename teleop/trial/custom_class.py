@@ -103,12 +103,12 @@ def create_condition(stated: CustomClass) -> Condition:
         kind: Any = importlib.import_module(stated.module)
         for name in stated.name.split("."):
             kind = getattr(kind, name)
-    except (ImportError, AttributeError) as error:
-        raise InputError(f"{what}: cannot be imported: {error}") from error
-    if not (isinstance(kind, type) and issubclass(kind, Condition)):
+        condition = kind(**stated.parameters)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # also SystemExit, which would end the program without a message
+        text = " ".join(str(error).split())
+        raise InputError(f"{what}: cannot be created: {type(error).__name__}: {text}") from error
+    if not isinstance(condition, Condition):
         raise InputError(f"{what}: expected a class derived from Condition")
-    try:
-        condition: Condition = kind(**stated.parameters)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{what}: {error}") from error
     return condition

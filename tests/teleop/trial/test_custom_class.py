@@ -45,6 +45,10 @@ class Hidden(Condition):
     def drive_force(self, t, measurement):
         return self.twice
 
+class Leave(Condition):
+    def __init__(self, **parameters):
+        raise SystemExit(0)
+
 @dataclass
 class NoCondition:
     amplitude: float = 1.0
@@ -147,9 +151,10 @@ def test_a_condition_whose_constructor_is_not_known_is_not_run_again(lab, tmp_pa
     [
         ({"distribution": "nolab"}, "is not installed"),
         ({"module": "antigravity"}, "module antigravity is not in this distribution"),
-        ({"module": "mylab_steps.absent"}, "cannot be imported"),
-        ({"name": "Absent"}, "cannot be imported"),
-        ({"name": "NoCondition"}, "expected a class derived from Condition"),
+        ({"module": "mylab_steps.absent"}, "cannot be created: ModuleNotFoundError"),
+        ({"name": "Absent"}, "cannot be created: AttributeError"),
+        ({"name": "Leave"}, "cannot be created: SystemExit: 0"),
+        ({"name": "NoCondition", "parameters": {}}, "expected a class derived from Condition"),
         ({"parameters": {"speed": 1.0}}, "unexpected keyword argument"),
     ],
 )
