@@ -103,10 +103,9 @@ class PageRequests(NoPage):
             if counts[ARM] != self._arm and not self.arms:
                 # A START that waited in a live process that hung has no effect, now or later: it
                 # is old, and the silence would stop the drives in the next tick.
-                now = self._now()
                 self._arm = counts[ARM]
-                self.arms = now - self._heard <= PROCESS_SILENCE and (
-                    now - self._cells.seen <= PAGE_AGE
+                self.arms = self._now() - self._heard <= PROCESS_SILENCE and (
+                    self._cells.age(self._now) <= PAGE_AGE
                 )
 
     def _check_heartbeats(self) -> None:
@@ -116,7 +115,7 @@ class PageRequests(NoPage):
         longest = PROCESS_SILENCE if self.arms else WAITING_SILENCE
         if now - self._heard > longest:
             self._lose(f"the live process was silent for {longest:g} s")
-        elif self.arms and now - self._cells.seen > PAGE_AGE:
+        elif self.arms and self._cells.age(self._now) > PAGE_AGE:
             self._lose(f"the page has confirmed no data of the last {PAGE_AGE:g} s")
 
     def _lose(self, cause: str) -> None:
