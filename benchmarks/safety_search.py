@@ -328,15 +328,12 @@ class SafetySearch(RuleBasedStateMachine):
 
     @precondition(lambda self: self.page)
     @rule(
-        cells=st.lists(st.sampled_from([STOP, END, ARM, PROCESS]), max_size=4),
-        age=st.sampled_from([None, None, 0.0, 0.9, 1.1, -1e-3, -1e9, -math.inf, math.nan]),
+        cells=st.lists(st.sampled_from([STOP, END, ARM, PROCESS]), min_size=1, max_size=4),
         trial=st.booleans(),
         hung=st.sampled_from([0, 0, 320]),
     )
-    def cells_change(self, cells: list[int], age: float | None, trial: bool, hung: int) -> None:
+    def cells_change(self, cells: list[int], trial: bool, hung: int) -> None:
         """Write to the cells, as a live process that has gone wrong may do.
-
-        The page has confirmed data of the age `age`, which may be negative or NaN.
 
         If `trial` is False, they are written after the end of a trial, before the next one. The
         controller is the same in both trials. Before, the live process hangs for some ticks.
@@ -349,10 +346,21 @@ class SafetySearch(RuleBasedStateMachine):
             self.page.close()
         for cell in cells:
             self.page.cells.count(cell)
-        if age is not None:
-            self.page.cells.confirm(self.now() + PERIOD - age)
         if not trial and self.controller.mode in (Mode.IDLE, Mode.READY):
             self.begin()
+        self.tick(1)
+
+    @precondition(lambda self: self.by_page)
+    @rule(
+        age=st.sampled_from([0.9, 1.1, -1e-3, -1e9, -math.inf, math.nan]),
+        start=st.booleans(),
+    )
+    def confirmation_is_wrong(self, age: float, start: bool) -> None:
+        """Confirm data of an age that may be negative or NaN; press START, if wanted."""
+        assert self.page
+        self.page.cells.confirm(self.now() + PERIOD - age)
+        if start:
+            self.page.cells.count(ARM)
         self.tick(1)
 
     @precondition(lambda self: self.page)
