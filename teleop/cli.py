@@ -149,7 +149,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         discard_output(error)
         return 1
     except SystemExit as error:  # raised by code of another package
-        if isinstance(error.__context__, BrokenPipeError):  # rich has noticed it
+        if isinstance(error.__context__, KeyboardInterrupt):  # cyclopts has converted it
+            raise
+        if isinstance(error.__context__, BrokenPipeError):  # rich has converted it
             discard_output(error.__context__)
             return 1
         frame = traceback.extract_tb(error.__traceback__)[-1]

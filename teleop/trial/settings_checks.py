@@ -1,14 +1,10 @@
-"""Check the settings of a trial, and report all problems at once.
-
-The parameter `settings` of each function is a `TrialSettings`. This class is not imported, because
-the module that defines it imports this module.
-"""
+"""Check the settings of a trial, and report all problems at once."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import fields
-from typing import Any, get_args
+from typing import TYPE_CHECKING, get_args
 
 from sim_backend import CUBES
 from teleop.control.conditions import CONDITIONS
@@ -16,6 +12,9 @@ from teleop.control.excitation_signals import Sine
 from teleop.errors import InputError
 from teleop.names import ClockName
 from teleop.trial import ranges
+
+if TYPE_CHECKING:
+    from teleop.trial.settings import TrialSettings
 
 RIG_FIELDS = frozenset(("condition", "cube", "depth", "rig", "signal", "tare"))
 """Names of the settings that `problems_of_rig` needs to check the limits of the rig."""
@@ -57,7 +56,7 @@ class SettingsError(InputError):
         return self if RIG_FIELDS.isdisjoint(invalid) else SettingsError(self.own)
 
 
-def check_settings(settings: Any) -> None:
+def check_settings(settings: TrialSettings) -> None:
     """Check all settings of a trial.
 
     If a setting is out of its range, it is replaced by its default value to check the other
@@ -86,7 +85,7 @@ def check_settings(settings: Any) -> None:
         raise SettingsError(own, of_rig)
 
 
-def values_out_of_range(settings: Any) -> Iterator[tuple[tuple[str, ...], str]]:
+def values_out_of_range(settings: TrialSettings) -> Iterator[tuple[tuple[str, ...], str]]:
     """Find the settings whose values are out of their range.
 
     Yields
@@ -142,7 +141,7 @@ def values_out_of_range(settings: Any) -> Iterator[tuple[tuple[str, ...], str]]:
         )
 
 
-def inconsistent_values(settings: Any) -> Iterator[str]:
+def inconsistent_values(settings: TrialSettings) -> Iterator[str]:
     """Yield a message for each set of settings that do not fit together.
 
     For example, the signal must be a sine in the condition `mimic`. `problems_of_rig` finds the
@@ -164,7 +163,7 @@ def inconsistent_values(settings: Any) -> Iterator[str]:
         )
 
 
-def problems_of_rig(settings: Any) -> Iterator[str]:
+def problems_of_rig(settings: TrialSettings) -> Iterator[str]:
     """Yield a message for each problem that depends on the rig and its limits."""
     if (
         settings.condition == "mimic"

@@ -45,7 +45,7 @@ class Hidden(Condition):
     def drive_force(self, t, measurement):
         return self.twice
 
-class Leave(Condition):
+class Leave(Hidden):
     def __init__(self, **parameters):
         raise SystemExit(0)
 
