@@ -43,9 +43,3 @@ class EstimateSettings:
     averaged: AveragedPart = WHOLE
     """Part of the record from which k and b are computed, and over which the estimates of the
     online estimators are averaged."""
-
-    def __post_init__(self) -> None:
-        if self.resolution is not None and not 0.0 < self.resolution <= 1.0:
-            raise ValueError(
-                f"resolution must be more than 0 and at most 1 m, got {self.resolution}"
-            )
