@@ -27,8 +27,9 @@ from teleop.trial.page_requests import PageRequests
 from teleop.trial.result import Trial
 from teleop.trial.settings import TrialSettings
 
-EVENT_SLOTS, EVENT_SIZE = 128, 4096
-"""Largest number of events in the ring buffer of events, and largest size of an event [bytes]."""
+EVENT_SLOTS, EVENT_SIZE = 128, 8192
+"""Largest number of events in the ring buffer of events, and largest size of an event [bytes]. The
+texts of an event have up to 500 characters, each of which needs up to 12 bytes (see `dumps`)."""
 
 
 class LiveLink(Sink):
@@ -97,13 +98,14 @@ class LiveLink(Sink):
         self._children: list[ChildProcess] = []
         sizes = {"ring": (SLOTS, size), "events": (EVENT_SLOTS, EVENT_SIZE)}
         with contextlib.ExitStack() as names, contextlib.ExitStack() as started:
+            files: dict[str, SharedFile] = {}
             try:
-                files = {name: SharedFile.create(ring_size(*of)) for name, of in sizes.items()}
-                files["cells"] = SharedFile.create(SIZE)
+                for name in (*sizes, "cells"):
+                    needed = ring_size(*sizes[name]) if name in sizes else SIZE
+                    files[name] = SharedFile.create(needed)
+                    names.callback(files[name].remove)
             except OSError as error:
                 raise InputError(f"live page: cannot be started: {reason(error)}") from error
-            for file in files.values():
-                names.callback(file.remove)
             started.callback(self.end)
             paths = {name: str(file.path) for name, file in files.items()}
             welcome = {"may_arm": by_page, "pointer": pointer, "choices": choices}
@@ -159,10 +161,12 @@ class LiveLink(Sink):
             "trial": trial_document(settings, self.trials, self.position, self.of),
             "by_page": self.by_page,
         }
+        # A request that the live process makes because of `begin` concerns this trial.
+        requests = PageRequests(self._cells, self.by_page, self._stops)
         for child in self._children:
             child.move_off()
             child.tell(begin)
-        return PageRequests(self._cells, self.by_page, self._stops)
+        return requests
 
     def push(self, message: bytes) -> None:
         """Send all recorded values of one tick (period of the control loop) to the live process.
@@ -177,7 +181,7 @@ class LiveLink(Sink):
 
         An event is a fault, or a change of the mode of the safety supervisor.
         """
-        self._events.write(dumps(event_record(event)).encode()[:EVENT_SIZE])
+        self._events.write(dumps(event_record(event)).encode())
 
     def close(self) -> Outcome:
         """Announce the end of the trial to the live process, which continues to run.
