@@ -8,12 +8,13 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Sequence
+from time import monotonic
 from typing import Any
 
 from sim_backend import PointerOperator
 from teleop.errors import InputError, reason
 from teleop.json_documents import dumps
-from teleop.live.cells import SIZE, STOP, CellReader
+from teleop.live.cells import PROCESS, SIZE, STOP, CellReader
 from teleop.live.ring import SLOTS, RingWriter, ring_size
 from teleop.live.shared_file import SharedFile
 from teleop.recording.cdr import CDR, MESSAGE_NAME
@@ -23,7 +24,7 @@ from teleop.safety import Event
 from teleop.trial.child_process import ChildProcess
 from teleop.trial.live_documents import trial_document
 from teleop.trial.page_pointer import PagePointer
-from teleop.trial.page_requests import PageRequests
+from teleop.trial.page_requests import WAITING_SILENCE, PageRequests
 from teleop.trial.result import Trial
 from teleop.trial.settings import TrialSettings
 
@@ -119,6 +120,8 @@ class LiveLink(Sink):
         self.url = self._page.url
         self.foxglove_url = self._children[1].url if foxglove is not None else ""
         self._cells = CellReader(files["cells"].buffer)
+        self._beats, self._heard = 0, monotonic()
+        """Number of heartbeats at the latest call of `is_running`, and time of the last change."""
         self._stops = 0
         """Number of STOP requests of the live page that had arrived when the last trial ended."""
         self._ring = RingWriter(files["ring"].buffer, *sizes["ring"])
@@ -243,8 +246,14 @@ class LiveLink(Sink):
 
     @property
     def is_running(self) -> bool:
-        """Whether the live process, which serves the live page, is running."""
-        return self._page.is_running
+        """Whether the live process, which serves the live page, is running and sends heartbeats.
+
+        A live process that hangs sends none. This is not detected before the second call.
+        """
+        beats, now = self._cells.counts[PROCESS], monotonic()
+        if beats != self._beats:
+            self._beats, self._heard = beats, now
+        return self._page.is_running and now - self._heard <= WAITING_SILENCE
 
     @property
     def pid(self) -> int:
