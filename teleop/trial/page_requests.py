@@ -20,9 +20,10 @@ PROCESS_SILENCE = 0.3
 """Longest time between two heartbeats of the live process, if the live page armed the drives
 [s]."""
 WAITING_SILENCE = 5.0
-"""Longest time between two heartbeats of the live process while the trial waits for START and
-nothing moves [s]. It is longer than `PROCESS_SILENCE`, because a busy machine may delay the live
-process. It is finite, because a trial that nobody can start must end."""
+"""Longest time between two heartbeats of the live process while a trial waits for START, or a
+question for its answer, and nothing moves [s]. It is longer than `PROCESS_SILENCE`, because a busy
+machine may delay the live process. It is finite, because a command that waits for a page that
+nobody can use must end."""
 PAGE_AGE = 1.0
 """Greatest age of the newest data that the live page that controls the trial has confirmed, if a
 page armed the drives [s]. The age contains the round trip of the connection, and the time for which
