@@ -11,6 +11,7 @@ from teleop.control.conditions import CONDITIONS
 from teleop.control.excitation_signals import Sine
 from teleop.errors import InputError
 from teleop.names import ClockName
+from teleop.printable import is_unicode
 from teleop.trial import ranges
 
 if TYPE_CHECKING:
@@ -125,8 +126,14 @@ def values_out_of_range(settings: TrialSettings) -> Iterator[tuple[tuple[str, ..
             ("notes",),
             f"notes: expected at most {ranges.NOTES} characters, got {len(settings.notes)}",
         )
-    if "\0" in settings.notes:
-        yield ("notes",), "notes: expected text without the character zero"
+    if "\0" in settings.notes or not is_unicode(settings.notes):
+        yield ("notes",), f"notes {settings.notes!r}: expected Unicode text without character zero"
+    if settings.custom_condition and settings.custom_condition.name in CONDITIONS:
+        yield (
+            ("custom_condition",),
+            f"class {settings.custom_condition.name} of the condition: expected another name than "
+            f"{', '.join(CONDITIONS)}",
+        )
     if settings.count_in is not None and not 0.0 <= settings.count_in <= 60.0:
         yield ("count_in",), f"count_in {settings.count_in:g} s: expected 0 to 60 s"
     try:
