@@ -6,7 +6,7 @@ import math
 
 from drivers import CHANNELS, Command, Measurement
 from teleop.safety.channels import DetectedFault
-from teleop.safety.events import DISCONNECTED, Fault
+from teleop.safety.events import DISCONNECTED, IDLE, Fault
 from teleop.safety.limits import Limits
 from teleop.safety.state import Halting, Request, Supervision
 
@@ -243,6 +243,8 @@ def update_following_error(
     is the displacement of the drive by the contact force (compliance times change of force). The
     other part is an allowed gain error of at most `GAIN_ERROR` times the commanded travel.
 
+    In the mode idle, the drives are disabled, and the slave follows no command.
+
     If `dt` is negative or larger than `Limits.max_gap`, the commanded travel is not known. The
     following error of the previous tick is then returned.
 
@@ -258,7 +260,7 @@ def update_following_error(
         Limits of rig and channels.
     """
     before = state.position
-    if before != before:
+    if before != before or state.mode is IDLE:
         return 0.0
     if not 0.0 <= dt <= limits.max_gap:
         return state.following_error

@@ -112,6 +112,21 @@ def test_a_slave_without_power_is_not_reported(slave):
     assert (slave.x, slave.v) != before
 
 
+@pytest.mark.parametrize("slave", [Slave(6.5e-3, 0.0, 2000.0, 2.0), Slave(0.0, 0.05)])
+def test_while_the_drives_are_disabled_the_slave_need_not_follow_a_command(slave):
+    state = Supervision(mode=Mode.ACTIVE, since=-1.0, time=-DT, position=slave.x)
+    start = slave.x
+    for n in range(400):
+        measurement = Measurement(
+            n * DT, 1e-3 * (-1) ** n, 0.0, slave.x, slave.force, slave.v, FRESH
+        )
+        request = Request(halt=n == 0, stop="Ctrl-C")
+        state = supervise(state, measurement, STANDSTILL, request, LIMITS).state
+        slave.step()
+    assert abs(slave.x - start) > LIMITS.following_error
+    assert state.mode is Mode.IDLE
+
+
 def test_a_slave_that_a_person_moves_after_it_came_to_rest_is_not_reported():
     hand = Driven(0.0, 0.0)
 
