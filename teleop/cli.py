@@ -154,6 +154,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(error.__context__, BrokenPipeError):  # rich has converted it
             discard_output(error.__context__)
             return 1
+        if isinstance(error.__context__, KeyboardInterrupt):  # cyclopts converts it
+            raise
         frame = traceback.extract_tb(error.__traceback__)[-1]
         print_error(f"{frame.filename}, line {frame.lineno}: ended the program: {error!r}")
         return 1
