@@ -239,7 +239,7 @@ def test_a_condition_does_not_have_the_name_of_one_of_this_package():
 
 
 def test_a_rig_of_the_user_is_recorded_by_its_class_and_has_no_true_values(tmp_path):
-    trial = recorded(tmp_path / "lab.mcap", rig_maker=make_lab_rig)
+    trial = recorded(tmp_path / "lab.mcap", rig_maker=make_lab_rig, arm=True)
     summary, recording = trial.summary(), load(tmp_path / "lab.mcap")
     assert (summary["rig"], summary["specimen"]) == ("LabRig", "LabRig")
     assert (summary["cube"], summary["truth"]) == (None, None)
