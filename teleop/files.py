@@ -54,7 +54,10 @@ def check_outputs(
     for picture in pictures:
         if picture and picture.suffix.lower() not in PICTURES:
             raise InputError(f"{picture}: expected a file ending in {', '.join(PICTURES)}")
-    taken = {resolved(source) for source in sources if source}
+    try:
+        taken = {os.path.realpath(source) for source in sources if source}
+    except OSError as error:  # the working folder no longer exists
+        raise InputError(f"the working folder: {reason(error)}") from error
     for path in (*outputs, *pictures):
         if path is None:
             continue

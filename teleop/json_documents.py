@@ -34,7 +34,18 @@ def loads(document: str | bytes) -> dict[str, Any]:
     ValueError
         The text is not a JSON document with one object, or is nested too deeply.
     """
-    value = from_json(document, allow_inf_nan=False)
+    value = loads_any(document)
     if not isinstance(value, dict):
         raise ValueError("expected a JSON object")
     return value
+
+
+def loads_any(document: str | bytes) -> Any:
+    """Read a JSON document that contains any value, and return the value.
+
+    Raises
+    ------
+    ValueError
+        The text is not a JSON document, or is nested too deeply.
+    """
+    return from_json(document, allow_inf_nan=False)

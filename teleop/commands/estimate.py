@@ -170,8 +170,8 @@ def estimate(
     for path in (file, *more):
         samples, recording = columns.read(path, is_replayed)
         signals = samples.signals
-        settings = chosen(recording, columns.datum, given)
         try:
+            settings = chosen(recording, columns.datum, given)
             with new_file(out, overwrite) if out else nullcontext() as table:
                 write = TableFile(table).write if table else None
                 evaluation = evaluate(samples, settings, KEPT, write)

@@ -40,6 +40,7 @@ from teleop.evaluation.samples import Samples
 from teleop.evaluation.sampling_gaps import closed_up
 from teleop.evaluation.signals import Signals
 from teleop.evaluation.smallest_step import smallest_step
+from teleop.evaluation.units import SMALLEST
 
 RESOLUTIONS = 1e-12, 1.0
 """Range of the setting `resolution` of `EstimateSettings` [m]."""
@@ -83,8 +84,8 @@ def evaluate(
     Raises
     ------
     InputError
-        A setting is out of its range, position or force is constant, or too few samples remain
-        between gaps.
+        A setting is out of its range, position or force is constant or its changes are too small,
+        or too few samples remain between gaps.
     """
     lag, note = settings.force_lag, None
     if isinstance(samples, Signals):
@@ -97,6 +98,12 @@ def evaluate(
         raise InputError(
             f"the estimators received only {len(signals.t)} samples: expected at least {FEWEST}"
         )
+    for quantity, values in (("position", signals.x), ("force", signals.f)):
+        if 0.0 < np.ptp(values) < SMALLEST:
+            raise InputError(
+                f"the {quantity} changes by {np.ptp(values):g} in SI units: "
+                f"expected more than {SMALLEST:g}"
+            )
     if np.ptp(signals.f) == 0.0:
         raise InputError("nothing to estimate from: the force is the same in every sample")
     motion = slice(None) if settings.whole else moving_part(signals.x)

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 from teleop.errors import InputError
 from teleop.evaluation.formats.table import Table
+from teleop.json_documents import loads_any
+from teleop.recording.mcap_checks import check_event
 from teleop.recording.recording import Recording, gaps_of
 
-COLUMNS = ("time", "paired_position", "paired_force", "paired_dt", "x", "dt", "dropped")
-"""Columns that every exported recording has. A table with these columns is treated as an exported
-recording."""
+COLUMNS = {
+    "time": "s",
+    "paired_position": "m",
+    "paired_force": "N",
+    "paired_dt": "s",
+    "x": "m",
+    "dt": "s",
+    "dropped": "-",
+}
+"""Columns that every exported recording has, and their units. A table with these columns is treated
+as an exported recording."""
 
 
 def exported_recording(table: Table) -> Recording | None:
@@ -25,7 +34,7 @@ def exported_recording(table: Table) -> Recording | None:
     Raises
     ------
     InputError
-        A value or the stored settings cannot be read.
+        A value or the stored settings cannot be read, or a column has another unit.
     """
     if not set(COLUMNS) <= {heading.name for heading in table.headings}:
         return None
@@ -33,11 +42,23 @@ def exported_recording(table: Table) -> Recording | None:
         return None
     if table.problem:
         raise table.problem
+    for name, unit in table.headings:
+        if unit and unit != COLUMNS.get(name, unit):
+            raise InputError(
+                f"{table.where}: column {name!r} is in {unit!r}: expected {COLUMNS[name]!r}, "
+                "as teleop export writes it"
+            )
     columns = {table.headings[i].name: column for i, column in table.columns.items()}
+    events = stored(table, "events", [])
+    try:
+        for event in events:
+            check_event(event)
+    except ValueError as error:
+        raise InputError(f"{table.where}: the events of the run: {error}") from error
     return Recording(
         columns=columns,
         units={heading.name: heading.unit or "-" for heading in table.headings},
-        events=stored(table, "events", []),
+        events=events,
         session=stored(table, "session", {}),
         settings=stored(table, "settings", {}),
         gaps=gaps_of(columns),
@@ -54,16 +75,20 @@ def stored(table: Table, name: str, default: Any) -> Any:
     name
         Name of the document, for example `settings`.
     default
-        Value to return if there is no such document, or if the type of its value is not that of
-        `default`.
+        Value to return if there is no such document. Any other value must have the same type.
 
     Raises
     ------
     InputError
-        The document is not valid JSON.
+        The document is not valid JSON, or its value has another type.
     """
+    if name not in table.about:
+        return default
     try:
-        value = json.loads(table.about.get(name, "null"))
+        value = loads_any(table.about[name])
     except ValueError as error:
         raise InputError(f"{table.where}: the {name} of the run are not JSON: {error}") from error
-    return value if isinstance(value, type(default)) else default
+    if not isinstance(value, type(default)):
+        form = "an object" if isinstance(default, dict) else "a list"
+        raise InputError(f"{table.where}: the {name} of the run: expected {form} in JSON")
+    return value

@@ -17,7 +17,7 @@ from estimation.compiled import Floats
 from estimation.estimate_columns import estimators_in
 from teleop.errors import InputError
 from teleop.evaluation.kept_parts import MEASURED, Last, Sections
-from teleop.evaluation.signals import Signals
+from teleop.evaluation.signals import SHORTEST, Signals
 from teleop.evaluation.units import LARGEST
 from teleop.recording.gaps import Gap
 from teleop.recording.recording import Recording, missing_column
@@ -174,15 +174,15 @@ def measured(block: Mapping[str, Floats], further: Sequence[str] = ()) -> Floats
     Raises
     ------
     InputError
-        A sample is not finite, or a sample period is not positive.
+        A sample is not finite, or a sample period is shorter than `SHORTEST`.
     """
     part = np.isfinite(block["x"])
     samples = np.stack([block[name][part] for name in (*MEASURED, *further)])
     for name, channel in zip(MEASURED, samples, strict=False):
         if not (np.abs(channel) < LARGEST).all():
             raise InputError(f"the recording's {name} is not finite in every sample")
-    if not (samples[MEASURED.index("paired_dt")] > 0.0).all():
-        raise InputError("the recording's paired_dt is not positive in every sample")
+    if not (samples[MEASURED.index("paired_dt")] >= SHORTEST).all():
+        raise InputError(f"the recording's paired_dt is not {SHORTEST:g} s or more in every sample")
     return samples
 
 

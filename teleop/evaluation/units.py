@@ -79,6 +79,8 @@ MICRO, GREEK_MU = "\u00b5", "\u03bc"
 
 LARGEST = 1e12
 """Largest absolute value of a time, position or force in SI units. A larger value is an error."""
+SMALLEST = 1e-20
+"""Smallest range of a position or force in SI units. With a smaller one, squares would be zero."""
 
 
 class Size(NamedTuple):

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import codecs
 import csv
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
+from urllib.parse import quote
 
 import numpy as np
 
@@ -57,7 +59,8 @@ def description(path: Path, recording: RecordingStream) -> str:
         "session": recording.session,
         "events": recording.events,
     }
-    document = {"@context": "http://www.w3.org/ns/csvw", "url": path.name, "notes": [about]}
+    url = quote(os.fsencode(path.name))  # a name that is not text would make the JSON invalid
+    document = {"@context": "http://www.w3.org/ns/csvw", "url": url, "notes": [about]}
     return dumps(document, indent=1) + "\n"
 
 

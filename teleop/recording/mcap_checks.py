@@ -98,10 +98,24 @@ def read_event(document: bytes) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        The document is not a JSON object. Or an item of the event is missing, is too large, or has
-        a wrong type. `EVENT` contains the expected types.
+        The document is not a JSON object, or the event is not valid.
     """
     event = loads(document)
+    check_event(event)
+    return event
+
+
+def check_event(event: Any) -> None:
+    """Check that a value is an event of a recording.
+
+    Raises
+    ------
+    ValueError
+        The value is not a dictionary. Or an item of the event is missing, is too large, or has a
+        wrong type. `EVENT` contains the expected types.
+    """
+    if not isinstance(event, dict):
+        raise ValueError("an event is not an object")
     time = event.get("time")
     if isinstance(time, bool) or not isinstance(time, int | float) or not abs(time) < LATEST:
         raise ValueError("an event has no valid time")
@@ -113,7 +127,6 @@ def read_event(document: bytes) -> dict[str, Any]:
             raise ValueError(f"an event has a {name} of an unexpected type")
         if kind == NUMBER and abs(event.get(name) or 0) > LARGEST_NUMBER:
             raise ValueError(f"an event has a {name} that is too large")
-    return event
 
 
 def is_valid_metadata(metadata: dict[str, str]) -> bool:

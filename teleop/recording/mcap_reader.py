@@ -177,6 +177,8 @@ def read_records(file: BinaryIO, contents: Contents) -> Iterator[NDArray[np.uint
                 yield from read_chunk(record, contents, channels)
                 if len(contents.events) > MOST_EVENTS:
                     raise InputError(f"{file.name}: more than {MOST_EVENTS} events")
+            elif isinstance(record, Metadata) and record.name in contents.metadata:
+                contents.damage = f"damaged: it contains its {record.name} twice"
             elif isinstance(record, Metadata) and is_valid_metadata(record.metadata):
                 contents.metadata[record.name] = dict(record.metadata)
             elif isinstance(record, Metadata):

@@ -114,7 +114,11 @@ class RecordingStream:
         """
         yield from self.intact_blocks(is_wanted)
         if self.contents.damage:
-            kept = f"{self.last_time:.3f} s are intact" if self.ticks else "no tick is intact"
+            kept = (
+                f"{max(self.last_time, 0.0):.3f} s are intact"
+                if self.ticks
+                else "no tick is intact"
+            )
             raise InputError(
                 f"{self.path}: the recording is not complete ({self.contents.damage}): {kept}; "
                 f"recover it with: teleop recover {self.path}"

@@ -56,7 +56,7 @@ def read_configuration(path: Path, complete: bool = False) -> TrialSettings:
         each problem.
     """
     recorded = path.suffix.lower() == RECORDING
-    document = as_recorded_now(load(path, "time".__eq__).settings) if recorded else read_toml(path)
+    document = recorded_document(path) if recorded else read_toml(path)
     try:
         read = complete_settings if complete else settings_from
         settings = read(document, path.parent)
@@ -66,6 +66,19 @@ def read_configuration(path: Path, complete: bool = False) -> TrialSettings:
     except InputError as error:
         lines = str(error).splitlines()
         raise InputError("\n".join(f"{path}: {line}" for line in lines)) from error
+
+
+def recorded_document(path: Path) -> dict[str, Any]:
+    """Return the settings in a recording, as a dictionary for `settings_from`.
+
+    Raises
+    ------
+    InputError
+        The recording cannot be read, is not complete, or contains no settings.
+    """
+    if settings := load(path, "time".__eq__).settings:
+        return as_recorded_now(settings)
+    raise InputError(f"{path}: the recording contains no settings: expected those of a trial")
 
 
 def as_recorded_now(document: Mapping[str, Any]) -> dict[str, Any]:

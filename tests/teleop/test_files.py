@@ -205,6 +205,15 @@ def test_an_emulator_replaces_its_own_file_unless_it_was_edited(folder):
     assert not is_unchanged(folder / "nothing", "teleop rig emulate")
 
 
+@pytest.mark.skipif(os.name != "posix", reason="removes the working folder")
+def test_a_working_folder_that_was_removed_is_reported(refused, folder, monkeypatch):
+    gone = folder / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    assert "the working folder: no such file or directory" in refused("estimate", "../sine.csv")
+
+
 def test_two_outputs_of_one_name_are_refused(refused, folder):
     (folder / "b.svg").symlink_to(folder / "a.svg")
     error = refused("estimate", "sine.csv", "--out", "a.svg", "--plot", "a.svg", "--overwrite")

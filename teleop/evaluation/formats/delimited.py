@@ -21,6 +21,7 @@ from teleop.evaluation.formats.layout import (
 )
 from teleop.evaluation.formats.numbers import Rows
 from teleop.evaluation.formats.table import Heading, Pick, Places, Table, stated_filter
+from teleop.files import unreadable
 from teleop.json_documents import dumps, loads
 
 LONGEST_LINE = 1 << 18
@@ -91,7 +92,9 @@ def exported_metadata(path: Path) -> dict[str, str]:
         notes = loads(read_input(beside)).get("notes")
     except FileNotFoundError:
         return {}
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise unreadable(beside, error) from error
+    except ValueError as error:
         raise InputError(f"{beside}: cannot be read: {error}") from error
     notes = notes[0] if isinstance(notes, list) and notes else {}
     names = ("settings", "session", "events")

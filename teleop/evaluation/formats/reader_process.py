@@ -22,7 +22,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from teleop.errors import InputError
+from teleop.errors import InputError, reason
 from teleop.evaluation.formats.columns import Wanted
 from teleop.evaluation.formats.table import Pick, Table, reading
 from teleop.recording.bounded_file import machine_memory
@@ -33,6 +33,8 @@ SLOWEST = 1e5
 """Rate at which the slowest library reads a large file [bytes/s]. It is that of ROS messages."""
 LEAST_MEMORY = 2 << 30
 """Smallest memory limit [bytes]. The libraries need up to 1 GB of address space themselves."""
+EXPANSION = 1000
+"""Bytes of memory per byte of the file. No compression makes measured values smaller than this."""
 GRACE = 5.0
 """Time after its time limit at which a reader ends itself, if its parent process was killed [s]."""
 
@@ -54,13 +56,13 @@ class Request(NamedTuple):
     """Time limit [s]."""
 
 
-def memory_limit() -> int:
-    """Return the memory limit of a reader process [bytes].
+def memory_limit(size: int) -> int:
+    """Return the memory limit of a reader process [bytes] for a file of a given size [bytes].
 
-    It is half of the memory of this machine, because the tables are copied to this process. The
-    size of the file is no measure: compressed files of constant values are very small.
+    It is at most half of the memory of this machine, because the tables are copied to this process.
     """
-    return max(machine_memory() // 2, LEAST_MEMORY)
+    half = max(machine_memory() // 2, LEAST_MEMORY)
+    return min(half, LEAST_MEMORY + EXPANSION * size)
 
 
 def time_limit(size: int) -> float:
@@ -92,7 +94,8 @@ def read_apart(module: str, what: str, path: Path, pick: Pick, wanted: Wanted) -
     OSError
         The operating system cannot read the file.
     """
-    request = Request(module, what, path, pick, wanted, memory_limit(), time_limit(size_of(path)))
+    size = size_of(path)
+    request = Request(module, what, path, pick, wanted, memory_limit(size), time_limit(size))
     refused = f"{path}: cannot be read as {what}:"
     try:
         process = subprocess.Popen(
@@ -103,7 +106,9 @@ def read_apart(module: str, what: str, path: Path, pick: Pick, wanted: Wanted) -
             start_new_session=os.name == "posix",  # Ctrl-C reaches it through this process
         )
     except OSError as error:
-        raise InputError(f"{refused} the reader process cannot be started: {error}") from error
+        raise InputError(
+            f"{refused} the reader process cannot be started: {reason(error)}"
+        ) from error
     assert process.stdin
     assert process.stdout
     timer = threading.Timer(request.seconds, process.kill)

@@ -136,6 +136,8 @@ def test_every_conditioning_finds_the_stiffness(conditioning):
     [
         ({"x": np.zeros(2400)}, "nothing moves"),
         ({"f": np.zeros(2400)}, "the force is the same in every sample"),
+        ({"x": np.arange(2400) * 5e-324}, "the position changes by 1.*e-320 in SI units"),
+        ({"f": np.arange(2400) * 1e-300}, "the force changes by 2.*e-297 in SI units"),
     ],
 )
 def test_a_recording_that_shows_nothing_is_reported(change, message):

@@ -8,6 +8,7 @@ import zlib
 from io import BytesIO
 
 import lz4.frame
+import numpy as np
 import pytest
 import zstandard
 from mcap.data_stream import RecordBuilder
@@ -16,6 +17,8 @@ from mcap.writer import CompressionType, Writer
 
 from teleop.cli import main
 from teleop.errors import InputError
+from teleop.evaluation.kept_parts import MEASURED
+from teleop.evaluation.samples import measured
 from teleop.recording import bounded_file, chunks
 from teleop.recording.mcap_checks import message_size, read_event
 from teleop.recording.mcap_reader import read_intact
@@ -191,6 +194,28 @@ def test_settings_that_are_not_valid_json_are_reported(tmp_path, refused, docume
     assert "its settings cannot be read" in refused("export", path)
     with pytest.raises(ValueError, match=r"."):
         read_event(document.encode())
+
+
+def test_sample_periods_too_short_for_any_machine_are_refused():
+    block = {name: np.ones(3) for name in MEASURED} | {"x": np.ones(3)}
+    with pytest.raises(InputError, match="paired_dt is not 1e-09 s or more"):
+        measured(block | {"paired_dt": np.full(3, 1e-300)})
+
+
+def test_a_second_record_of_settings_is_reported(tmp_path, refused):
+    path = ros(tmp_path / "a.mcap", ticks=[tick(0.0, 1.0)])
+    record = RecordBuilder()
+    Metadata(name="settings", metadata={"json": '{"bandwidth_hz": 20}'}).write(record)
+    Metadata(name="settings", metadata={"json": '{"bandwidth_hz": 1}'}).write(record)
+    data = path.read_bytes()
+    path.write_bytes(data[:8] + record.end() + data[8:])
+    assert "it contains its settings twice" in refused("export", path)
+
+
+def test_a_recording_without_settings_is_not_run_again(tmp_path, refused):
+    path = ros(tmp_path / "a.mcap", ticks=[tick(0.0, 1.0)])
+    error = refused("run", "--config", path, "--no-record")
+    assert f"{path}: the recording contains no settings" in error
 
 
 @pytest.mark.parametrize(

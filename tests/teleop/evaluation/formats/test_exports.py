@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import io
 import json
+import os
+import sys
 from contextlib import redirect_stdout
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from teleop.cli import main
+from teleop.errors import InputError
+from teleop.evaluation.exported import COLUMNS, exported_recording
+from teleop.evaluation.formats.table import Heading, Table
 
 LIBRARY = {"h5": "h5py", "parquet": "pyarrow"}
 
@@ -87,3 +94,50 @@ def test_a_damaged_file_beside_a_csv_export_is_named(trial, tmp_path, refused):
     assert main(["export", str(trial), "--out", str(out)]) == 0
     out.with_name("trial.csv-metadata.json").write_text("{")
     assert "trial.csv-metadata.json: cannot be read" in refused("estimate", out)
+
+
+DAMAGED = {
+    "settings": {
+        "[" * 100_000: "the settings of the run are not JSON",
+        "[]": "the settings of the run: expected an object",
+    },
+    "events": {
+        "[" * 100_000: "the events of the run are not JSON",
+        "{}": "the events of the run: expected a list",
+        "[1]": "an event is not an object",
+        "[{}]": "an event has no valid time",
+        '[{"time": 1, "text": "a", "mode": "fault", "fault": "stale"}]': "an event has no source",
+    },
+}
+"""Texts in an exported file, and what is reported."""
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        (name, text, message)
+        for name, by_text in DAMAGED.items()
+        for text, message in by_text.items()
+    ],
+    ids=lambda text: text[:30],
+)
+def test_damaged_settings_and_events_of_an_export_are_reported(name, text, message):
+    headings = [Heading(one, unit) for one, unit in COLUMNS.items()]
+    columns = {i: np.arange(3.0) for i in range(len(headings))}
+    table = Table("trial.h5", headings, columns, 3, str, about={name: text})
+    with pytest.raises(InputError, match=message):
+        exported_recording(table)
+
+
+def test_an_export_whose_unit_was_changed_is_refused(trial, tmp_path, refused):
+    out = tmp_path / "trial.csv"
+    assert main(["export", str(trial), "--out", str(out)]) == 0
+    out.write_text(out.read_text().replace("paired_position [m]", "paired_position [mm]"))
+    assert "column 'paired_position' is in 'mm': expected 'm'" in refused("estimate", out)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs names that are not text")
+def test_an_export_whose_name_is_not_text_is_read_again(trial, tmp_path, expected):
+    out = Path(os.fsdecode(os.fsencode(tmp_path) + b"/\xff.csv"))
+    assert main(["export", str(trial), "--out", str(out)]) == 0
+    assert evaluated(out) == expected[()]

@@ -113,7 +113,7 @@ def test_a_workbook_with_a_cell_in_each_corner_is_refused(tmp_path, refused):
 def test_a_workbook_that_expands_to_more_than_the_memory_limit_is_refused(
     tmp_path, refused, monkeypatch
 ):
-    monkeypatch.setattr(reader_process, "memory_limit", lambda: 350 << 20)
+    monkeypatch.setattr(reader_process, "memory_limit", lambda size: 350 << 20)
     path = workbook(tmp_path / "bomb.xlsx", ("<row>" + "<c><v>1</v></c>" * 16384 + "</row>") * 200)
     assert path.stat().st_size < 1 << 20
     message = refused("estimate", path)
@@ -182,3 +182,20 @@ def test_damaged_files_are_read_or_refused_in_one_line(tmp_path, ending):
             message = str(error)
         assert str(path) in message
         assert "\n" not in message
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the limit of memory is that of Linux")
+def test_a_small_file_cannot_fill_the_memory_of_the_machine(tmp_path, refused):
+    """Each dataset has 8 GB, of which nothing is written."""
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "never-written.h5"
+    with h5py.File(path, "w") as file:
+        for name in ("time [s]", "position [m]", "force [N]"):
+            file.create_dataset(name, (10**9,), "f8", chunks=(1 << 20,))
+    assert path.stat().st_size < 1 << 20
+    assert "more memory than 2.0 GiB" in refused("estimate", path)
+
+
+def test_a_large_file_may_use_half_of_the_memory_of_the_machine(monkeypatch):
+    monkeypatch.setattr(reader_process, "machine_memory", lambda: 64 << 30)
+    assert reader_process.memory_limit(100 << 20) == 32 << 30
