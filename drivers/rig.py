@@ -23,6 +23,11 @@ class RigError(Exception):
     """A device failed or sends no data. The message names the device and what was expected."""
 
 
+STOPPING = 0.5
+"""Longest time from the first call of `Rig.idle` until all drives confirm that they are out of
+operation [s]."""
+
+
 class NotStoppedError(RigError):
     """A drive does not confirm that it is out of operation. The message names the drive."""
 

@@ -12,6 +12,7 @@ from drivers.rig import (
     AXES,
     CHANNELS,
     STANDSTILL,
+    STOPPING,
     Ages,
     Command,
     Measurement,
@@ -29,9 +30,6 @@ FIRST_SAMPLES = 2.0
 """Longest wait until every channel (measured quantity) has a first sample [s]."""
 ENABLING = 2.0
 """Longest time from the first call of `enable` until all drives are in operation [s]."""
-STOPPING = 0.5
-"""Longest time from the first call of `idle` until all drives confirm that they are out of
-operation [s]."""
 
 
 class Channel(NamedTuple):

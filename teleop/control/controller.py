@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 
 from drivers import STANDSTILL, Ages, Command, Measurement, NotStoppedError, Rig, new_tuple
+from drivers.rig import STOPPING as LONGEST_STOP
 from teleop.control.alignment import Alignment, Pair
 from teleop.control.clock import Tick
 from teleop.control.conditions import Condition
@@ -89,6 +90,9 @@ class Controller:
         self._start = math.nan
         self._lateness = 0.0
         self._energised = False
+        """Whether the drives have not confirmed that they are disabled, after `Rig.enable`."""
+        self._idled = math.nan
+        """Time of the first call of `Rig.idle` that was not confirmed yet [s]."""
         self._silent = False
         self._faults: list[DetectedFault] = []
         self.finished = False
@@ -102,9 +106,9 @@ class Controller:
         return self._supervision.mode
 
     @property
-    def halting(self) -> bool:
-        """Whether the drives were disabled, and the slave has not come to rest since then."""
-        return self._supervision.halting is not None
+    def stops(self) -> bool:
+        """Whether the drives have not confirmed a stop, or the slave is not at rest since then."""
+        return self._energised or self._supervision.halting is not None
 
     def rearm(self) -> None:
         """Clear the faults that stopped the drives, so that the drives can be armed again.
@@ -275,8 +279,16 @@ class Controller:
         if self._energised and not operating:
             self._silent = verdict.command == STANDSTILL
             try:
-                if self._rig.idle():
+                if self._rig.idle() is True:
                     self._energised = self._silent = False
+                    self._idled = math.nan
+                elif math.isnan(self._idled):
+                    self._idled = now
+                elif now - self._idled > LONGEST_STOP:
+                    raise NotStoppedError(
+                        f"the drives have not confirmed within {LONGEST_STOP:g} s that they are "
+                        "disabled: if the slave moves, use the hardware emergency stop"
+                    )
                 applied = STANDSTILL
             except NotStoppedError as error:
                 self._fail(Fault.NOT_STOPPED, error, now)

@@ -298,13 +298,12 @@ def update_skipped_fraction(state: Supervision, request: Request, dt: float) -> 
     return state.skipped_fraction + (fraction - state.skipped_fraction) * weight
 
 
-def update_clock_drift(state: Supervision, request: Request, dt: float, limits: Limits) -> float:
+def update_clock_drift(state: Supervision, request: Request, dt: float) -> float:
     """Return the time [s] by which the rig's clock recently fell behind the loop's clock.
 
     The rig's clock is the time of the measurements. The result depends only on about the last
-    `AVERAGING_TIME` seconds. If the rig's clock jumps forward, the result is negative, but never
-    smaller than -`Limits.max_gap`. Without this bound, a large forward jump would hide that the
-    rig's clock stops afterwards.
+    `AVERAGING_TIME` seconds. It is never negative: otherwise a forward jump of the rig's clock
+    would hide for some time that the clock stops afterwards.
 
     Parameters
     ----------
@@ -314,10 +313,8 @@ def update_clock_drift(state: Supervision, request: Request, dt: float, limits: 
         Input of the supervisor at this tick. It contains the elapsed time on the loop's clock.
     dt
         Time since the previous tick on the rig's clock [s].
-    limits
-        Limits of rig and channels.
     """
     if state.mode is DISCONNECTED:
         return 0.0
     kept = 1.0 - min(request.elapsed / AVERAGING_TIME, 1.0)
-    return max(state.drift * kept + request.elapsed - dt, -limits.max_gap)
+    return max(state.drift * kept + request.elapsed - dt, 0.0)

@@ -72,7 +72,7 @@ def supervise(
     dt = now - state.time if state.time == state.time else 0.0 * now
     following_error = update_following_error(state, measurement, dt, limits)
     skipped_fraction = update_skipped_fraction(state, request, dt)
-    drift = update_clock_drift(state, request, dt, limits)
+    drift = update_clock_drift(state, request, dt)
     position = measurement.slave_position
     enabled = state.enabled
     halting, moving = update_halting(state.halting, measurement, limits)

@@ -146,5 +146,5 @@ class Loop:
                 "the trial"
             )
         if self._armed:  # a drive that moves on is a fault, see docs/safety.md
-            return self.controller.halting and self._elapsed < self._leave
+            return self.controller.stops and self._elapsed < self._leave
         return not self._switch.interrupted

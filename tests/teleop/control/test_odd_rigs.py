@@ -243,3 +243,24 @@ def test_drives_that_cannot_be_idled_at_the_last_tick_are_a_rig_failure(monkeypa
     assert trial.fault
     assert trial.fault["fault"] == Fault.RIG_FAILURE
     assert "no answer" in trial.fault["text"]
+
+
+@pytest.mark.parametrize("answer", [None, False, "no", np.array([1, 0])])
+def test_drives_that_never_confirm_the_end_of_a_trial_are_reported(answer, monkeypatch):
+    monkeypatch.setattr("teleop.trial.loop.AFTER", 1.0)
+    monkeypatch.setattr(OddRig, "idle", lambda self: SimulatedRig.idle(self) and answer)
+    trial = OddTrial().run()
+    assert trial.fault
+    assert trial.fault["fault"] == Fault.NOT_STOPPED
+    assert "the drives have not confirmed within 0.5 s" in trial.stop_text
+
+
+def test_drives_that_confirm_the_end_of_a_trial_late_are_no_fault(monkeypatch):
+    calls = itertools.count()
+    monkeypatch.setattr("teleop.trial.loop.AFTER", 1.0)
+    monkeypatch.setattr(
+        OddRig,
+        "idle",
+        lambda self: SimulatedRig.idle(self) and next(calls) > 0.3 * SETTINGS.loop_rate,
+    )
+    assert not OddTrial().run().fault
