@@ -35,7 +35,7 @@ from sim_backend.faults import (
 from sim_backend.plant import Intention
 from teleop.safety import Fault
 from teleop.safety.palpation_limits import STOPPING
-from teleop.trial.page_requests import PAGE_SILENCE, PROCESS_SILENCE
+from teleop.trial.page_requests import PAGE_AGE, PROCESS_SILENCE
 
 PERIOD = 1e-3
 RAMP = STOPPING + PERIOD
@@ -243,7 +243,7 @@ def page_kinds() -> dict[str, Kind]:
     def page(action: str, *arguments: str) -> Inject:
         return lambda case: getattr(case.page, action)(*arguments)
 
-    lost, alone = frozenset({Fault.PAGE_LOST}), PAGE_SILENCE + RAMP + PERIOD
+    lost, alone = frozenset({Fault.PAGE_LOST}), PAGE_AGE + RAMP + PERIOD
     process = {"bound": PROCESS_SILENCE + RAMP + PERIOD, "paged": True}
     return {
         "page: STOP": Kind(
@@ -255,6 +255,7 @@ def page_kinds() -> dict[str, Kind]:
         ),
         "page: END": Kind(page("send", "end"), CONTINUES, RAMP, ends=True, paged=True),
         "page silent": Kind(page("silence"), lost, alone, paged=True),
+        "page far behind": Kind(page("slow_down"), lost, alone, paged=True),
         "page closed": Kind(page("disconnect"), lost, alone, paged=True),
         "page floods": Kind(page("flood"), lost, alone, paged=True),
         "another page floods": Kind(page("flood_another"), CONTINUES, math.inf, paged=True),

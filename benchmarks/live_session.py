@@ -11,6 +11,7 @@ import struct
 import subprocess
 import sys
 import time
+from collections import deque
 from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,8 @@ class Page:
         self.summary: dict[str, Any] = {}
         self.rows: list[np.ndarray] = []
         self.seen = 0.0
+        self.delay = 0.0
+        """Delay of the heartbeats [s]."""
         self.task = asyncio.create_task(self._receive())
         self.beats = asyncio.create_task(self._beat())
 
@@ -73,8 +76,11 @@ class Page:
                 self.summary = document
 
     async def _beat(self) -> None:
+        waiting: deque[tuple[float, float]] = deque()
         while True:
-            await self.send("beat", seen=self.seen, at=0.0)
+            waiting.append((now() + self.delay, self.seen))
+            while waiting and now() >= waiting[0][0]:
+                await self.send("beat", seen=waiting.popleft()[1], at=0.0)
             await asyncio.sleep(0.05)
 
 

@@ -16,6 +16,7 @@ from typing import Any
 
 from teleop.recording.message import Layout
 from teleop.trial.live_link import LiveLink
+from teleop.trial.page_requests import PAGE_AGE
 
 FLOOD = 20_000
 """Number of messages of a page that floods."""
@@ -35,11 +36,6 @@ class PageProcess(LiveLink):
         )
         self._arming = False
 
-    @property
-    def pid(self) -> int:
-        """Process id of the live process."""
-        return self._process.pid
-
     def advance(self) -> None: ...
 
     def arm(self) -> None:
@@ -57,6 +53,10 @@ class PageProcess(LiveLink):
 
     def disconnect(self) -> None:
         self._do("disconnect")
+
+    def slow_down(self) -> None:
+        """Send all further messages so late that the page is too far behind although it beats."""
+        self._do("slow down")
 
     def flood(self) -> None:
         self._do("flood")
@@ -88,7 +88,7 @@ class PageProcess(LiveLink):
 
 async def flood(page: Any) -> None:
     for n in range(FLOOD):
-        await page.send("ping", at=n)
+        await page.send("beat", seen=0.0, at=n)
 
 
 async def client(url: str) -> None:
@@ -104,6 +104,8 @@ async def client(url: str) -> None:
                     tasks.append(asyncio.create_task(page.arm()))
                 elif command == "silence":
                     page.beats.cancel()
+                elif command == "slow down":
+                    page.delay = 1.2 * PAGE_AGE
                 elif command == "disconnect":
                     page.connection.transport.abort()
                 elif command == "flood":

@@ -47,11 +47,11 @@ from teleop.control.clock import Tick
 from teleop.control.controller import Controller
 from teleop.control.estimation import Estimation
 from teleop.control.feedback.settings import FeedbackSettings
-from teleop.live.cells import ARM, END, PAGE, PROCESS, STOP
+from teleop.live.cells import ARM, END, LONGEST_ROUND_TRIP, PROCESS, STOP
 from teleop.safety import Fault, Mode, stops_immediately
 from teleop.safety.channels import DetectedFault
 from teleop.trial.assembly import make_layout, make_link
-from teleop.trial.page_requests import PAGE_SILENCE, PROCESS_SILENCE
+from teleop.trial.page_requests import PAGE_AGE, PROCESS_SILENCE
 from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
@@ -64,12 +64,13 @@ CHANNELS_BETWEEN = (
 )
 PAGES = ("none", "watches", "arms")
 """What the live page may do: there is none, it watches and stops, or it also arms the drives."""
-WATCHED = (ARM, PROCESS, PAGE)
-"""Cells whose changes the rules of the live page need."""
 DEPTHS = (0.0, 2e-3, 0.012, -0.05, 0.1, 1e6, -1e300, 9e15, math.nan, math.inf)
 """Positions of the pointer [m]."""
-MESSAGES = ("", "null", "{", '{"type": "beat"}', '{"type": "hello", "token": "", "view": "main"}')
-"""Messages of a page that are not valid requests."""
+MESSAGES = (
+    *("", "null", "{", '{"type": "beat"}', '{"type": "hello", "token": "", "view": "main"}'),
+    *(f'{{"type": "beat", "seen": {seen}, "at": 0}}' for seen in (-1, 0, 1e9, "NaN", "1e999")),
+)
+"""Messages of a page that are not valid requests, and confirmations of what it has not received."""
 
 
 @cache
@@ -164,8 +165,8 @@ class SafetySearch(RuleBasedStateMachine):
                 at_begin[STOP] = self.page._stops  # a STOP between two trials stops the next one
             self.at_begin = at_begin
             self.switch.page = self.page.begin(self.settings, self.layout)
-            self.known = [*self.page.counts]
-            self.changed = [self.now()] * len(self.known)
+            self.beats = self.page.counts[PROCESS]
+            self.heard = self.now()
 
     @rule(ticks=st.sampled_from([1, 2, 5, 20, 60, 130, 400]))
     def run_ticks(self, ticks: int) -> None:
@@ -212,7 +213,7 @@ class SafetySearch(RuleBasedStateMachine):
         self.interrupt(False, False)
         if self.page:
             self.page.resume()
-            self.page.beats = True
+            self.page.beats, self.page.delay = True, 0.0
             self.page.connect()
         self.tick(1)
 
@@ -291,20 +292,20 @@ class SafetySearch(RuleBasedStateMachine):
     @precondition(lambda self: self.page)
     @rule(
         kind=st.sampled_from(
-            ["stop", "stop", "end", "control", "release", "unlock", "start", "beat", "next"]
+            ["stop", "stop", "end", "control", "release", "unlock", "start", "next"]
         ),
         ticks=st.sampled_from([1, 1, 20]),
     )
     def page_requests(self, kind: str, ticks: int) -> None:
         assert self.page
-        self.page.send(kind, **({"n": 0} if kind == "beat" else {}))
+        self.page.send(kind, **({"prompt": 0} if kind == "next" else {}))
         self.tick(ticks)
 
     @precondition(lambda self: self.page)
     @rule(message=st.sampled_from(MESSAGES))
     def page_sends(self, message: str) -> None:
         assert self.page
-        self.page.receive(message)
+        self.page.send_text(message)
         self.tick(1)
 
     @precondition(lambda self: self.page and self.page._has_pointer)
@@ -327,7 +328,7 @@ class SafetySearch(RuleBasedStateMachine):
 
     @precondition(lambda self: self.page)
     @rule(
-        cells=st.lists(st.sampled_from([STOP, END, ARM, PROCESS, PAGE]), min_size=1, max_size=4),
+        cells=st.lists(st.sampled_from([STOP, END, ARM, PROCESS]), min_size=1, max_size=4),
         trial=st.booleans(),
         hung=st.sampled_from([0, 0, 320]),
     )
@@ -349,15 +350,30 @@ class SafetySearch(RuleBasedStateMachine):
             self.begin()
         self.tick(1)
 
+    @precondition(lambda self: self.by_page)
+    @rule(
+        age=st.sampled_from([0.9, 1.1, -1e-3, -1e9, -math.inf, math.nan]),
+        start=st.booleans(),
+    )
+    def confirmation_is_wrong(self, age: float, start: bool) -> None:
+        """Confirm data of an age that may be negative or NaN; press START, if wanted."""
+        assert self.page
+        self.page.cells.confirm(self.now() + PERIOD - age)
+        if start:
+            self.page.cells.count(ARM)
+        self.tick(1)
+
     @precondition(lambda self: self.page)
     @rule(
-        failure=st.sampled_from(["silent", "closed", "floods", "process"]),
+        failure=st.sampled_from(["silent", "behind", "closed", "floods", "process"]),
         ticks=st.sampled_from([1, 20, 320, 2100]),
     )
     def page_fails(self, failure: str, ticks: int) -> None:
         assert self.page
         if failure == "silent":
             self.page.silence()
+        elif failure == "behind":
+            self.page.slow_down()
         elif failure == "closed":
             self.page.disconnect()
         elif failure == "floods":
@@ -367,12 +383,31 @@ class SafetySearch(RuleBasedStateMachine):
         self.wait(ticks)
 
     @precondition(lambda self: self.page)
+    @rule(delay=st.sampled_from([0.0, 0.1, 0.2, 0.45]), ticks=st.sampled_from([1, 20, 320]))
+    def connection_delays(self, delay: float, ticks: int) -> None:
+        """Change the delay of the connection to the page."""
+        assert self.page
+        self.page.delay = delay
+        self.wait(ticks)
+
+    @precondition(lambda self: self.by_page)
+    @rule(ticks=st.sampled_from([20, 320, 1500]))
+    def start_waits(self, ticks: int) -> None:
+        """Start the trial in the page while the live process hangs, which then continues."""
+        assert self.page
+        self.page.suspend()
+        self.page.arm()
+        self.wait(ticks)
+        self.page.resume()
+        self.tick(20)
+
+    @precondition(lambda self: self.page)
     @rule(new=st.booleans())
     def page_returns(self, new: bool) -> None:
         """Continue the live process and the page; with `new`, a new page is opened."""
         assert self.page
         self.page.resume()
-        self.page.beats = True
+        self.page.beats, self.page.delay = True, 0.0
         if new:
             self.page.connect()
         self.tick(1)
@@ -431,14 +466,11 @@ class SafetySearch(RuleBasedStateMachine):
             self.count["faults"] += record.mode is Mode.FAULT and before is not Mode.FAULT
 
     def look(self) -> None:
-        """Store when each cell of the live page changed; of START, only the first time."""
+        """Store when the live process was heard."""
         assert self.page
-        for cell in WATCHED:
-            count = self.page.counts[cell]
-            if count != self.known[cell]:
-                if cell != ARM or self.known[ARM] == self.at_begin[ARM]:
-                    self.changed[cell] = self.now()
-                self.known[cell] = count
+        beats = self.page.counts[PROCESS]
+        if beats != self.beats:
+            self.beats, self.heard = beats, self.now()
 
     def check(self, record: Any, before: Mode) -> None:
         """Check the safety rules."""
@@ -469,6 +501,7 @@ class SafetySearch(RuleBasedStateMachine):
             assert not self.requested.faults
             if self.page and self.by_page:
                 assert self.page.counts[ARM] != self.at_begin[ARM], "nobody pressed START"
+            self.check_page()
             self.energised = True
 
         # A dangerous measurement or request stops the drives in the same tick, in every mode.
@@ -534,8 +567,9 @@ class SafetySearch(RuleBasedStateMachine):
         assert counts[STOP] == self.at_begin[STOP]
         assert counts[END] == self.at_begin[END]
         if self.by_page:
-            assert now - self.changed[PROCESS] <= PROCESS_SILENCE + 1e-9
-            assert now - max(self.changed[PAGE], self.changed[ARM]) <= PAGE_SILENCE + 1e-9
+            assert now - self.heard <= PROCESS_SILENCE
+            assert 0.0 <= now - self.page.seen <= PAGE_AGE
+            assert self.page.armed_behind <= LONGEST_ROUND_TRIP
 
     def check_link(self, record: Any) -> None:
         """Check the rules of a channel and of force feedback while the drives are armed."""

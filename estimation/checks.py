@@ -114,6 +114,15 @@ def positive_values(name: str, values: Sequence[float], model: Model) -> tuple[f
     return tuple(values)
 
 
+def check_size(name: str, size: float | None) -> None:
+    """Raise ValueError if a typical magnitude is so small or large that its powers overflow.
+
+    `name` is the name of the setting, for the message. None means that it is not set.
+    """
+    if size is not None and not 1.0 / LARGEST < size < LARGEST:
+        raise ValueError(f"{name} must be between {1.0 / LARGEST:g} and {LARGEST:g}, got {size}")
+
+
 def check_correlation(correlation: float) -> None:
     """Raise ValueError if `correlation` is below 1 or infinite.
 

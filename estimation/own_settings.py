@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Literal
 
+from estimation.checks import check_size
 from estimation.estimator import Estimator
 from estimation.method_settings import MethodSettings
 from estimation.methods.grid import Grid
@@ -39,6 +40,10 @@ class OwnSettings:
     """Typical force [N]."""
     segment: float | None = None
     """Length of a segment of the estimator `segments` [s]."""
+
+    def __post_init__(self) -> None:
+        for name in ("x_size", "v_size", "f_size"):
+            check_size(name, getattr(self, name))
 
     @property
     def stated(self) -> dict[str, Any]:

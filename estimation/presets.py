@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estimation.bank import Bank
-from estimation.checks import checked_samples
+from estimation.checks import check_size, checked_samples
 from estimation.gate import Gate, GateSettings
 from estimation.method_settings import MethodSettings
 from estimation.methods.grid import Axis, Grid
@@ -51,6 +51,8 @@ class Preset(MethodSettings):
             estimator supports the model. If several estimators cannot be constructed, the message
             has one line for each of them.
         """
+        for name in ("x_size", "v_size", "f_size"):
+            check_size(name, getattr(self, name))
         for name in self.own:
             named_estimators([name])
         estimators = {}

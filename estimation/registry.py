@@ -312,7 +312,8 @@ def named_estimators(names: str | Sequence[str]) -> tuple[str, ...]:
     ------
     ValueError
         A name is unknown or repeated, or there is no name. Or an estimator of another package has
-        an invalid name, or a name that is used twice.
+        an invalid name, or a name that is used twice. The name of an estimator of this package
+        always means this estimator; only `all` is then refused.
     """
     if isinstance(names, str):
         names = [name.strip() for name in names.split(",") if name.strip()]
@@ -322,7 +323,7 @@ def named_estimators(names: str | Sequence[str]) -> tuple[str, ...]:
             raise ValueError("; ".join(problems.values()))
         return tuple(METHODS)
     for name in names:
-        if name in problems:
+        if name in problems and name not in BUILT_IN:
             raise ValueError(problems[name])
         if name not in METHODS:
             raise ValueError(f"estimator {name!r}: expected all, or some of {', '.join(METHODS)}")

@@ -6,6 +6,9 @@ import math
 import random
 from dataclasses import dataclass
 
+FINEST, COARSEST = 1e-12, 1.0
+"""Smallest and largest resolution of the encoders [m]."""
+
 
 @dataclass(frozen=True)
 class Sensors:
@@ -14,8 +17,8 @@ class Sensors:
     Raises
     ------
     ValueError
-        `encoder_resolution` is not positive, `force_noise` is negative, or one of them is not
-        finite.
+        `encoder_resolution` is not between `FINEST` and `COARSEST`, or `force_noise` is negative or
+        not finite.
     """
 
     encoder_resolution: float = 1e-6
@@ -30,8 +33,11 @@ class Sensors:
     """Position that the slave's encoder measures at the contact point [m]."""
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.encoder_resolution < math.inf:
-            raise ValueError(f"encoder resolution must be positive, got {self.encoder_resolution}")
+        if not FINEST <= self.encoder_resolution <= COARSEST:
+            raise ValueError(
+                f"encoder resolution must be {FINEST:g} to {COARSEST:g} m, got "
+                f"{self.encoder_resolution}"
+            )
         if not 0.0 <= self.force_noise < math.inf:
             raise ValueError(f"force noise must be >= 0, got {self.force_noise}")
 

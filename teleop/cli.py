@@ -149,9 +149,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         discard_output(error)
         return 1
     except SystemExit as error:  # raised by code of another package
-        if isinstance(error.__context__, BrokenPipeError):  # rich has noticed it
+        if isinstance(error.__context__, KeyboardInterrupt):  # cyclopts has converted it
+            raise
+        if isinstance(error.__context__, BrokenPipeError):  # rich has converted it
             discard_output(error.__context__)
             return 1
+        if isinstance(error.__context__, KeyboardInterrupt):  # cyclopts converts it
+            raise
         frame = traceback.extract_tb(error.__traceback__)[-1]
         print_error(f"{frame.filename}, line {frame.lineno}: ended the program: {error!r}")
         return 1

@@ -27,6 +27,18 @@ def printable(text: str) -> str:
     return CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
+def is_unicode(text: str) -> bool:
+    """Return whether a text can be written to a file as UTF-8.
+
+    A text from the command line that is not UTF-8 contains surrogates, and cannot be written.
+    """
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def one_line(text: str) -> str:
     """Return a text as one line, with control characters replaced by escapes.
 

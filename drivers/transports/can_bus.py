@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import ipaddress
 import json
 import math
 import time
@@ -30,6 +31,11 @@ BUS_OFF = 0x40
 """Bit in the identifier of a Linux error frame. It is set if the CAN controller is bus-off."""
 EXTENDED = 1 << 31
 """Bit that is set in an identifier of 29 bits, as in DBC files."""
+MULTICAST_PORT = 43113
+"""Port of the interface `udp_multicast` of python-can if the options contain none."""
+NOT_IDENTIFYING = ("can_filters", "fd", "receive_own_messages", "timing")
+"""Options of python-can that every interface may have. The other options may identify an adapter.
+"""
 UNSHARED = ("slcan", "virtual")
 """Interfaces that are not claimed. `SlcanBus` locks its serial port, and a virtual bus exists only
 in one process."""
@@ -128,9 +134,7 @@ class CanBus(Bus):
 
     def _claim_bus(self) -> None:
         """Claim the bus, until `close`; raise RigError if another process has claimed it."""
-        # the channel identifies a SocketCAN interface; the options may identify other adapters
-        options = {} if self.interface == "socketcan" else dict(self._options)
-        identity = json.dumps([self.interface, self.channel, options], sort_keys=True, default=str)
+        identity = json.dumps(self._identity(), sort_keys=True, default=str)
         name = f"CAN bus {hashlib.sha256(identity.encode()).hexdigest()[:32]}"
         try:
             held = claim(name)
@@ -142,6 +146,17 @@ class CanBus(Bus):
                 f"{process_text(claimant(name) or 0)}: expected a bus that no other process uses"
             )
         self._claim.enter_context(held)
+
+    def _identity(self) -> list[object]:
+        """Return what identifies the bus: the same for each way to name the same bus."""
+        if self.interface == "socketcan":
+            return [self.interface, self.channel]
+        if self.interface == "udp_multicast":
+            with contextlib.suppress(ValueError, TypeError):
+                group = ipaddress.ip_address(self.channel)
+                return [self.interface, group, int(self._options.get("port", MULTICAST_PORT))]
+        options = {name: v for name, v in self._options.items() if name not in NOT_IDENTIFYING}
+        return [self.interface, self.channel, options]
 
     def poll(self) -> None:
         """Pass each received frame to the function registered for its identifier.

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from estimation.checks import LARGEST
 from estimation.compiled import Floats
 
 MOST = 10**8
@@ -30,6 +31,10 @@ class Axis:
     def __post_init__(self) -> None:
         if not -math.inf < self.first < self.last < math.inf:
             raise ValueError(f"candidates must increase, got {self.first} to {self.last}")
+        if not max(-self.first, self.last) < LARGEST:
+            raise ValueError(
+                f"candidates must be below {LARGEST:g}, got {self.first} to {self.last}"
+            )
         if not 2 <= self.count <= MOST or self.count != int(self.count):
             raise ValueError(
                 f"an axis needs at least two candidates and at most {MOST:g}, got {self.count}"

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 WAIT = 0.2
 """Time between two checks whether the live process is running [s]."""
+LOST = "the live process, which serves the page, has ended or does not respond"
 
 
 def next_request(link: LiveLink) -> dict[str, Any] | None:
@@ -79,7 +80,7 @@ def run_from_page(link: LiveLink, settings: TrialSettings, runner: TrialRunner, 
             return code
         following = next_settings(link, settings)
         if following is None:
-            print_error("the live process has ended")
+            print_error(LOST)
             return code
         settings = following
 
@@ -189,7 +190,7 @@ class PageOfSeries:
                 return answer, "; ".join(notes)
             if request["type"] == "notes":
                 notes.append(request["text"])
-        print_error("the live process has ended")
+        print_error(LOST)
         return "quit", "; ".join(notes)
 
     def ask_note(self, trial: PlannedTrial) -> str:

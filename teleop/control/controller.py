@@ -101,6 +101,11 @@ class Controller:
         """Present mode of the safety supervisor, for example ready, active or fault."""
         return self._supervision.mode
 
+    @property
+    def halting(self) -> bool:
+        """Whether the drives were disabled, and the slave has not come to rest since then."""
+        return self._supervision.halting is not None
+
     def rearm(self) -> None:
         """Clear the faults that stopped the drives, so that the drives can be armed again.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -152,7 +153,7 @@ class Evaluation(Presented):
             "own_model": [name for name, e in self.bank.items() if e.model != self.preset.model],
             "from_contact": [name for name, e in self.bank.items() if e.from_contact],
             "bandwidth_hz": self.bandwidth,
-            "memory_s": 0.5 / self.preset.forgetting_rate,
+            "memory_s": 0.5 / rate if (rate := self.preset.forgetting_rate) else math.inf,
             "left_out": self.averaged.left_out,
             "excitation": {
                 "mean": self.online.mean_excitation,

@@ -17,6 +17,8 @@ SETTLING = 4.0
 master renders has not converged. At most half of the trial is omitted."""
 LEAST_FORCE = 0.5
 """Contact force, multiplied by the force gain, above which a tick is evaluated [N]."""
+LATE = 0.5
+"""Age of the newest packet of the slave above which the channel is named as the cause [s]."""
 FEWEST = 100
 """Smallest number of evaluated ticks."""
 SMALLEST = 0.5e-3
@@ -181,7 +183,7 @@ class RunningRendering:
         self._spectra = RunningSpectra(arm_damping)
         self._prior = prior
         self._ticks = self._evaluated = self._considered = self._of_prior = 0
-        self._deepest = self._strongest = 0.0
+        self._deepest = self._strongest = self._oldest_report = 0.0
         self._energy = self._lowest = 0.0
         self._sums = np.zeros(6)
         self._earlier: Floats = np.empty((3, 0))
@@ -211,6 +213,8 @@ class RunningRendering:
         self._considered += int(settled.sum())
         self._deepest = float(np.max(np.abs(x[settled]), initial=self._deepest))
         self._strongest = float(np.max(np.abs(f[settled]), initial=self._strongest))
+        ages = active["report_age"][settled]
+        self._oldest_report = float(np.max(ages, initial=self._oldest_report))
         if self._prior is not None:
             displayed = active["model_stiffness"][settled]
             self._of_prior += int(np.isclose(displayed, self._prior).sum())
@@ -261,7 +265,9 @@ class RunningRendering:
             yield "no felt stiffness: the hand did not move"
         if self._of_prior > MOST_PRIOR * self._considered:
             cause = "the misfit or the interval of each estimate was too large"
-            if self._deepest < SMALLEST:
+            if self._oldest_report > LATE:
+                cause = f"the estimates of the slave were up to {self._oldest_report:.2g} s old"
+            elif self._deepest < SMALLEST:
                 cause = (
                     f"this model kept the motion within {self._deepest * 1e3:.2g} mm, where lost "
                     "motion and noise prevent an estimate"

@@ -16,6 +16,8 @@ from teleop.evaluation.formats.table import Table
 from teleop.evaluation.sampling_gaps import long_periods
 from teleop.evaluation.units import LARGEST
 
+SMALLEST = 1e-30
+"""A channel whose values are all smaller is refused, because their squares would be zero."""
 SHORTEST = 1e-9
 """Shortest sample period [s]."""
 FEWEST = 3
@@ -170,7 +172,13 @@ def signals_of(table: Table, wanted: Wanted) -> Signals:
                 f"{table.sample(i)}: {table.headings[place].title!r} is "
                 f"{table.columns[place][i]}, expected a finite number"
             )
-        if not np.abs(channel).max() < LARGEST:
+        largest = np.abs(channel).max()
+        if 0.0 < largest < SMALLEST:
+            raise InputError(
+                f"{table.where}: every {kind} is at most {largest:g} in SI units, "
+                f"expected a value above {SMALLEST:g}"
+            )
+        if not largest < LARGEST:
             i = int(np.argmax(np.abs(channel)))
             raise InputError(
                 f"{table.sample(i)}: a {kind} of {channel[i]:g} in SI units, "

@@ -14,6 +14,8 @@ sequence number are equal and even.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from mmap import mmap
 
 SIZE = 4096
@@ -96,10 +98,21 @@ class CellReader:
         """Values of the counters of requests and heartbeats, by the index of the cell."""
         self._numbers = memoryview(buffer).toreadonly().cast("d")
 
-    @property
-    def seen(self) -> float:
-        """Time at which the newest data were sent that the page in control has confirmed [s]."""
-        return self._numbers[SEEN]
+    def age(self, now: Callable[[], float]) -> float:
+        """Return the age of the newest data that the page in control has confirmed [s].
+
+        It is infinite if the time of these data is not possible, for example in the future.
+        Otherwise such a time would hide the loss of the page.
+
+        Parameters
+        ----------
+        now
+            Function that returns the present time [s], on the clock of `CellWriter.confirm`. The
+            cell is read first, because the live process may write it at any time.
+        """
+        seen = self._numbers[SEEN]
+        age = now() - seen
+        return age if age >= 0.0 else math.inf
 
     def pointer(self) -> tuple[int, float, bool] | None:
         """Return the state of the pointer, which moves the hand of a simulated operator.

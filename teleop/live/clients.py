@@ -10,7 +10,7 @@ from typing import Any
 from websockets.asyncio.server import ServerConnection, broadcast
 
 from teleop.json_documents import dumps
-from teleop.live.history import History
+from teleop.live.history import HEAD, History
 
 MOST_CLIENTS = 8
 """Largest number of connected clients."""
@@ -18,6 +18,8 @@ MOST_UNSENT = 64_000
 """Largest number of unsent bytes to a client. If there are more, no further frames are sent."""
 MOST_UNSENT_TEXT = 4 * MOST_UNSENT
 """Largest number of unsent bytes to a client. If there are more, the connection is aborted."""
+MOST_SENT = 1024
+"""Number of frames whose times are stored for each client. They are sent in more than 15 s."""
 ALIVE = 2.0
 """Longest time between two heartbeats of the live page that has control [s]. A heartbeat is a
 message that a page sends at regular times."""
@@ -53,6 +55,8 @@ class Client:
         self._epoch = -1
         self._next = 0
         self.seen = -math.inf
+        self._sent: dict[float, None] = {}
+        """Times of the newest frames that were sent, the oldest first. The values are not used."""
 
     @property
     def unsent(self) -> int:
@@ -63,9 +67,11 @@ class Client:
         """Store that the page has received the frame that was sent at the time `seen` [s].
 
         The page returns the time in the newest frame that it has received. This time is therefore a
-        time of the clock of this process, and the clocks need not agree.
+        time of the clock of this process, and the clocks need not agree. A time at which no frame
+        was sent to this page is ignored, because it says nothing about the data that the page has.
         """
-        self.seen = max(self.seen, min(seen, self._now()))
+        if seen in self._sent:
+            self.seen = max(self.seen, seen)
 
     @property
     def age(self) -> float:
@@ -109,6 +115,9 @@ class Client:
             frames[first, clear] = history.frame(first, clear)
         frame, self._next = frames[first, clear]
         self._epoch = history.epoch
+        self._sent[HEAD.unpack_from(frame)[-1]] = None
+        if len(self._sent) > MOST_SENT:
+            del self._sent[next(iter(self._sent))]
         broadcast([self.connection], frame)
 
     def abort(self) -> None:

@@ -69,6 +69,8 @@ def parse_request(message: str | bytes) -> dict[str, Any]:
         raise BadRequest("unknown type of request")
     if kind == "choose":
         fields = {name: types for name, types in CHOICES.items() if name in request}
+        if not fields:
+            raise BadRequest(f"choose: expected at least one of {', '.join(CHOICES)}")
     if set(request) != {"type", *fields}:
         raise BadRequest(f"{kind}: expected the fields {', '.join(fields) or 'none'}")
     for name, types in fields.items():

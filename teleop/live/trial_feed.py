@@ -74,6 +74,8 @@ class TrialFeed(Feed):
         self._text = ""
         self._prompt: dict[str, Any] | None = None
         """Number of the question that the control process asks, and its possible answers."""
+        self._chosen: dict[str, Any] = {}
+        """Settings that a person has chosen in the page since the latest trial began."""
         self._faults: list[str] = []
         self._latest = 0.0
         self._offset = 0
@@ -205,6 +207,7 @@ class TrialFeed(Feed):
         if active:
             raise BadRequest("choose: a trial is running")
         self._send(request)
+        self._chosen |= {name: value for name, value in request.items() if name != "type"}
         if self._running:
             self._cells.count(END)
 
@@ -227,6 +230,11 @@ class TrialFeed(Feed):
         self._describe([of[name] for name in shown], begin["estimators"], begin["rate"])
         self._news.append(self._valid["welcome"])
         self._publish(begin["trial"])
+        choice, self._chosen = self._chosen, {}
+        if any(begin["trial"]["choice"][name] != value for name, value in choice.items()):
+            # The control process read the choice too late for this trial. It waits in the pipe, and
+            # the trial that begins now ends, like every trial that waits for START at a choice.
+            self._cells.count(END)
         epoch = self.history.epoch
         self.history = History(len(shown) + 1)
         self.history.epoch = epoch + 1

@@ -6,7 +6,7 @@ import math
 
 from drivers import CHANNELS, Command, Measurement
 from teleop.safety.channels import DetectedFault
-from teleop.safety.events import DISCONNECTED, Fault
+from teleop.safety.events import DISCONNECTED, IDLE, Fault
 from teleop.safety.limits import Limits
 from teleop.safety.state import Halting, Request, Supervision
 
@@ -22,6 +22,12 @@ that coasts: a slave with 0.2 m/s and a friction of 0.04 times its weight coasts
 """
 PUSHING = 0.05
 """Smallest contact force that can push the slave after a stop, as a fraction of the soft limit."""
+FALLING = 0.98
+"""Largest ratio of the force of an elastic specimen to its force before, while it pushes the slave.
+
+A constant force, such as a wrong zero of the sensor, and the force of a specimen into which a drive
+presses again and again, are no explanations of motion.
+"""
 GAIN_ERROR = 0.05
 """Allowed gain error of a drive, as a fraction of the commanded travel."""
 AVERAGING_TIME = 1.0
@@ -165,10 +171,10 @@ def update_halting(
 
     The slave is at rest if it moved less than `Limits.rest_velocity` times `REST` within `REST`. A
     slave without power is decelerated by its brake or by friction. The elastic specimen can push it
-    for some time. Motion in the direction of the contact force is therefore permitted. It is a
-    fault if the slave has not been at rest for `LONGEST_HALT` otherwise, and has moved by more than
-    the limit of the following error. After the slave has come to rest, its motion is not checked,
-    because a person may move it. While the position is not known, nothing is checked.
+    for some time. Motion in the direction of a falling contact force is therefore permitted. It is
+    a fault if the slave has not been at rest for `LONGEST_HALT` otherwise, and has moved by more
+    than the limit of the following error. After the slave has come to rest, its motion is not
+    checked, because a person may move it. While the position is not known, nothing is checked.
 
     Parameters
     ----------
@@ -196,8 +202,8 @@ def update_halting(
     step = x - halting.position
     if not abs(step) > limits.rest_velocity * REST:
         return (halting if now - halting.moved < REST else None), []
-    if step * f < 0.0 and abs(f) > PUSHING * limits.soft_force:
-        return Halting(now, x, now, x), []
+    if step * f < 0.0 and PUSHING * limits.soft_force < abs(f) < FALLING * halting.pushing:
+        return Halting(now, x, now, x, abs(f)), []
     halting = halting._replace(moved=now, position=x)
     took, travel = now - halting.since, x - halting.start
     if took <= LONGEST_HALT or not abs(travel) > limits.following_error:
@@ -243,6 +249,8 @@ def update_following_error(
     is the displacement of the drive by the contact force (compliance times change of force). The
     other part is an allowed gain error of at most `GAIN_ERROR` times the commanded travel.
 
+    In the mode idle, the drives are disabled, and the slave follows no command.
+
     If `dt` is negative or larger than `Limits.max_gap`, the commanded travel is not known. The
     following error of the previous tick is then returned.
 
@@ -258,7 +266,7 @@ def update_following_error(
         Limits of rig and channels.
     """
     before = state.position
-    if before != before:
+    if before != before or state.mode is IDLE:
         return 0.0
     if not 0.0 <= dt <= limits.max_gap:
         return state.following_error

@@ -48,6 +48,8 @@ class Halting(NamedTuple):
     """Latest time at which the slave was seen to move [s]."""
     position: float
     """Position of the slave at the time `moved` [m]."""
+    pushing: float = math.inf
+    """Smallest contact force with which the specimen has pushed the slave since the stop [N]."""
 
 
 class Supervision(NamedTuple):

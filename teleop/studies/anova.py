@@ -28,6 +28,11 @@ ESTIMATOR = "estimator"
 """Name of the factor `estimator`, which varies within a trial."""
 VALUE = "y"
 """Name of the column of the response (dependent variable) in the data frames."""
+LARGEST = 1e100
+"""Largest response, whose squares can be summed."""
+NO_VARIANCE = 1e-24
+"""Ratio of the variance between trials with the same levels to the variance of all trials, below
+which the former is due to rounding."""
 
 
 class Effect(NamedTuple):
@@ -102,6 +107,8 @@ def analysis_of_variance(
     check_available()
     import pandas as pd
 
+    if not rows:
+        raise InputError("analysis of variance: expected at least one trial")
     frame = pd.DataFrame(list(rows))
     columns = {name: f"f{i}" for i, name in enumerate([*factors, ESTIMATOR])}
     frame = frame.rename(columns={**columns, response: VALUE, trial: "trial"})
@@ -174,13 +181,18 @@ def check_design(frame: Any, factors: Sequence[str], response: str, subject: str
     Raises
     ------
     InputError
-        The response is not finite or is constant, the design is not balanced, or it has too few
-        trials.
+        The response is not finite, is constant or too large, or does not vary between trials with
+        the same levels. The design is not balanced, or it has too few trials or subjects.
     """
     values = frame[VALUE]
     if not values.map(math.isfinite).all() or values.nunique() < 2:
         raise InputError(
             f"analysis of variance: {response} is not finite, or the same, in every trial"
+        )
+    if values.abs().max() > LARGEST:
+        raise InputError(
+            f"analysis of variance: expected {response} of at most {LARGEST:g}, got "
+            f"{values.abs().max():g}"
         )
     cells = math.prod(frame[column].nunique() for column in factors)
     sizes = frame.groupby(factors).size()
@@ -193,6 +205,14 @@ def check_design(frame: Any, factors: Sequence[str], response: str, subject: str
         raise InputError(
             "analysis of variance: expected at least 2 trials for each combination of levels, for "
             "example with repetitions = 2 in the plan of the series, got 1"
+        )
+    if subject and frame[subject].nunique() < 2:
+        raise InputError(f"analysis of variance: expected at least 2 of {subject}, got 1")
+    # the rest of rounding would become the error variance
+    if frame.groupby(factors)[VALUE].var(ddof=0).max() < NO_VARIANCE * values.var(ddof=0):
+        raise InputError(
+            f"analysis of variance: {response} is the same in all trials with the same levels: "
+            "expected variation between trials"
         )
     if subject and (frame.groupby([subject, *factors]).ngroups < cells * frame[subject].nunique()):
         raise InputError(

@@ -13,8 +13,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from drivers.input_file import open_input
 from teleop.errors import InputError, reason
-from teleop.files import unwritable
+from teleop.files import unreadable, unwritable
 from teleop.json_documents import dumps, loads
 
 LOCK = ".lock"
@@ -67,11 +68,15 @@ class JsonLines:
         Raises
         ------
         InputError
-            A line is not a JSON document.
+            The file cannot be read, or a line is not a JSON document.
         """
         if not self.path.exists():
             return
-        with self.path.open("rb") as file:
+        try:
+            opened = open_input(self.path)
+        except OSError as error:
+            raise unreadable(self.path, error) from error
+        with opened as file:
             position = 0
             for number, line in enumerate(file, start=1):
                 if not line.endswith(b"\n"):

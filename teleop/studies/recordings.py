@@ -145,6 +145,9 @@ def journal_trials(path: Path) -> dict[str, dict[str, str]]:
         order = cells(Plan.model_validate(journal.entries[0]["plan"]))
         found = {}
         for result in journal.results():
+            problem = journal.problem_of_recording(result)
+            if problem and (path.parent / RECORDINGS / result["file"]).exists():
+                raise InputError(f"{path.parent}: {problem}; restore or remove it")
             levels, repetition = order[result["trial"] - 1]
             found[result["file"]] = levels | {"repetition": str(repetition)}
     except (IndexError, KeyError, TypeError, ValueError) as error:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import inspect
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from importlib.metadata import PackageNotFoundError, packages_distributions, version
@@ -10,6 +12,7 @@ from typing import Any
 
 from teleop.control.conditions import Condition
 from teleop.errors import InputError
+from teleop.printable import is_unicode
 
 
 @dataclass(frozen=True)
@@ -25,8 +28,10 @@ class CustomClass:
     version: str = ""
     """Version of the distribution."""
     parameters: Mapping[str, bool | int | float | str | None] = field(default_factory=dict)
-    """Fields of the object if its class is a dataclass, otherwise its attributes. Only numbers,
-    texts, truth values and None are stated."""
+    """Fields of the object if its class is a dataclass, otherwise its attributes. Only finite
+    numbers, texts, truth values and None are stated."""
+    state: Mapping[str, bool | int | float | str | None] = field(default_factory=dict)
+    """Further attributes of an object of a dataclass at the start of the trial."""
     complete: bool = False
     """Whether `parameters` are sufficient to create the object again."""
 
@@ -38,14 +43,25 @@ def described(custom: object) -> CustomClass:
     """Return the statement about an object of a class of the user."""
     kind = type(custom)
     distribution = distribution_of(kind.__module__)
-    parameters, complete = parameters_of(custom)
+    names = [*getattr(custom, "__dict__", {})]
+    attributes = {name: getattr(custom, name) for name in names}
+    if is_dataclass(custom):
+        names = [one.name for one in fields(custom) if one.init]
+        every = (one.name for one in fields(custom) if hasattr(custom, one.name))
+        attributes |= {name: getattr(custom, name) for name in every}
+    plain = {name: value for name, value in attributes.items() if is_plain(value)}
     return CustomClass(
         kind.__qualname__,
         kind.__module__,
         distribution,
         version(distribution) if distribution else "",
-        parameters,
-        complete,
+        {name: plain[name] for name in names if name in plain},
+        {name: value for name, value in plain.items() if name not in names},
+        # Only the fields of a dataclass are known to be the arguments of its constructor. A
+        # constructor of a derived class, or an InitVar, has other ones.
+        is_dataclass(custom)
+        and plain.keys() >= set(names)
+        and [*inspect.signature(kind).parameters] == names,
     )
 
 
@@ -55,22 +71,13 @@ def distribution_of(module: str) -> str:
     return found[0] if found else ""
 
 
-def parameters_of(custom: object) -> tuple[dict[str, Any], bool]:
-    """Return the parameters of an object, and whether they are sufficient to create it again.
-
-    Only the fields of a dataclass are known to be arguments of its constructor. An attribute of
-    another class may have been computed from an argument of the same name.
-    """
-    if is_dataclass(custom):
-        values = {one.name: getattr(custom, one.name) for one in fields(custom) if one.init}
-    else:
-        values = getattr(custom, "__dict__", {})
-    plain = {
-        name: value
-        for name, value in values.items()
-        if value is None or type(value) in (bool, int, float, str)
-    }
-    return plain, is_dataclass(custom) and len(plain) == len(values)
+def is_plain(value: object) -> bool:
+    """Return whether a JSON document contains a value exactly, as a number, a text or null."""
+    if isinstance(value, str):
+        return type(value) is str and is_unicode(value)
+    if type(value) is float:
+        return math.isfinite(value)
+    return value is None or type(value) is bool or (type(value) is int and abs(value) < 2**63)
 
 
 def create_condition(stated: CustomClass) -> Condition:
@@ -103,12 +110,29 @@ def create_condition(stated: CustomClass) -> Condition:
         kind: Any = importlib.import_module(stated.module)
         for name in stated.name.split("."):
             kind = getattr(kind, name)
-        condition = kind(**stated.parameters)
+        # A function or another class could do anything with the recorded parameters.
+        if not (isinstance(kind, type) and issubclass(kind, Condition)):
+            raise InputError(f"{what}: expected a class derived from Condition")
+        condition: Condition = kind(**stated.parameters)
+        created = described(condition)
+    except InputError:
+        raise
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # also SystemExit, which would end the program without a message
         text = " ".join(str(error).split())
         raise InputError(f"{what}: cannot be created: {type(error).__name__}: {text}") from error
-    if not isinstance(condition, Condition):
-        raise InputError(f"{what}: expected a class derived from Condition")
+    differ = [
+        name
+        for recorded, now in (
+            (stated.parameters, created.parameters),
+            (stated.state, created.state),
+        )
+        for name, value in recorded.items()
+        if now.get(name) != value
+    ]
+    if differ:
+        raise InputError(
+            f"{what}: {', '.join(differ)}: a new object has another value than the recorded one"
+        )
     return condition

@@ -8,12 +8,13 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Sequence
+from time import monotonic
 from typing import Any
 
 from sim_backend import PointerOperator
 from teleop.errors import InputError, reason
 from teleop.json_documents import dumps
-from teleop.live.cells import SIZE, STOP, CellReader
+from teleop.live.cells import PROCESS, SIZE, STOP, CellReader
 from teleop.live.ring import SLOTS, RingWriter, ring_size
 from teleop.live.shared_file import SharedFile
 from teleop.recording.cdr import CDR, MESSAGE_NAME
@@ -23,12 +24,13 @@ from teleop.safety import Event
 from teleop.trial.child_process import ChildProcess
 from teleop.trial.live_documents import trial_document
 from teleop.trial.page_pointer import PagePointer
-from teleop.trial.page_requests import PageRequests
+from teleop.trial.page_requests import WAITING_SILENCE, PageRequests
 from teleop.trial.result import Trial
 from teleop.trial.settings import TrialSettings
 
-EVENT_SLOTS, EVENT_SIZE = 128, 4096
-"""Largest number of events in the ring buffer of events, and largest size of an event [bytes]."""
+EVENT_SLOTS, EVENT_SIZE = 128, 8192
+"""Largest number of events in the ring buffer of events, and largest size of an event [bytes]. The
+texts of an event have up to 500 characters, each of which needs up to 12 bytes (see `dumps`)."""
 
 
 class LiveLink(Sink):
@@ -97,13 +99,14 @@ class LiveLink(Sink):
         self._children: list[ChildProcess] = []
         sizes = {"ring": (SLOTS, size), "events": (EVENT_SLOTS, EVENT_SIZE)}
         with contextlib.ExitStack() as names, contextlib.ExitStack() as started:
+            files: dict[str, SharedFile] = {}
             try:
-                files = {name: SharedFile.create(ring_size(*of)) for name, of in sizes.items()}
-                files["cells"] = SharedFile.create(SIZE)
+                for name in (*sizes, "cells"):
+                    needed = ring_size(*sizes[name]) if name in sizes else SIZE
+                    files[name] = SharedFile.create(needed)
+                    names.callback(files[name].remove)
             except OSError as error:
                 raise InputError(f"live page: cannot be started: {reason(error)}") from error
-            for file in files.values():
-                names.callback(file.remove)
             started.callback(self.end)
             paths = {name: str(file.path) for name, file in files.items()}
             welcome = {"may_arm": by_page, "pointer": pointer, "choices": choices}
@@ -117,6 +120,8 @@ class LiveLink(Sink):
         self.url = self._page.url
         self.foxglove_url = self._children[1].url if foxglove is not None else ""
         self._cells = CellReader(files["cells"].buffer)
+        self._beats, self._heard = 0, monotonic()
+        """Number of heartbeats at the latest call of `is_running`, and time of the last change."""
         self._stops = 0
         """Number of STOP requests of the live page that had arrived when the last trial ended."""
         self._ring = RingWriter(files["ring"].buffer, *sizes["ring"])
@@ -159,10 +164,12 @@ class LiveLink(Sink):
             "trial": trial_document(settings, self.trials, self.position, self.of),
             "by_page": self.by_page,
         }
+        # A request that the live process makes because of `begin` concerns this trial.
+        requests = PageRequests(self._cells, self.by_page, self._stops)
         for child in self._children:
             child.move_off()
             child.tell(begin)
-        return PageRequests(self._cells, self.by_page, self._stops)
+        return requests
 
     def push(self, message: bytes) -> None:
         """Send all recorded values of one tick (period of the control loop) to the live process.
@@ -177,7 +184,7 @@ class LiveLink(Sink):
 
         An event is a fault, or a change of the mode of the safety supervisor.
         """
-        self._events.write(dumps(event_record(event)).encode()[:EVENT_SIZE])
+        self._events.write(dumps(event_record(event)).encode())
 
     def close(self) -> Outcome:
         """Announce the end of the trial to the live process, which continues to run.
@@ -239,8 +246,14 @@ class LiveLink(Sink):
 
     @property
     def is_running(self) -> bool:
-        """Whether the live process, which serves the live page, is running."""
-        return self._page.is_running
+        """Whether the live process, which serves the live page, is running and sends heartbeats.
+
+        A live process that hangs sends none. This is not detected before the second call.
+        """
+        beats, now = self._cells.counts[PROCESS], monotonic()
+        if beats != self._beats:
+            self._beats, self._heard = beats, now
+        return self._page.is_running and now - self._heard <= WAITING_SILENCE
 
     @property
     def pid(self) -> int:

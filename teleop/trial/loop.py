@@ -77,7 +77,7 @@ class Loop:
         self._elapsed = 0
         """Number of periods of the clock so far, including skipped periods."""
         self._leave = math.inf
-        """Number of periods after which the loop ends after a fault; infinite before a fault."""
+        """Number of periods after which the loop ends at the latest; infinite before a stop."""
 
     @property
     def error(self) -> Exception | None:
@@ -132,7 +132,7 @@ class Loop:
             self._unstopped |= event.fault is Fault.NOT_STOPPED
             if event.mode is ACTIVE:
                 self._armed, self._begin = True, event.time
-            elif event.mode is FAULT:
+            elif event.mode is FAULT or (event.mode is IDLE and self._armed):
                 self._leave = self._elapsed + AFTER * self._clock.rate
         if not (self._armed or self._switch.page.arms):
             self._begin = record.t
@@ -145,4 +145,6 @@ class Loop:
                 "the drives did not get ready: expected them to be ready within the duration of "
                 "the trial"
             )
-        return not (self._armed or self._switch.interrupted)
+        if self._armed:  # a drive that moves on is a fault, see docs/safety.md
+            return self.controller.halting and self._elapsed < self._leave
+        return not self._switch.interrupted

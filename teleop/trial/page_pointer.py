@@ -51,5 +51,5 @@ class PagePointer:
         if sample and sample[0] != self._sequence:
             self._sequence, self._depth, self._grip = sample
             self._time = now
-        is_late = now - self._cells.seen > LONGEST_ROUND_TRIP
+        is_late = self._cells.age(self._now) > LONGEST_ROUND_TRIP
         return self._depth, self._grip and now - self._time <= SILENCE and not is_late

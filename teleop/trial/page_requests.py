@@ -20,9 +20,10 @@ PROCESS_SILENCE = 0.3
 """Longest time between two heartbeats of the live process, if the live page armed the drives
 [s]."""
 WAITING_SILENCE = 5.0
-"""Longest time between two heartbeats of the live process while the trial waits for START and
-nothing moves [s]. It is longer than `PROCESS_SILENCE`, because a busy machine may delay the live
-process. It is finite, because a trial that nobody can start must end."""
+"""Longest time between two heartbeats of the live process while a trial waits for START, or a
+question for its answer, and nothing moves [s]. It is longer than `PROCESS_SILENCE`, because a busy
+machine may delay the live process. It is finite, because a command that waits for a page that
+nobody can use must end."""
 PAGE_AGE = 1.0
 """Greatest age of the newest data that the live page that controls the trial has confirmed, if a
 page armed the drives [s]. The age contains the round trip of the connection, and the time for which
@@ -103,10 +104,9 @@ class PageRequests(NoPage):
             if counts[ARM] != self._arm and not self.arms:
                 # A START that waited in a live process that hung has no effect, now or later: it
                 # is old, and the silence would stop the drives in the next tick.
-                now = self._now()
                 self._arm = counts[ARM]
-                self.arms = now - self._heard <= PROCESS_SILENCE and (
-                    now - self._cells.seen <= PAGE_AGE
+                self.arms = self._now() - self._heard <= PROCESS_SILENCE and (
+                    self._cells.age(self._now) <= PAGE_AGE
                 )
 
     def _check_heartbeats(self) -> None:
@@ -116,7 +116,7 @@ class PageRequests(NoPage):
         longest = PROCESS_SILENCE if self.arms else WAITING_SILENCE
         if now - self._heard > longest:
             self._lose(f"the live process was silent for {longest:g} s")
-        elif self.arms and now - self._cells.seen > PAGE_AGE:
+        elif self.arms and self._cells.age(self._now) > PAGE_AGE:
             self._lose(f"the page has confirmed no data of the last {PAGE_AGE:g} s")
 
     def _lose(self, cause: str) -> None:

@@ -220,8 +220,9 @@ def check_armed(settings: TrialSettings, rig: Rig, arm: bool, live: LiveLink | N
     InputError
         Nobody has, nor can, and the rig is not a simulated one.
     """
-    simulated = settings.is_simulated or isinstance(rig, SimulatedRig)
-    if not (simulated or arm or (live and live.by_page)):
+    # a derived class, such as one with a real sensor or drive, is not known to be harmless
+    simulated = settings.is_simulated or type(rig) is SimulatedRig
+    if not (simulated or arm is True or (live and live.by_page)):
         raise InputError(
             f"rig {settings.rig_name!r}: nobody has armed the drives: expected arm=True, after a "
             "person has permitted them to move"

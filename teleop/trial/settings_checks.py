@@ -1,21 +1,21 @@
-"""Check the settings of a trial, and report all problems at once.
-
-The parameter `settings` of each function is a `TrialSettings`. This class is not imported, because
-the module that defines it imports this module.
-"""
+"""Check the settings of a trial, and report all problems at once."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import fields
-from typing import Any, get_args
+from typing import TYPE_CHECKING, get_args
 
 from sim_backend import CUBES
 from teleop.control.conditions import CONDITIONS
 from teleop.control.excitation_signals import Sine
 from teleop.errors import InputError
 from teleop.names import ClockName
+from teleop.printable import is_unicode
 from teleop.trial import ranges
+
+if TYPE_CHECKING:
+    from teleop.trial.settings import TrialSettings
 
 RIG_FIELDS = frozenset(("condition", "cube", "depth", "rig", "signal", "tare"))
 """Names of the settings that `problems_of_rig` needs to check the limits of the rig."""
@@ -57,7 +57,7 @@ class SettingsError(InputError):
         return self if RIG_FIELDS.isdisjoint(invalid) else SettingsError(self.own)
 
 
-def check_settings(settings: Any) -> None:
+def check_settings(settings: TrialSettings) -> None:
     """Check all settings of a trial.
 
     If a setting is out of its range, it is replaced by its default value to check the other
@@ -86,7 +86,7 @@ def check_settings(settings: Any) -> None:
         raise SettingsError(own, of_rig)
 
 
-def values_out_of_range(settings: Any) -> Iterator[tuple[tuple[str, ...], str]]:
+def values_out_of_range(settings: TrialSettings) -> Iterator[tuple[tuple[str, ...], str]]:
     """Find the settings whose values are out of their range.
 
     Yields
@@ -126,8 +126,14 @@ def values_out_of_range(settings: Any) -> Iterator[tuple[tuple[str, ...], str]]:
             ("notes",),
             f"notes: expected at most {ranges.NOTES} characters, got {len(settings.notes)}",
         )
-    if "\0" in settings.notes:
-        yield ("notes",), "notes: expected text without the character zero"
+    if "\0" in settings.notes or not is_unicode(settings.notes):
+        yield ("notes",), f"notes {settings.notes!r}: expected Unicode text without character zero"
+    if settings.custom_condition and settings.custom_condition.name in CONDITIONS:
+        yield (
+            ("custom_condition",),
+            f"class {settings.custom_condition.name} of the condition: expected another name than "
+            f"{', '.join(CONDITIONS)}",
+        )
     if settings.count_in is not None and not 0.0 <= settings.count_in <= 60.0:
         yield ("count_in",), f"count_in {settings.count_in:g} s: expected 0 to 60 s"
     try:
@@ -142,7 +148,7 @@ def values_out_of_range(settings: Any) -> Iterator[tuple[tuple[str, ...], str]]:
         )
 
 
-def inconsistent_values(settings: Any) -> Iterator[str]:
+def inconsistent_values(settings: TrialSettings) -> Iterator[str]:
     """Yield a message for each set of settings that do not fit together.
 
     For example, the signal must be a sine in the condition `mimic`. `problems_of_rig` finds the
@@ -164,7 +170,7 @@ def inconsistent_values(settings: Any) -> Iterator[str]:
         )
 
 
-def problems_of_rig(settings: Any) -> Iterator[str]:
+def problems_of_rig(settings: TrialSettings) -> Iterator[str]:
     """Yield a message for each problem that depends on the rig and its limits."""
     if (
         settings.condition == "mimic"

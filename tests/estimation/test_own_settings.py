@@ -56,3 +56,18 @@ def test_other_estimators_keep_the_shared_settings():
 def test_an_estimator_that_is_not_known_is_refused():
     with pytest.raises(ValueError, match="estimator 'odd': expected"):
         replace(paper_preset(), own={"odd": OwnSettings()}).bank()
+
+
+@pytest.mark.parametrize("name", ["x_size", "v_size", "f_size"])
+@pytest.mark.parametrize("size", [1e300, 1e-300, -1e300, 0.0, float("nan")])
+def test_a_size_whose_square_overflows_is_refused(name, size):
+    with pytest.raises(ValueError, match=name):
+        OwnSettings(**{name: size})
+    with pytest.raises(ValueError, match=name):
+        replace(paper_preset("soft"), **{name: size}).bank()
+
+
+def test_candidates_whose_squares_overflow_are_refused():
+    for first, last in ((-1e308, 0.0), (0.0, 1e300)):
+        with pytest.raises(ValueError, match="candidates must be below"):
+            Axis(first, last, 5)

@@ -23,6 +23,7 @@ export class Pointer {
     this.hand = { depth: 0, grip: false };
     this.source = null; // device that holds the grip: "mouse", "keys" or "pad"
     this.arrows = new Set();
+    this.key = null; // key of the keyboard that holds the grip
     this.before = NaN;
     canvas.addEventListener("pointerdown", (event) => this.#down(event));
     canvas.addEventListener("pointermove", (event) => this.#move(event));
@@ -96,12 +97,18 @@ export class Pointer {
   }
 
   #move(event) {
-    if (this.source === "mouse" && event.pointerId === this.pointerId) this.hand.depth = this.#depthOf(event);
+    if (this.source !== "mouse" || event.pointerId !== this.pointerId) return;
+    // If another button is still pressed, the browser reports the release of the first one as a movement.
+    if (event.buttons & 1) this.hand.depth = this.#depthOf(event);
+    else this.release("mouse");
   }
 
   #keyDown(event) {
     if (typing(event) || event.ctrlKey || event.altKey || event.metaKey) return;
-    if (event.key.toLowerCase() === GRIP_KEY && !event.repeat && this.#grip("keys", this.present())) event.preventDefault();
+    if (event.key.toLowerCase() === GRIP_KEY && !event.repeat && this.#grip("keys", this.present())) {
+      this.key = event.code; // with AltGr, the same key has another name when it is released
+      event.preventDefault();
+    }
     if (event.key in ARROWS && this.source === "keys") {
       this.arrows.add(event.key);
       event.preventDefault();
@@ -109,7 +116,7 @@ export class Pointer {
   }
 
   #keyUp(event) {
-    if (event.key.toLowerCase() === GRIP_KEY) this.release("keys");
+    if (event.code === this.key) this.release("keys");
     this.arrows.delete(event.key);
   }
 

@@ -127,9 +127,9 @@ export class Status {
   #health() {
     const health = this.state && this.state.health;
     if (!health) return "";
-    const count = (value) => (Number.isFinite(value) ? fixed(value) : "–");
+    const count = (value, scale = 1) => (Number.isFinite(value) ? fixed(scale * value) : "–"); // null is no number
     return (
-      `loop: largest lateness ${fixed(1e6 * health.lateness_max)} µs, overruns ${count(health.overruns)}, ` +
+      `loop: largest lateness ${count(health.lateness_max, 1e6)} µs, overruns ${count(health.overruns)}, ` +
       `skipped periods ${count(health.skipped)}, dropped ticks ${count(health.dropped)}`
     );
   }

@@ -80,6 +80,11 @@ def open_journal(folder: Path, plan: Plan, trials: Sequence[PlannedTrial]) -> Jo
         journal.write("plan", plan=document, order=[trial.label for trial in trials])
     elif known != document:
         raise InputError(f"{folder}: contains a series of another plan: expected a new folder")
+    for entry in journal.entries:
+        if entry["trial"] > len(trials):
+            raise InputError(
+                f"{folder / NAME}: contains trial {entry['trial']}: expected at most {len(trials)}"
+            )
     return journal
 
 
@@ -230,7 +235,8 @@ def attempt(
     problem = spoilt(result)
     if problem is None:
         summary = result.summary()
-        journal.write("done", trial.number, attempt=number, file=path.name, summary=summary)
+        result_of = {"file": path.name, "size": path.stat().st_size, "summary": summary}
+        journal.write("done", trial.number, attempt=number, **result_of)
         return None
     about = {"attempt": number, "file": path.name, "problem": str(problem)}
     try:

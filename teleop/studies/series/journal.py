@@ -8,11 +8,14 @@ that are needed to resume the series.
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
+from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, ValidationError, model_validator
+
+from teleop.errors import InputError, invalid_parts
 from teleop.files import FAULT_REPORT
 from teleop.json_documents import dumps, loads
 from teleop.studies.json_lines import JsonLines
@@ -25,6 +28,35 @@ Entry = Literal["plan", "started", "done", "spoilt", "skipped", "note"]
 """Kind of an entry of the journal. An attempt of a trial that is spoilt has failed."""
 
 
+class Results(BaseModel):
+    """The part of the summary of a trial from which the table of results is written."""
+
+    model_config = ConfigDict(extra="allow", strict=True)
+
+    estimates: dict[str, dict[str, Any]]
+    tracking: dict[str, Any] | None = None
+
+
+class Line(BaseModel):
+    """An entry of the journal, as it is checked when the journal is read."""
+
+    model_config = ConfigDict(extra="allow", strict=True)
+
+    time: str
+    entry: Entry
+    trial: NonNegativeInt
+    attempt: NonNegativeInt | None = None
+    file: Annotated[str, Field(pattern=r"^[^/\x00]+\.mcap$")] | None = None
+    note: str = ""
+    summary: Results | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> Line:
+        if self.entry == "done" and None in (self.attempt, self.file, self.summary):
+            raise ValueError("expected attempt, file and summary of a trial that is done")
+        return self
+
+
 class Journal:
     """Journal of a series of trials: a file with a line for each event of the series.
 
@@ -34,6 +66,11 @@ class Journal:
     ----------
     folder
         Folder of the series, which must exist.
+
+    Raises
+    ------
+    InputError
+        The journal cannot be read, or a line is not an entry of a journal.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -44,12 +81,34 @@ class Journal:
         self._results: dict[int, dict[str, Any]] = {}
         self._attempts: Counter[int] = Counter()
         self._notes: defaultdict[tuple[int, int], list[str]] = defaultdict(list)
-        for _, entry in self._lines.read():
+        for number, (_, entry) in enumerate(self._lines.read(), start=1):
+            try:
+                Line.model_validate(entry)
+            except ValidationError as error:
+                place = f"{self._lines.path}, line {number}"
+                raise InputError(f"{place}: {invalid_parts(error)}") from error
             self._add(entry)
         for number, entry in self._results.items():
-            if not (folder / RECORDINGS / entry["file"]).is_file():
-                problem = f"its recording {entry['file']} is missing"
-                self._last[number] = {**entry, "entry": "spoilt", "problem": problem}
+            problem = self.problem_of_recording(entry)
+            if problem:
+                self._last[number] = {**entry, "entry": "spoilt", "problem": f"its {problem}"}
+
+    def problem_of_recording(self, result: Mapping[str, Any]) -> str:
+        """Return why the recording of a trial is not the one that the trial wrote; empty if it is.
+
+        `result` is the entry of the trial that is done. An older version of the program did not
+        write the size of the recording to this entry.
+        """
+        path = self._folder / RECORDINGS / result["file"]
+        if not path.is_file():
+            return f"recording {path.name} is missing"
+        size = path.stat().st_size
+        if size != result.get("size", size):
+            return (
+                f"recording {path.name} was replaced or changed: it has {size} bytes, expected "
+                f"{result['size']}"
+            )
+        return ""
 
     def write(self, entry: Entry, trial: int = 0, **values: Any) -> None:
         """Append a line to the journal, and wait until it is written to the disk.
@@ -77,8 +136,8 @@ class Journal:
         """Return the last entry of the journal on a trial; None if there is no entry.
 
         Entries that are notes of a person are ignored. If the trial is done, but its recording was
-        missing when the journal was opened, the returned entry is of the kind `spoilt`. `trial` is
-        the number of the trial, from 1.
+        missing or changed when the journal was opened, the returned entry is of the kind `spoilt`.
+        `trial` is the number of the trial, from 1.
         """
         return self._last.get(trial)
 

@@ -37,6 +37,10 @@ level can also be a value that is not permitted. A level that is not permitted d
 setting of the same name."""
 
 
+COLUMNS = ("trial", "repetition", "attempt", "time", "file", "note", "seed", "estimator", "held")
+"""Names of the columns of the table of results that a factor may not have."""
+
+
 class Plan(BaseModel):
     """Plan of a series of trials.
 
@@ -171,6 +175,8 @@ def inconsistencies(plan: Plan, stated: object) -> Iterator[str]:
     if not isinstance(stated, dict):
         return
     for name, levels in plan.factors.items():
+        if name in COLUMNS:
+            yield f"factors.{name}: expected another name than a column of the table of results"
         if not stated[name] or len(set(levels)) < len(levels):
             yield f"factors.{name}: expected distinct levels"
     factors = f"expected one of the factors {', '.join(stated)}"

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from drivers.input_file import open_input
 from teleop.evaluation.tracking import COLUMNS as TRACKING
 from teleop.files import encoded, unreadable, write_text
 from teleop.studies.series.journal import Journal
@@ -101,7 +102,10 @@ def write_results(folder: Path, trials: Sequence[PlannedTrial], journal: Journal
     writer.writerows(result_rows(trials, journal))
     path, content = folder / NAME, text.getvalue()
     try:
-        is_written = path.exists() and path.read_bytes() == encoded(content)
+        is_written = False
+        if path.exists():
+            with open_input(path) as file:
+                is_written = file.read() == encoded(content)
     except OSError as error:
         raise unreadable(path, error) from error
     if not is_written:

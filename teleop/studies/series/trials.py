@@ -6,7 +6,7 @@ trial is run for each combination of levels, and can be repeated.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, product
 from pathlib import Path
@@ -188,13 +188,27 @@ def document_of(plan: Plan, levels: Mapping[str, str]) -> dict[str, Any]:
         The plan.
     levels
         Level of each factor that changes the settings, by the name of the factor.
+
+    Raises
+    ------
+    InputError
+        Two levels assign different values to the same setting.
     """
     document = dict(plan.settings)
+    assigned: dict[str, tuple[object, str]] = {}
     for name, level in levels.items():
         own = plan.levels.get(name, {}).get(level)
+        parts = [(own or {}, f"levels.{name}.{level}")]
         if name in SETTINGS and (own is None or level in (SETTINGS[name] or [level])):
-            document[name] = level
-        document |= own or {}
+            parts.insert(0, ({name: level}, f"the factor {name}"))
+        for part, place in parts:
+            for key, value in single_settings(part):
+                other, by = assigned.setdefault(key, (value, place))
+                if other != value:
+                    raise InputError(
+                        f"{key}: {by} and {place} assign different values: expected one of them"
+                    )
+            document = merged(document, part)
     if "rig" in document and "cube" in plan.factors and "cube" in document:
         cube = document.pop("cube")
         document.setdefault("specimen", cube)
@@ -202,3 +216,30 @@ def document_of(plan: Plan, levels: Mapping[str, str]) -> dict[str, Any]:
         if cube in depths:
             document.setdefault("depth_m", depths[cube])
     return document
+
+
+def single_settings(
+    document: Mapping[str, Any], outer: tuple[str, ...] = ()
+) -> Iterator[tuple[str, Any]]:
+    """Yield each setting that is not a table, as its keys separated by dots, and its value."""
+    for key, value in document.items():
+        if isinstance(value, Mapping):
+            yield from single_settings(value, (*outer, key))
+        else:
+            yield ".".join((*outer, key)), value
+
+
+def merged(document: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a copy of a document with changes, also within its tables.
+
+    A table of another kind, such as another excitation signal, replaces the whole table.
+    """
+    found = dict(document)
+    for key, value in changes.items():
+        old = found.get(key)
+        if isinstance(old, Mapping) and isinstance(value, Mapping):
+            same = value.get("kind", old.get("kind")) == old.get("kind")
+            found[key] = merged(old, value) if same else value
+        else:
+            found[key] = value
+    return found

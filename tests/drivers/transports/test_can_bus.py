@@ -60,6 +60,26 @@ def test_an_open_bus_cannot_be_opened_again_until_it_is_closed():
     second.close()
 
 
+@pytest.mark.parametrize(
+    ("channel", "options"),
+    [
+        ("239.74.163.2", {"port": 43113}),
+        ("239.74.163.2", {"port": "43113"}),
+        ("239.74.163.2", {"hop_limit": 2, "fd": False}),
+        ("FF15::0A", {}),
+    ],
+)
+def test_another_name_of_the_same_multicast_group_is_the_same_bus(channel, options):
+    usual = "ff15::a" if ":" in channel else channel
+    first = bus(usual, "udp_multicast")
+    first.open()
+    assert "is used by process" in refusal(bus(channel, "udp_multicast", **options))
+    other = bus(usual, "udp_multicast", port=43114)
+    other.open()
+    other.close()
+    first.close()
+
+
 def test_other_channels_interfaces_and_adapters_are_other_buses():
     opened = [
         bus(),

@@ -283,8 +283,8 @@ def test_numbers_that_no_plan_orders_increase_and_an_unknown_level_is_last(occur
     ("text", "problem"),
     [
         ("[]\n", "journal.jsonl, line 1: expected a line of JSON"),
-        ('{"entry": "done", "trial": 1}\n', "journal.jsonl: not the journal of a series"),
-        ('{"entry": "plan", "trial": 0, "plan": {}}\n', "journal.jsonl: not the journal"),
+        ('{"entry": "done", "trial": 1}\n', "journal.jsonl, line 1: time: is missing"),
+        ('{"time": "", "entry": "plan", "trial": 0, "plan": {}}\n', "not the journal"),
     ],
 )
 def test_a_journal_without_a_plan_is_refused(series, text, problem, tmp_path, capsys):

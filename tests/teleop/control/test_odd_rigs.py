@@ -85,7 +85,7 @@ class OddTrial:
         return rig
 
     def run(self, path: Path | None = None):
-        return run_trial(SETTINGS, path, condition=self.other, rig_maker=self.make_rig)
+        return run_trial(SETTINGS, path, condition=self.other, rig_maker=self.make_rig, arm=True)
 
 
 def raising(error: BaseException) -> Any:

@@ -435,6 +435,23 @@ def test_only_the_client_in_control_may_act_but_everybody_may_stop(feed):
     run(scenario())
 
 
+@pytest.mark.parametrize("later", [-1.0, 1e-6, 0.1, 1e300])
+def test_only_times_that_were_sent_to_the_page_count_as_confirmed_data(feed, later):
+    async def scenario():
+        async with served(feed) as (server, address), page(address) as client:
+            await client.send("control")
+            await client.until(lambda: client.seen)
+            for _ in range(10):
+                await client.receive()
+                await client.send("beat", seen=client.seen + later, at=0.0)
+            await client.send("unlock")
+            await client.until(lambda: client.errors)
+            assert "the connection of this page is too slow" in client.errors[0]
+            assert not server.control.unlocked
+
+    run(scenario())
+
+
 def test_a_client_that_leaves_or_stops_beating_loses_control(feed):
     async def scenario():
         async with served(feed) as (_, address), page(address) as watching:

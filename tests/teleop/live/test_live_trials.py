@@ -233,6 +233,26 @@ def test_after_end_or_stop_from_any_page_next_runs_another_trial_with_other_sett
     assert load(recordings[1]).session["notes"] == "second <b>trial</b>"
 
 
+@pytest.mark.parametrize("pause", [0.0, 0.2])
+def test_of_two_choices_in_quick_succession_the_later_one_counts(start, pause):
+    async def scenario(command):
+        async with command.page() as client, beating(client):
+            await client.until(client.is_in("ready"))
+            await client.until(lambda: client.latest["state"]["control"] == "you")
+            for cube in ("soft", "hard"):
+                await client.send("choose", condition="mimic", specimen=cube)
+                await client.receive_for(pause)
+            is_hard = lambda: client.latest["trial"]["choice"]["specimen"] == "hard"  # noqa: E731
+            await client.until(is_hard, 10.0)
+            await arm(client)
+            assert is_hard()
+            assert client.errors == []
+
+    command = start("run", "--live", "--cube", "medium")
+    run(scenario(command))
+    command.end()
+
+
 def test_a_page_that_closes_stops_the_trial_that_it_armed(start):
     async def scenario(command):
         async with command.page() as watching:

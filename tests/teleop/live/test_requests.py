@@ -83,3 +83,8 @@ def test_an_integer_that_is_not_exact_as_a_floating_point_number_is_refused(kind
     others = {other: types[0]() for other, types in FIELDS[kind].items() if other != name}
     with pytest.raises(BadRequest, match=f"{kind}.{name}: expected a smaller number"):
         parse_request(json.dumps({"type": kind, **others, name: value}))
+
+
+def test_a_choice_of_nothing_is_refused():
+    with pytest.raises(BadRequest, match="expected at least one of condition, specimen"):
+        parse_request('{"type": "choose"}')

@@ -16,6 +16,7 @@ from mcap.records import Chunk, DataEnd, Footer, Header, Metadata
 from mcap.writer import CompressionType, Writer
 
 from estimation.estimate_columns import estimators_in
+from teleop.cli import main
 from teleop.errors import InputError
 from teleop.evaluation.kept_parts import MEASURED
 from teleop.evaluation.samples import measured
@@ -23,6 +24,9 @@ from teleop.recording import bounded_file, chunks
 from teleop.recording.mcap_checks import message_size, read_event
 from teleop.recording.mcap_reader import read_intact
 from teleop.recording.recording import load
+from teleop.recording.stream import RecordingStream
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
 
 DEFINITION = "float64 time  # [s] since\nfloat64 x  # [m] displacement\n"
 
@@ -251,3 +255,37 @@ def test_a_chunk_is_decompressed_in_pieces():
         assert chunks.chunk_data(chunk(data, compression)) == data
     assert chunks.from_zstd(zstandard.compress(data), 5) == data[:5]
     assert BytesIO(chunks.from_lz4(lz4.frame.compress(data), 5)).read() == data[:5]
+
+
+@pytest.fixture(scope="module")
+def trial(tmp_path_factory):
+    """A short recorded trial."""
+    path = tmp_path_factory.mktemp("trial") / "trial.mcap"
+    run_trial(
+        TrialSettings(clock="virtual", condition="autonomous", duration=0.8, estimators=("me",)),
+        record=path,
+    )
+    return path
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "code"),
+    [
+        (("encoder_resolution_m",), 1e300, 2),
+        (("encoder_resolution_m",), -1e308, 2),
+        (("preset", "x_size"), 1e300, 2),
+        (("preset", "grid", "k", "last"), 1e300, 2),
+        (("preset", "forgetting_rate"), 0.0, 0),
+    ],
+)
+def test_settings_of_any_magnitude_are_evaluated_or_refused(
+    trial, capsys, monkeypatch, keys, value, code
+):
+    settings = RecordingStream(trial).settings
+    part = settings
+    for key in keys[:-1]:
+        part = part[key]
+    part[keys[-1]] = value
+    monkeypatch.setattr(RecordingStream, "settings", settings)
+    assert main(["estimate", str(trial)]) == code
+    assert capsys.readouterr().err.count("\n") == (1 if code else 0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from dataclasses import replace
 
 import pytest
@@ -61,10 +62,36 @@ def reports(slave, seconds=3.0, *, halt=False, limits=LIMITS, **changes):
         for event in verdict.events:
             if event.fault is Fault.MOVES_AFTER_STOP:
                 assert "use the hardware emergency stop" in event.text
-                assert LIMITS.following_error < abs(event.value) <= abs(slave.v * now) + 1e-9
+                assert LIMITS.following_error < abs(event.value)
                 return now
         slave.step()
     return math.nan
+
+
+class Oscillating(Slave):
+    """The slave whose drive oscillates about a position in the specimen."""
+
+    def __init__(self, frequency, amplitude=10e-3):
+        super().__init__(15e-3, 0.0, 400.0)
+        self.w, self.amplitude, self.now = math.tau * frequency, amplitude, 0.0
+
+    def step(self):
+        self.now += DT
+        self.x = 15e-3 + self.amplitude * math.sin(self.w * self.now)
+
+
+@pytest.mark.parametrize("frequency", [1.5, 2.0, 5.0, 10.0])
+def test_a_drive_that_oscillates_in_the_specimen_after_a_stop_is_reported(frequency):
+    assert reports(Oscillating(frequency)) < LONGEST_HALT + 1.0 / frequency
+
+
+@pytest.mark.parametrize("force", [-5.0, -math.inf])
+def test_a_constant_contact_force_does_not_explain_motion(force):
+    noise = random.Random(1)
+    found = reports(
+        Driven(0.0, 0.05), contact_force=lambda now, slave: force + noise.gauss(0.0, 0.05)
+    )
+    assert found < LONGEST_HALT + 0.2
 
 
 @pytest.mark.parametrize("velocity", [0.007, -0.007, 0.2, -0.2])
@@ -110,6 +137,20 @@ def test_a_slave_without_power_is_not_reported(slave):
     before = slave.x, slave.v
     assert math.isnan(reports(slave, 12.0))
     assert (slave.x, slave.v) != before
+
+
+@pytest.mark.parametrize("slave", [Slave(6.5e-3, 0.0, 2000.0, 2.0), Slave(0.0, 0.05, viscous=10.0)])
+def test_while_the_drives_are_disabled_the_slave_need_not_follow_a_command(slave):
+    state = Supervision(mode=Mode.ACTIVE, since=-1.0, time=-DT, position=slave.x)
+    start = slave.x
+    for n in range(400):
+        noise = 1e-3 * (-1) ** n
+        measurement = Measurement(n * DT, noise, 0.0, slave.x, slave.force + noise, slave.v, FRESH)
+        request = Request(halt=n == 0, stop="Ctrl-C")
+        state = supervise(state, measurement, STANDSTILL, request, LIMITS).state
+        slave.step()
+    assert abs(slave.x - start) > LIMITS.following_error
+    assert state.mode is Mode.IDLE
 
 
 def test_a_slave_that_a_person_moves_after_it_came_to_rest_is_not_reported():

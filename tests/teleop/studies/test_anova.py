@@ -122,6 +122,11 @@ OTHER_SUBJECTS = [
         (trials(responses(seeds=2))[:-1], None, "same number of trials"),
         (trials(np.zeros((1, 1, 1, 2))), None, "a factor with two levels"),
         (OTHER_SUBJECTS, "subject", "each subject to have all combinations"),
+        ([], None, "expected at least one trial"),
+        (trials(responses()[..., :1]), "subject", "expected at least 2 of subject, got 1"),
+        (trials(1e200 * responses()), None, "expected e_f of at most 1e\\+100"),
+        (trials(responses()[..., :1].repeat(3, axis=3)), None, "the same in all trials with the"),
+        (trials(responses()[..., :1].repeat(3, axis=3)), "subject", "the same in all trials with"),
     ],
 )
 def test_data_that_allow_no_analysis_are_refused(rows, subject, problem):

@@ -12,6 +12,8 @@ from types import SimpleNamespace
 import pytest
 
 from drivers.rig_file import read_rig_file
+from drivers.wired_rig import WiredRig
+from sim_backend import CUBES, SimulatedRig
 from teleop.cli import main
 from teleop.commands.series import note_of_person
 from teleop.control.excitation_signals import Sine
@@ -220,3 +222,22 @@ def test_a_mimic_trial_on_a_rig_is_longer_than_its_count_in():
     with pytest.raises(InputError, match="duration 4 s: expected count-in and two periods .* 5 s"):
         wired(condition="mimic", duration=4.0, **stated)
     wired(condition="mimic", duration=5.0, **stated)
+
+
+@pytest.mark.parametrize("arm", ["no", "False", 1, [False], float("nan")], ids=repr)
+def test_only_true_arms_a_hardware_rig(unopened, arm):
+    with pytest.raises(InputError, match="expected arm=True"):
+        run_trial(wired(specimen="liver", depth=3e-3), arm=arm)
+
+
+def test_a_class_derived_from_the_simulated_rig_can_have_real_drives(unopened):
+    class Wrapped(SimulatedRig):
+        def __init__(self, now):
+            super().__init__(CUBES["soft"], now)
+            self.drives = WiredRig(read_rig_file(BOARD), now)
+
+        def open(self):
+            self.drives.open()
+
+    with pytest.raises(InputError, match="nobody has armed the drives"):
+        run_trial(TrialSettings(clock="virtual"), rig_maker=Wrapped)

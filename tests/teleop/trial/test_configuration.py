@@ -225,9 +225,10 @@ def test_specimen_operator_and_notes_are_in_the_recording_and_the_summary(tmp_pa
     assert read_configuration(record).specimen == "liver 3"
 
 
-def test_notes_that_a_recording_cannot_contain_are_refused():
-    with pytest.raises(InputError, match="notes: expected text without the character zero"):
-        TrialSettings(notes="warm\0")
+@pytest.mark.parametrize("notes", ["warm\0", "caf\udce9"])
+def test_notes_that_a_recording_cannot_contain_are_refused(notes):
+    with pytest.raises(InputError, match="expected Unicode text without character zero"):
+        TrialSettings(notes=notes)
 
 
 def test_a_recording_without_the_newer_settings_still_runs_again(tmp_path, monkeypatch):

@@ -25,7 +25,8 @@ SETTINGS = TrialSettings(
     condition="autonomous", clock="virtual", duration=1.0, estimators=("rls",), seed=7
 )
 LAB = '''
-from dataclasses import dataclass
+import os
+from dataclasses import InitVar, dataclass, field
 from teleop.control.conditions import Condition
 
 @dataclass
@@ -52,6 +53,26 @@ class Leave(Hidden):
 @dataclass
 class NoCondition:
     amplitude: float = 1.0
+
+@dataclass
+class Doubling(Step):
+    def __post_init__(self):
+        self.amplitude *= 2.0
+
+@dataclass
+class Counting(Step):
+    steps: int = field(default=0, init=False)
+
+    def drive_force(self, t, measurement):
+        self.steps += 1
+        return super().drive_force(t, measurement)
+
+@dataclass
+class Scaled(Step):
+    scale: InitVar[float] = 1.0
+
+    def __post_init__(self, scale):
+        self._scale = scale
 '''
 
 
@@ -100,6 +121,7 @@ def test_the_class_of_a_condition_is_recorded_with_its_distribution_and_paramete
         "distribution": "mylab",
         "version": "1.2",
         "parameters": {"amplitude": 3.0, "start": 0.2},
+        "state": {},
         "complete": True,
     }
     assert trial.summary()["condition"] == "Step"
@@ -156,9 +178,16 @@ def test_a_condition_whose_constructor_is_not_known_is_not_run_again(lab, tmp_pa
         ({"name": "Leave"}, "cannot be created: SystemExit: 0"),
         ({"name": "NoCondition", "parameters": {}}, "expected a class derived from Condition"),
         ({"parameters": {"speed": 1.0}}, "unexpected keyword argument"),
+        (
+            {"name": "os.makedirs", "parameters": {"name": "made"}},
+            "expected a class derived from Condition",
+        ),
     ],
 )
-def test_a_recording_that_states_anything_else_is_refused_in_one_line(lab, changes, problem):
+def test_a_recording_that_states_anything_else_is_refused_in_one_line(
+    lab, changes, problem, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
     from mylab_steps import Step
 
     document = to_document(run_trial(SETTINGS, condition=Step()).settings)
@@ -167,10 +196,50 @@ def test_a_recording_that_states_anything_else_is_refused_in_one_line(lab, chang
         run_trial(from_document(document))
     assert "\n" not in str(caught.value)
     assert "antigravity" not in sys.modules
+    assert not Path("made").exists(), "a recording calls no function"
+
+
+@pytest.mark.parametrize(
+    ("expression", "problem"),
+    [
+        ("Doubling(2.0)", "amplitude: a new object has another value"),
+        ("Scaled(scale=2.0)", "its parameters are not recorded"),
+        ("Step(float('nan'))", "its parameters are not recorded"),
+        ("Step(float('inf'))", "its parameters are not recorded"),
+        ("Step('\\ud800')", "its parameters are not recorded"),
+        ("Step(10**5000)", "its parameters are not recorded"),
+    ],
+)
+def test_a_condition_that_cannot_be_created_as_it_was_is_not_run_again(
+    lab, expression, problem, tmp_path, monkeypatch
+):
+    import mylab_steps
+
+    monkeypatch.setattr(mylab_steps.Step, "drive_force", lambda self, t, measurement: 1.0)
+    recorded(tmp_path / "own.mcap", condition=eval(expression, vars(mylab_steps)))
+    with pytest.raises(InputError, match=problem):
+        run_trial(read_configuration(tmp_path / "own.mcap"))
+
+
+def test_a_condition_that_has_run_before_is_recorded_with_its_state(lab, tmp_path):
+    from mylab_steps import Counting
+
+    condition = Counting()
+    first = recorded(tmp_path / "first.mcap", condition=condition)
+    assert first.settings.custom_condition.state == {"steps": 0}
+    recorded(tmp_path / "second.mcap", condition=condition)
+    run_trial(read_configuration(tmp_path / "first.mcap"))
+    with pytest.raises(InputError, match="steps: a new object has another value"):
+        run_trial(read_configuration(tmp_path / "second.mcap"))
+
+
+def test_a_condition_does_not_have_the_name_of_one_of_this_package():
+    with pytest.raises(InputError, match="class mimic of the condition: expected another name"):
+        run_trial(SETTINGS, condition=type("mimic", (Push,), {})())
 
 
 def test_a_rig_of_the_user_is_recorded_by_its_class_and_has_no_true_values(tmp_path):
-    trial = recorded(tmp_path / "lab.mcap", rig_maker=make_lab_rig)
+    trial = recorded(tmp_path / "lab.mcap", rig_maker=make_lab_rig, arm=True)
     summary, recording = trial.summary(), load(tmp_path / "lab.mcap")
     assert (summary["rig"], summary["specimen"]) == ("LabRig", "LabRig")
     assert (summary["cube"], summary["truth"]) == (None, None)

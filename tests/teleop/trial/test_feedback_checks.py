@@ -281,6 +281,18 @@ def test_a_hand_that_felt_only_the_stiff_prior_is_reported(cube, condition, caps
     assert prior in shown
 
 
+def test_a_channel_that_delays_the_estimates_is_named_as_the_cause_of_the_stiff_prior():
+    settings = TrialSettings(
+        clock="virtual",
+        duration=5.0,
+        feedback=FeedbackSettings("model-mediated"),
+        channel=ChannelSettings(delay=2.0),
+        estimators=("rls",),
+    )
+    (remark,) = run_trial(settings).feedback()["remarks"]
+    assert remark.endswith("the estimates of the slave were up to 2 s old")
+
+
 def test_a_hand_that_felt_the_specimen_has_no_remark():
     settings = TrialSettings(
         cube="soft", clock="virtual", feedback=FeedbackSettings("model-mediated"), seed=41

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import mmap
 
 import pytest
@@ -106,6 +107,24 @@ def test_a_page_that_is_far_behind_stops_a_trial_although_it_beats(one, delay, s
     assert not stops or "confirmed no data of the last 1 s" in faults[0].source
 
 
+@pytest.mark.parametrize("seen", [1e-3, 1e9, math.inf, math.nan])
+def test_a_confirmation_at_an_impossible_time_does_not_hide_the_loss_of_the_page(one, seen):
+    one.press(ARM)
+    one.writer.confirm(one.now + 0.01 + seen)
+    assert [fault.fault for fault in one.after(0.01, PROCESS).faults] == [Fault.PAGE_LOST]
+
+
+@pytest.mark.parametrize("seen", [1.0, math.nan])
+def test_start_and_the_hand_need_a_confirmation_at_a_possible_time(one, seen):
+    pointer = PagePointer(one.reader, lambda: one.now)
+    one.after(0.1, PROCESS, PAGE)
+    one.writer.confirm(one.now + seen)
+    one.writer.count(ARM)
+    one.writer.point(0.004, True)
+    assert not one.after(0.01, PROCESS).arm
+    assert not pointer()[1]
+
+
 def test_the_fault_remains_when_the_process_is_back(one):
     one.press(ARM)
     one.after(0.4)
@@ -139,7 +158,7 @@ def test_a_trial_armed_at_the_terminal_does_not_need_the_page():
 def test_the_pointer_lets_go_after_silence_and_at_release():
     one = Page()
     pointer = PagePointer(one.reader, lambda: one.now)
-    one.writer.confirm(0.1)
+    one.writer.confirm(0.0)
     assert pointer() == (0.0, False)
     one.writer.point(0.004, True)
     assert pointer() == (0.004, True)

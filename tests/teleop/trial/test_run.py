@@ -24,6 +24,7 @@ from sim_backend import (
     Setup,
     SimulatedRig,
 )
+from sim_backend.faults import Disobedient, FaultyRig
 from teleop.control.clock import VirtualClock
 from teleop.control.conditions import Teleoperation
 from teleop.control.tare import NO_TARE, Tare
@@ -31,6 +32,7 @@ from teleop.errors import InputError
 from teleop.recording.recording import Recording, load
 from teleop.recording.timing import PARTS, RunningTiming
 from teleop.safety import Mode, Request
+from teleop.safety.checks import REST
 from teleop.trial import later_estimates
 from teleop.trial.assembly import make_clock
 from teleop.trial.configuration import read_configuration
@@ -483,3 +485,42 @@ def test_a_hardware_rig_has_a_stop_key_by_default(monkeypatch):
         run_trial(TrialSettings(rig=read_rig_file(RIGS / "serial-board.toml")))
     run_trial(TrialSettings(clock="virtual", duration=0.1, estimators=("rls",)))
     assert keys == [True, False]
+
+
+@pytest.mark.parametrize("signals", [0, 1, 2], ids=["end", "Ctrl-C", "Ctrl-C twice"])
+def test_a_drive_that_moves_on_after_the_end_of_a_trial_is_reported(signals):
+    class Switch(StopSwitch):
+        def request(self, arm, end=""):
+            if signals and faulty and now() > 0.8:
+                self.count, self.reason = signals, "Ctrl-C"
+            return super().request(arm, end)
+
+    faulty, clocks = [], []
+
+    def now():
+        return clocks[0]()
+
+    class Obstinate(FaultyRig):
+        def idle(self):
+            if now() > 0.5:
+                self.inject(Disobedient(-0.01, confirms=True))
+            return super().idle()
+
+    def make(clock):
+        clocks.append(clock)
+        faulty.append(Obstinate(SimulatedRig(CUBES["soft"], clock)))
+        return faulty[0]
+
+    with Switch() as switch:
+        settings = TrialSettings(condition="autonomous", clock="virtual", duration=1.0)
+        trial = run_trial(settings, switch=switch, rig_maker=make, arm=True)
+    assert trial.fault["fault"] == "motion after a stop"
+    assert "use the hardware emergency stop" in trial.stop_text
+
+
+def test_a_trial_ends_when_the_slave_is_at_rest_after_the_stop():
+    trial = run_trial(TrialSettings(condition="autonomous", clock="virtual", duration=1.0))
+    assert trial.fault is None
+    (end,) = [event for event in trial.recording.events if event["text"] == "at standstill"]
+    rest = trial.recording["time"][-1] - end["time"]
+    assert REST <= rest < 2.0 * REST

@@ -225,3 +225,13 @@ def test_a_file_in_mixed_encodings_is_read_line_by_line(tmp_path):
     rows = b"".join(b"%d,%d,%d\n" % (i, i, i) for i in range(5))
     path.write_bytes(b"# \xe9 Latin-1\nTime [s],Position [\xc2\xb5m],Force [N]\n" + rows)
     assert read_signals(path).x[1] == pytest.approx(1e-6)
+
+
+@pytest.mark.parametrize("channel", ["position", "force"])
+def test_values_whose_squares_are_zero_are_refused(tmp_path, refused, motion, channel):
+    size = {"position": 1.0, "force": 1.0} | {channel: 1e-300}
+    path = tmp_path / "small.csv"
+    rows = zip(motion.t, motion.x * size["position"], motion.f * size["force"], strict=True)
+    lines = (f"{t!r},{x!r},{f!r}\n" for t, x, f in (map(float, row) for row in rows))
+    path.write_text("time [s],position [m],force [N]\n" + "".join(lines))
+    assert f"every {channel} is at most" in refused("estimate", path)

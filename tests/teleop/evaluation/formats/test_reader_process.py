@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import random
 import signal
 import subprocess
 import sys
@@ -10,8 +12,12 @@ import time
 import zipfile
 
 import pytest
+import scipy.io
+from mcap.writer import CompressionType, Writer
 
+from teleop.errors import InputError
 from teleop.evaluation.formats import reader_process
+from teleop.evaluation.signals import read_signals
 
 HEAD = b"PK\x03\x04"
 """First bytes of a spreadsheet."""
@@ -140,3 +146,67 @@ def test_a_small_file_cannot_fill_the_memory_of_the_machine(tmp_path, refused):
 def test_a_large_file_may_use_half_of_the_memory_of_the_machine(monkeypatch):
     monkeypatch.setattr(reader_process, "machine_memory", lambda: 64 << 30)
     assert reader_process.memory_limit(100 << 20) == 32 << 30
+
+
+def write_table(path, columns):
+    """Write columns by name, in the format of the ending of the file name."""
+    if path.suffix == ".parquet":
+        pyarrow = pytest.importorskip("pyarrow")
+        pytest.importorskip("pyarrow.parquet").write_table(pyarrow.table(columns), path)
+    elif path.suffix == ".mat":
+        scipy.io.savemat(path, columns, do_compression=True)
+    elif path.suffix == ".h5":
+        with pytest.importorskip("h5py").File(path, "w") as file:
+            for name, values in columns.items():
+                file.create_dataset(name, data=values, compression="gzip")
+    elif path.suffix == ".tdms":
+        nptdms = pytest.importorskip("nptdms")
+        with nptdms.TdmsWriter(path) as file:
+            channels = [nptdms.ChannelObject("g", *column) for column in columns.items()]
+            file.write_segment(channels)
+    elif path.suffix == ".mcap":
+        with path.open("wb") as file:
+            writer = Writer(file, compression=CompressionType.LZ4)
+            writer.start()
+            channel = writer.register_channel("/a", "json", 0)
+            for i, row in enumerate(zip(*columns.values(), strict=True)):
+                data = json.dumps(dict(zip(columns, row, strict=True))).encode()
+                writer.add_message(channel, i * 10**7, data, i * 10**7)
+            writer.finish()
+    else:
+        pytest.importorskip("python_calamine")
+        rows = zip(*columns.values(), strict=True)
+        cells = ("".join(f"<c><v>{value!r}</v></c>" for value in row) for row in rows)
+        names = "".join(f'<c t="str"><v>{name}</v></c>' for name in columns)
+        workbook(path, "".join(f"<row>{row}</row>" for row in (names, *cells)))
+
+
+DAMAGES = {
+    "truncated": lambda data, at: data[:at],
+    "lying size": lambda data, at: data[:at] + b"\xff" * 8 + data[at + 8 :],
+    "flipped": lambda data, at: data[:at] + bytes([data[at] ^ 255]) + data[at + 1 :],
+    "repeated": lambda data, at: data[:at] + data,
+}
+"""How a file is damaged, at a given place."""
+
+
+@pytest.mark.parametrize("ending", [".parquet", ".mat", ".h5", ".tdms", ".mcap", ".xlsx"])
+def test_damaged_files_are_read_or_refused_in_one_line(tmp_path, ending):
+    """A damaged number can still be a number."""
+    t = [0.01 * i for i in range(60)]
+    columns = {"time_s": t, "position_mm": [v % 0.3 for v in t], "force_N": [v % 0.2 for v in t]}
+    path = tmp_path / f"whole{ending}"
+    write_table(path, columns)
+    assert len(read_signals(path, time="1=s" if ending == ".mcap" else None).t) == 60
+    data = path.read_bytes()
+    places = random.Random(ending)
+    for name, damage in DAMAGES.items():
+        path = tmp_path / f"{name}{ending}"
+        path.write_bytes(damage(data, places.randrange(8, len(data) - 8)))
+        message = str(path)
+        try:
+            read_signals(path)
+        except InputError as error:
+            message = str(error)
+        assert str(path) in message
+        assert "\n" not in message

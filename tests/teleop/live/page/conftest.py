@@ -190,6 +190,7 @@ class TrialFeed(Feed):
         self.is_over = self.is_faulted = False
         self.prompt = {"number": 1, "answers": ["next", "repeat", "skip", "notes"]}
         self.armed_at = 0.0
+        self.lateness = 55e-6
         self.requests = []
         self.welcome = {
             "type": "welcome",
@@ -270,7 +271,7 @@ class TrialFeed(Feed):
         return [self.welcome, self.trial]
 
     def state(self):
-        health = {"overruns": 2, "skipped": 1, "dropped": 0, "lateness_max": 55e-6}
+        health = {"overruns": 2, "skipped": 1, "dropped": 0, "lateness_max": self.lateness}
         return {
             "mode": self.mode,
             "faulted": self.is_faulted,

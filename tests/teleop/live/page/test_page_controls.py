@@ -198,7 +198,10 @@ def test_the_result_shows_the_tracking(trial_feed, serve, open_page):
 
 
 def test_the_health_of_the_loop_is_shown(trial_feed, serve, open_page):
-    page = open_page(serve(trial_feed()).url())
+    feed = trial_feed()
+    page = open_page(serve(feed).url())
     wait_for(page, "document.getElementById('health').textContent.includes('lateness 55')")
     text = page.locator("#health").inner_text()
     assert "overruns 2, skipped periods 1, dropped ticks 0" in text
+    feed.lateness = None  # no tick in the last second
+    wait_for(page, "document.getElementById('health').textContent.includes('lateness \u2013 µs')")

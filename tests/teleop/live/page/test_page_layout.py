@@ -58,6 +58,7 @@ SUBSETS = [("rls_conditional",), NAMES, *(random.Random(i).sample(NAMES, 2 + i) 
 )
 def test_the_page_is_never_wider_than_its_window(estimators, view, trial_feed, serve, open_page):
     feed = trial_feed(estimators=estimators, values=LARGE, target=TARGET, specimen=100 * "x")
+    feed.text = 90 * "x"
     page = open_page(serve(feed).url(view))
     wait_for(page, "teleop.rows() > 50")
     feed.news.append({"type": "summary", **summary_of(estimators)})

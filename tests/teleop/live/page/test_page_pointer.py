@@ -71,6 +71,24 @@ def test_the_hand_lets_go_if_the_page_loses_the_mouse(page, feed):
         page.mouse.up()
 
 
+def test_the_hand_lets_go_when_its_button_is_released_although_another_one_is_held(page, feed):
+    hold(page, 0.5)
+    page.mouse.down(button="right")
+    wait_until(page, lambda: last(feed).get("grip"))
+    page.mouse.up(button="left")
+    wait_until(page, lambda: last(feed)["grip"] is False)
+    page.mouse.up(button="right")
+
+
+def test_the_hand_lets_go_when_its_key_has_another_name_at_its_release(page, feed):
+    page.keyboard.down("g")
+    wait_until(page, lambda: last(feed).get("grip"))
+    released = "new KeyboardEvent('keyup', {key: '\u014b', code: 'KeyG'})"  # with AltGr
+    page.evaluate(f"dispatchEvent({released})")
+    wait_until(page, lambda: last(feed)["grip"] is False)
+    page.keyboard.up("g")
+
+
 def test_the_hand_repeats_its_position_while_it_rests(page, feed):
     hold(page, 0.5)
     wait_until(page, lambda: len(feed.requests) > 20)

@@ -22,6 +22,7 @@ from teleop.cli import main
 from teleop.errors import InputError, SafetyStop
 from teleop.recording.recording import load
 from teleop.studies.json_lines import locked
+from teleop.studies.recordings import sources
 from teleop.studies.series.conduct import conduct as conduct_series
 from teleop.studies.series.conduct import is_complete
 from teleop.studies.series.journal import Journal
@@ -388,6 +389,63 @@ def test_a_trial_whose_recording_was_deleted_is_named_and_run_again(plan, tmp_pa
     conduct(folder, *plan)
     assert [row["attempt"] for row in rows(folder)] == ["1", "2", "1"]
     assert is_complete(folder, *plan)
+
+
+def test_recordings_that_were_swapped_are_named_and_not_compared(plan, tmp_path):
+    folder = tmp_path / "series"
+    conduct_series(folder, *plan)
+    first, second, _ = sorted((folder / "recordings").glob("*.mcap"))
+    first.rename(folder / "kept")
+    second.rename(first)
+    (folder / "kept").rename(second)
+    with pytest.raises(InputError, match=f"{first.name} was replaced or changed: it has"):
+        sources([folder])
+    assert not is_complete(folder, *plan)
+    assert "was replaced or changed" in Journal(folder).problem(1)
+
+
+@pytest.mark.parametrize("name", ["journal.jsonl", "trials.csv"])
+@pytest.mark.parametrize("put", [Path.mkdir, os.mkfifo])
+def test_a_file_of_a_series_that_is_no_regular_file_is_refused(plan, tmp_path, name, put):
+    folder = tmp_path / "series"
+    folder.mkdir()
+    put(folder / name)
+    if name == "trials.csv":
+        Journal(folder).write("plan", plan=plan[0].model_dump(mode="json"))
+    with pytest.raises(InputError, match=f"{name}: expected a file, this is a"):
+        conduct_series(folder, *plan)
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (lambda entry: entry.clear(), "line 3: time: is missing"),
+        (lambda entry: entry.update(trial=9), "contains trial 9: expected at most 3"),
+        (lambda entry: entry.update(trial=[1]), "line 3: trial: expected a whole number"),
+        (lambda entry: entry.pop("summary"), "line 3: .*expected attempt, file and summary"),
+        (lambda entry: entry.update(summary={"estimates": [1]}), "line 3: summary.estimates"),
+        (lambda entry: entry.update(file="../x.mcap"), "line 3: file: "),
+        (lambda entry: entry.update(entry="future"), "line 3: entry: expected one of plan"),
+    ],
+)
+def test_a_journal_with_a_damaged_entry_is_refused_in_one_line(plan, tmp_path, change, problem):
+    folder = tmp_path / "series"
+    journal = Journal(made(folder))
+    journal.write("plan", plan=plan[0].model_dump(mode="json"))
+    journal.write("started", 1, attempt=1, file="a.mcap")
+    journal.write("done", 1, attempt=1, file="a.mcap", summary={"estimates": {}})
+    lines = (folder / "journal.jsonl").read_text().splitlines()
+    entry = json.loads(lines[2])
+    change(entry)
+    (folder / "journal.jsonl").write_text("\n".join([*lines[:2], json.dumps(entry), ""]))
+    with pytest.raises(InputError, match=problem) as caught:
+        conduct_series(folder, *plan)
+    assert "\n" not in str(caught.value)
+
+
+def made(folder):
+    folder.mkdir()
+    return folder
 
 
 def done_trials(folder):

@@ -299,3 +299,48 @@ def test_any_document_gives_a_plan_or_problems(document):
     plan, problems = checked_plan(document)
     assert valid or problems
     chosen_settings(plan, acting_factors(plan), Path())
+
+
+NESTED = """
+name = "nested"
+order = "listed"
+[factors]
+mass = ["light", "heavy"]
+damping = ["low"]
+[settings]
+admittance = {mass = 3.0, stiffness = 5.0}
+signal = {kind = "sine", frequency = 1.0}
+[levels.mass.heavy.admittance]
+mass = 6.0
+[levels.mass.heavy.signal]
+kind = "chirp"
+low = 0.5
+high = 2.0
+[levels.damping.low.admittance]
+damping = 9.0
+"""
+
+
+def test_a_level_changes_only_its_own_settings_of_a_table(tmp_path):
+    (tmp_path / "plan.toml").write_text(NESTED)
+    light, heavy = (trial.settings for trial in read_series(tmp_path / "plan.toml")[1])
+    found = [
+        (s.admittance.mass, s.admittance.stiffness, s.admittance.damping) for s in (light, heavy)
+    ]
+    assert found == [(3.0, 5.0, 9.0), (6.0, 5.0, 9.0)]
+    assert (light.signal.kind, heavy.signal.kind) == ("sine", "chirp")
+
+
+def test_two_levels_that_assign_different_values_are_refused(tmp_path):
+    (tmp_path / "plan.toml").write_text(NESTED + "mass = 2.0\n")
+    with pytest.raises(
+        InputError, match="admittance.mass: levels.mass.heavy and levels.damping.low"
+    ):
+        read_series(tmp_path / "plan.toml")
+
+
+@pytest.mark.parametrize("name", ["estimator", "repetition", "trial", "seed"])
+def test_a_factor_with_the_name_of_a_column_of_the_results_is_refused(tmp_path, name):
+    (tmp_path / "plan.toml").write_text(f'name = "n"\n[factors]\n{name} = ["1", "2"]\n')
+    with pytest.raises(InputError, match=f"factors.{name}: expected another name"):
+        read_series(tmp_path / "plan.toml")
