@@ -103,10 +103,11 @@ def estimate_arrays(estimates: Mapping[str, Estimates]) -> Iterator[Floats]:
 def estimators_in(columns: Mapping[str, Floats]) -> list[str]:
     """Return the names of the estimators whose estimates are in a table.
 
-    `columns` contains the columns of the table by name, for example `rls_b` for the damping by the
-    estimator `rls`.
+    `columns` contains the columns of the table by name, for example `rls_b` and `rls_k` for the
+    damping and the stiffness by the estimator `rls`. Both columns are needed.
     """
-    return [name[:-2] for name in columns if name.endswith("_b")]
+    names = [name[:-2] for name in columns if name.endswith("_b")]
+    return [name for name in names if f"{name}_k" in columns]
 
 
 def estimates_in(columns: Mapping[str, Floats], estimator: str) -> Estimates:

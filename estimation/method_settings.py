@@ -54,20 +54,8 @@ class MethodSettings:
 
     @property
     def sizes(self) -> tuple[float, ...]:
-        """Typical root mean square of each regressor of the model, in its SI unit.
-
-        Raises
-        ------
-        ValueError
-            A magnitude is so small or so large that its square cannot be computed.
-        """
-        sizes = self.model.sizes(self.x_size, self.v_size, self.f_size)
-        if not all(1e-100 < size < 1e100 for size in sizes):
-            raise ValueError(
-                "x_size, v_size and f_size must be positive, and neither tiny nor huge, got "
-                f"{self.x_size} m, {self.v_size} m/s, {self.f_size} N"
-            )
-        return sizes
+        """Typical root mean square of each regressor of the model, in its SI unit."""
+        return self.model.sizes(self.x_size, self.v_size, self.f_size)
 
     @property
     def covariance(self) -> tuple[float, ...]:

@@ -102,9 +102,3 @@ def test_a_bad_sample_leaves_every_estimator_as_it_was():
         with pytest.raises(ValueError, match="must be finite"):
             bank.update(*bad)
     assert {name: e.state for name, e in bank.items()} == before
-
-
-@pytest.mark.parametrize("size", [0.0, 1e-320, 1e300, float("nan")])
-def test_a_typical_size_whose_square_cannot_be_computed_is_refused(size):
-    with pytest.raises(ValueError, match="x_size, v_size and f_size must be positive"):
-        replace(paper_preset(), x_size=size, estimators=("kalman",)).bank()

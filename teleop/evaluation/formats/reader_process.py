@@ -36,7 +36,7 @@ LEAST_MEMORY = 2 << 30
 EXPANSION = 1000
 """Bytes of memory per byte of the file. No compression makes measured values smaller than this."""
 GRACE = 5.0
-"""Time after its time limit at which a reader ends itself, if its parent process was killed [s]."""
+"""Time after its time limit at which a reader ends itself, if nothing else has ended it [s]."""
 
 
 class Request(NamedTuple):
@@ -116,8 +116,9 @@ def read_apart(module: str, what: str, path: Path, pick: Pick, wanted: Wanted) -
     started = time.monotonic()
     try:
         timer.start()
-        with contextlib.suppress(BrokenPipeError), process.stdin:
+        with contextlib.suppress(BrokenPipeError):
             pickle.dump(request, process.stdin)
+            process.stdin.flush()
         result: list[Table] | Exception = pickle.load(process.stdout)
     except (EOFError, pickle.UnpicklingError) as error:
         code = process.wait()
@@ -132,6 +133,8 @@ def read_apart(module: str, what: str, path: Path, pick: Pick, wanted: Wanted) -
     finally:
         timer.cancel()
         process.kill()
+        with contextlib.suppress(BrokenPipeError):
+            process.stdin.close()
         process.stdout.close()
         process.wait()
     if isinstance(result, Exception):
@@ -163,6 +166,15 @@ def set_limits(memory: int, seconds: float) -> None:
         signal.alarm(int(seconds + GRACE))
 
 
+def end_with_parent() -> None:
+    """Wait until standard input ends, because the parent process has ended, and end this process.
+
+    The parent process keeps its end of the pipe open, and the system closes it even after SIGKILL.
+    """
+    os.read(0, 1)  # not through `sys.stdin`, whose lock would be held when Python ends
+    os._exit(1)
+
+
 def result_of(request: Request) -> list[Table] | Exception:
     """Read the file, and return its tables, or the exception to raise in the parent process."""
     try:
@@ -182,6 +194,7 @@ def main() -> None:
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints is not part of the result
     request: Request = pickle.load(sys.stdin.buffer)
+    threading.Thread(target=end_with_parent, daemon=True).start()
     set_limits(request.memory, request.seconds)
     result: Any = result_of(request)
     with output:

@@ -15,6 +15,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk, DataEnd, Footer, Header, Metadata
 from mcap.writer import CompressionType, Writer
 
+from estimation.estimate_columns import estimators_in
 from teleop.cli import main
 from teleop.errors import InputError
 from teleop.evaluation.kept_parts import MEASURED
@@ -200,6 +201,10 @@ def test_sample_periods_too_short_for_any_machine_are_refused():
     block = {name: np.ones(3) for name in MEASURED} | {"x": np.ones(3)}
     with pytest.raises(InputError, match="paired_dt is not 1e-09 s or more"):
         measured(block | {"paired_dt": np.full(3, 1e-300)})
+
+
+def test_a_recording_without_the_stiffness_of_an_estimator_lacks_the_estimator():
+    assert estimators_in({"rls_b": np.zeros(1), "ai_b": np.zeros(1), "ai_k": np.zeros(1)}) == ["ai"]
 
 
 def test_a_second_record_of_settings_is_reported(tmp_path, refused):

@@ -52,7 +52,7 @@ def test_what_a_library_does_is_one_line(tmp_path, refused, library, monkeypatch
 
 @pytest.mark.real_time
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
-@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_command_that_is_stopped_ends_its_reader(tmp_path, library, ending):
     started = tmp_path / "started"
     code = f"import os, time; open({str(started)!r}, 'w').write(str(os.getpid())); time.sleep(600)"
@@ -64,9 +64,20 @@ def test_a_command_that_is_stopped_ends_its_reader(tmp_path, library, ending):
         assert process.poll() is None
         time.sleep(0.01)
     process.send_signal(ending)
-    assert process.wait() == 130
-    with pytest.raises(ProcessLookupError):
-        os.kill(int(started.read_text()), 0)
+    assert process.wait() == (-signal.SIGKILL if ending == signal.SIGKILL else 130)
+    reader = int(started.read_text())
+    checks = 0
+    while is_running(reader):  # after SIGKILL, the reader notices it itself
+        assert (checks := checks + 1) < 4000, "the reader only ends at its limit of time"
+        time.sleep(0.01)
+
+
+def is_running(process):
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 PACKAGE = "http://schemas.openxmlformats.org/package/2006"
@@ -118,6 +129,23 @@ def test_a_workbook_that_expands_to_more_than_the_memory_limit_is_refused(
     assert path.stat().st_size < 1 << 20
     message = refused("estimate", path)
     assert "the reader ended with" in message or "it needs more memory than" in message
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the limit of memory is that of Linux")
+def test_a_small_file_cannot_fill_the_memory_of_the_machine(tmp_path, refused):
+    """Each dataset has 8 GB, of which nothing is written."""
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "never-written.h5"
+    with h5py.File(path, "w") as file:
+        for name in ("time [s]", "position [m]", "force [N]"):
+            file.create_dataset(name, (10**9,), "f8", chunks=(1 << 20,))
+    assert path.stat().st_size < 1 << 20
+    assert "more memory than 2.0 GiB" in refused("estimate", path)
+
+
+def test_a_large_file_may_use_half_of_the_memory_of_the_machine(monkeypatch):
+    monkeypatch.setattr(reader_process, "machine_memory", lambda: 64 << 30)
+    assert reader_process.memory_limit(100 << 20) == 32 << 30
 
 
 def write_table(path, columns):
@@ -182,20 +210,3 @@ def test_damaged_files_are_read_or_refused_in_one_line(tmp_path, ending):
             message = str(error)
         assert str(path) in message
         assert "\n" not in message
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="the limit of memory is that of Linux")
-def test_a_small_file_cannot_fill_the_memory_of_the_machine(tmp_path, refused):
-    """Each dataset has 8 GB, of which nothing is written."""
-    h5py = pytest.importorskip("h5py")
-    path = tmp_path / "never-written.h5"
-    with h5py.File(path, "w") as file:
-        for name in ("time [s]", "position [m]", "force [N]"):
-            file.create_dataset(name, (10**9,), "f8", chunks=(1 << 20,))
-    assert path.stat().st_size < 1 << 20
-    assert "more memory than 2.0 GiB" in refused("estimate", path)
-
-
-def test_a_large_file_may_use_half_of_the_memory_of_the_machine(monkeypatch):
-    monkeypatch.setattr(reader_process, "machine_memory", lambda: 64 << 30)
-    assert reader_process.memory_limit(100 << 20) == 32 << 30
