@@ -92,6 +92,7 @@ class PageClient(Client):
 
     def send_rows(self, *arguments: Any) -> None:
         self.frames.append(self._now())
+        self._sent[self._now()] = None  # a time that the page may confirm
 
 
 class InProcess(LiveLink):

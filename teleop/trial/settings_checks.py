@@ -127,7 +127,7 @@ def values_out_of_range(settings: TrialSettings) -> Iterator[tuple[tuple[str, ..
             f"notes: expected at most {ranges.NOTES} characters, got {len(settings.notes)}",
         )
     if "\0" in settings.notes or not is_unicode(settings.notes):
-        yield ("notes",), f"notes {settings.notes!r}: expected Unicode text without character zero"
+        yield ("notes",), "notes: expected Unicode text without the character zero"
     if settings.custom_condition and settings.custom_condition.name in CONDITIONS:
         yield (
             ("custom_condition",),

@@ -227,7 +227,7 @@ def test_specimen_operator_and_notes_are_in_the_recording_and_the_summary(tmp_pa
 
 @pytest.mark.parametrize("notes", ["warm\0", "caf\udce9"])
 def test_notes_that_a_recording_cannot_contain_are_refused(notes):
-    with pytest.raises(InputError, match="expected Unicode text without character zero"):
+    with pytest.raises(InputError, match="expected Unicode text without the character zero"):
         TrialSettings(notes=notes)
 
 
@@ -347,7 +347,7 @@ def test_all_problems_of_a_configuration_are_reported_at_once(tmp_path, capsys):
         "rate_hz: expected a number",
         "odd: unknown setting",
         "duration -1 s: expected",
-        "notes: expected text without",
+        "notes: expected Unicode text without",
         "kalmann",
     ]
     for part in expected:

@@ -18,6 +18,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from estimation.registry import Offered
 from teleop.cli import main
 from teleop.control.admittance import AdmittanceParameters
 from teleop.errors import InputError
@@ -535,7 +536,7 @@ def test_the_origin_of_a_plug_in_changes_with_its_code(tmp_path, monkeypatch):
     (package / "__init__.py").write_text("")
     (package / "inner" / "rls.py").write_text("gain = 1")
     monkeypatch.syspath_prepend(tmp_path)
-    points = {"springs": FakePoint("spring_fits.inner.rls")}
+    points = Offered({"springs": FakePoint("spring_fits.inner.rls")}, {})
     monkeypatch.setattr("teleop.studies.sweep.origin.offered", lambda: points)
     assert plug_ins_in({"estimators": ["rls"]}) == ()
     assert plug_ins_in({"estimators": ["rls", "springs"]}) == ("springs",)
