@@ -5,6 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from teleop.evaluation.formats.reader_process import Request, result_of
+
 
 @pytest.fixture
 def motion():
@@ -20,6 +22,22 @@ def motion():
         return signals
 
     return SimpleNamespace(t=t, x=x, f=f, same=same)
+
+
+@pytest.fixture(autouse=True)
+def in_this_process(request, monkeypatch):
+    """Read files without another process, to save time; `test_reader_process.py` tests it."""
+    apart = request.module.__name__.endswith("test_reader_process")
+    if apart or "library" in request.fixturenames:
+        return
+
+    def read(*arguments):
+        result = result_of(Request(*arguments, memory=0, seconds=0.0))
+        if isinstance(result, Exception):
+            raise result
+        return result
+
+    monkeypatch.setattr("teleop.evaluation.formats.registry.read_apart", read)
 
 
 @pytest.fixture
