@@ -30,7 +30,7 @@ import math
 import numpy as np
 from scipy.fft import dct
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 
 BELOW = 0.6
 """Ratio of two frequencies: the highest frequency of a baseline, and the lower end of the band in

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.robust_error import RobustFit, robust_fit
 
 RANK = 1e-10

@@ -33,7 +33,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 
 TAPERS = 6
 """Number of tapers.

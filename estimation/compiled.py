@@ -19,12 +19,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from estimation.arrays import Floats
 from estimation.machine_code import called_by_machine_code, machine_code
 from estimation.own_copies import called_functions, calls, own_copy, used_globals
 from estimation.records import to_record, update_from
 from estimation.step import State, Step, below
-
-Floats = NDArray[np.float64]
 
 WORTH_LOADING_NUMBA = 200_000
 """Number of samples that the interpreter processes while numba is loaded, about 0.6 s."""

@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from estimation.arrays import Floats
 from estimation.checks import checked_samples, is_valid, sample_error
-from estimation.compiled import Floats, looped
+from estimation.compiled import looped
 from estimation.filters import Lag, LowPass, angular, difference, difference_series
 from estimation.model import KELVIN_VOIGT, Model
 

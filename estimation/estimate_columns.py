@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.estimator import Estimate, Estimates, Estimator, Series
 
 MISFIT = "_misfit"

@@ -9,8 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from estimation.arrays import Floats
 from estimation.checks import checked_samples, is_valid, sample_error
-from estimation.compiled import Floats, looped
+from estimation.compiled import looped
 
 
 class Excitation:

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95, Estimates
 from estimation.figure_style import (
     BLUE,

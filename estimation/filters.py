@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from estimation.compiled import Floats, looped
+from estimation.arrays import Floats
+from estimation.compiled import looped
 
 
 def low_pass(

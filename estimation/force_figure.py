@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.conditioning import Regression
 from estimation.estimator import Estimates
 from estimation.figure_style import (

@@ -17,7 +17,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import Floats, looped
+from estimation.arrays import Floats
+from estimation.compiled import looped
 
 
 class RecentBlocks:

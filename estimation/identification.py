@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from estimation.arrays import Floats
 from estimation.bank import Bank
 from estimation.checks import checked_samples
-from estimation.compiled import Floats
 from estimation.conditioning import MatchedFilter, Regression
 from estimation.estimator import Estimates
 from estimation.excitation import dominant_frequency

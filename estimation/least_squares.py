@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 
 
 class Fit(NamedTuple):

@@ -30,8 +30,8 @@ from typing import Any
 
 import numpy as np
 
+from estimation.arrays import Floats
 from estimation.checks import check_correlation
-from estimation.compiled import Floats
 from estimation.estimator import Estimator
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, zeros

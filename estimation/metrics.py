@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.conditioning import Regression
 from estimation.estimator import LEVEL_95, UNKNOWN, Estimates
 from estimation.model import SIZES

@@ -33,7 +33,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import Floats, looped
+from estimation.arrays import Floats
+from estimation.compiled import looped
 from estimation.conditioning import Regression
 from estimation.estimator import Estimate, Estimates, Estimator
 from estimation.hunt_crossley_misfit import RecentBlocks

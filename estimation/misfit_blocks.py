@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 
 
 class BlockEnds(NamedTuple):

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Protocol
 
 from numpy.typing import ArrayLike
 
+from estimation.arrays import Floats
 from estimation.bank import Bank
-from estimation.compiled import Floats
 from estimation.conditioning import Regression
 from estimation.estimate_columns import estimate_arrays, estimate_columns
 from estimation.estimator import LEVEL_95, Estimates

@@ -39,7 +39,7 @@ import numpy as np
 from scipy.fft import dct
 from scipy.special import stdtrit
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
 
 FEWEST_COSINES = 4

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 
 REACH = 5.0
 """Half length of the Gaussian kernel, in standard deviations of the kernel."""

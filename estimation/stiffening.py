@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.conditioning import BANDWIDTH, MatchedFilter
 from estimation.filters import Lag
 from estimation.model import STIFFENING

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.conditioning import Regression
 from estimation.estimator import LEVEL_95, UNKNOWN, Estimates, Estimator
 from estimation.metrics import RisingValue, estimated_force, predicted_force

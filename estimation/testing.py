@@ -19,8 +19,9 @@ from importlib.util import find_spec
 
 import numpy as np
 
+from estimation.arrays import Floats
 from estimation.checks import LARGEST, checked_samples
-from estimation.compiled import Floats, Samples, compiled_sweep, interpreted_sweep
+from estimation.compiled import Samples, compiled_sweep, interpreted_sweep
 from estimation.estimator import Estimates, Estimator
 from estimation.records import numbers
 from estimation.testing_signals import (

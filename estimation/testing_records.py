@@ -17,7 +17,7 @@ from numpy.random import Generator
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 
 
 class TrueRecord(NamedTuple):

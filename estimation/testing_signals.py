@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.estimator import Estimator
 
 

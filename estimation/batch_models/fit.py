@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
 from estimation.robust_error import RobustFit
 from estimation.smoothing import smooth_pieces

@@ -24,6 +24,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import least_squares
 
+from estimation.arrays import Floats
 from estimation.batch_models.fit import (
     BatchData,
     BatchFit,
@@ -31,7 +32,6 @@ from estimation.batch_models.fit import (
     linear_solution,
     with_intervals,
 )
-from estimation.compiled import Floats
 
 EXPONENT = (0.5, 5.0)
 """Range of the exponent n in the search."""

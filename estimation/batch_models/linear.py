@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from estimation.arrays import Floats
 from estimation.batch_models.fit import (
     BatchData,
     BatchFit,
@@ -21,7 +22,6 @@ from estimation.batch_models.fit import (
     linear_solution,
     with_intervals,
 )
-from estimation.compiled import Floats
 
 COLUMNS = {
     "kelvin-voigt": ("k", "b"),

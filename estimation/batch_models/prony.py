@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
+from estimation.arrays import Floats
 from estimation.batch_models.fit import Parameter, linear_solution
-from estimation.compiled import Floats
 from estimation.estimator import LEVEL_95
 from estimation.robust_error import RobustFit, bayesian_criterion
 

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 
 START = 8
 """Number of samples from which the value at the start of a piece is computed.

@@ -19,6 +19,7 @@ import math
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from estimation.arrays import Floats
 from estimation.batch_models.fit import (
     BatchData,
     BatchFit,
@@ -27,7 +28,6 @@ from estimation.batch_models.fit import (
     with_intervals,
 )
 from estimation.batch_models.relaxation import relaxing_part
-from estimation.compiled import Floats
 
 
 def relaxing(data: BatchData, tau: float) -> tuple[Floats, Floats]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from estimation.arrays import Floats
 from estimation.checks import LARGEST
-from estimation.compiled import Floats
 
 MOST = 10**8
 """Largest number of candidate values of one parameter."""

@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from estimation.arrays import Floats
 from estimation.checks import check_correlation
-from estimation.compiled import Floats
 from estimation.estimator import Estimates, Estimator
 from estimation.methods.candidates import GridAxis, grid_axis, least_candidate
 from estimation.methods.grid import Grid

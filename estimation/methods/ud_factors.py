@@ -15,8 +15,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from estimation.arrays import Floats
 from estimation.checks import positive_values
-from estimation.compiled import Floats
 from estimation.estimator import Estimates
 from estimation.linear_gain import (
     LinearGainEstimator,

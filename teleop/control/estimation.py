@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from estimation import Bank, Conditioner, Estimate, Excitation, Misfit
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.estimate_columns import estimate_arrays, estimate_row
 from teleop.control.alignment import Pair
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from estimation import Bank, Estimates, Regression
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.summary import EstimatorSummary, RunningSummary
 from teleop.evaluation.averaged_part import AveragedPart
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.robust_error import bayesian_criterion
 from teleop.evaluation.contact_rows import Rows
 from teleop.evaluation.prepared import Prepared

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation import Conditioner, Regression
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from teleop.errors import InputError
 from teleop.evaluation.averaged_part import AveragedPart
 from teleop.evaluation.datum import Datum

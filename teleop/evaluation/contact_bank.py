@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation import Bank
-from estimation.compiled import Floats, Samples
+from estimation.arrays import Floats
+from estimation.compiled import Samples
 from estimation.estimator import Estimator
 from teleop.evaluation.analysis import Analysis
 from teleop.evaluation.masks import hysteresis

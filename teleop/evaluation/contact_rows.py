@@ -11,9 +11,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from estimation.arrays import Floats
 from estimation.baseline import baseline_regressors
 from estimation.baseline_fit import BaselineFits
-from estimation.compiled import Floats
 from estimation.robust_error import RobustFit
 from teleop.evaluation.masks import runs
 from teleop.evaluation.phases import Phases

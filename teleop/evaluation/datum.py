@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from teleop.errors import InputError
 from teleop.evaluation.phases import Phases, find_phases
 from teleop.evaluation.prepared import prepare

@@ -16,8 +16,8 @@ from estimation import (
     Preset,
     Regression,
 )
+from estimation.arrays import Floats
 from estimation.batch_models import BatchFit
-from estimation.compiled import Floats
 from estimation.presentation import Presented
 from estimation.summary import EstimatorSummary
 from teleop.evaluation.analysis import Analysis

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from estimation.arrays import Floats
 from estimation.baseline import without_baseline
-from estimation.compiled import Floats
 from teleop.evaluation.masks import runs
 from teleop.evaluation.prepared import Prepared
 from teleop.evaluation.smallest_step import smallest_step

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 
 MEASURED = ("time", "paired_position", "paired_force", "paired_dt")
 """Columns of a recording that the estimators need: time, position, force, and time since the

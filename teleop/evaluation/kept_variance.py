@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 
 LONGEST_DELAY = 0.5
 """Longest delay of the filters that is tried, as a multiple of 1 / bandwidth."""

@@ -43,7 +43,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
 from teleop.evaluation.candidate import Candidate, evaluate
 from teleop.evaluation.contact_rows import DEGREES, Rows

@@ -40,7 +40,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 
 ArmDamping = Callable[[Floats], Floats]
 """Function that takes frequencies [Hz], and returns the damping of the arm at these [N s/m]."""

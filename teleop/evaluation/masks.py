@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 
 
 def hysteresis(values: Floats, low: float, high: float) -> NDArray[np.bool_]:

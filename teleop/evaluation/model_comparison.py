@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estimation import BatchWindow, Estimates, Estimator, Regression, predicted_force
+from estimation.arrays import Floats
 from estimation.checks import checked_samples
-from estimation.compiled import Floats, interpreted_sweep
+from estimation.compiled import interpreted_sweep
 from estimation.metrics import count_intervals
 from estimation.model import KELVIN_VOIGT
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation import Bank, Estimates, Excitation, Misfit, Regression
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.estimate_columns import estimate_arrays, estimate_columns, misfit_columns
 from estimation.estimator import Series
 from estimation.summary import EstimatorSummary

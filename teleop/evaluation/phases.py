@@ -44,7 +44,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri, stdtrit
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.stiffening import Interval
 from teleop.evaluation.force_levels import clipped, levels
 from teleop.evaluation.masks import eroded, hysteresis, runs, without_short

@@ -29,7 +29,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from estimation import least_squares
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
 from teleop.evaluation.evaluation_result import Evaluation
 from teleop.evaluation.kinds import MEANING

@@ -22,9 +22,9 @@ from functools import cached_property
 import numpy as np
 from scipy.ndimage import median_filter
 
+from estimation.arrays import Floats
 from estimation.baseline import FEWEST_CYCLES, baseline_order, without_baseline
 from estimation.coherent_band import CoherentBand, block_means
-from estimation.compiled import Floats
 from estimation.smoothing import kernel_width, slope, smooth, smooth_pieces
 from teleop.evaluation.resampled import Resampled, resample
 from teleop.evaluation.signals import Signals

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from estimation.arrays import Floats
 from estimation.batch_models.relaxation import relaxing_part, value_at_start
-from estimation.compiled import Floats
 from estimation.robust_error import bayesian_criterion
 from teleop.evaluation.candidate import Candidate, evaluate
 from teleop.evaluation.contact_rows import Rows, with_corners

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from teleop.evaluation.loop_oscillation import MOST_SUSTAINED, ArmDamping, RunningSpectra
 from teleop.recording.recording import Recording
 

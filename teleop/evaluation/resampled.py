@@ -13,8 +13,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from estimation.arrays import Floats
 from estimation.coherent_band import CoherentBand, coherent_band
-from estimation.compiled import Floats
 from estimation.filters import Lag
 from teleop.evaluation.signals import Signals
 from teleop.evaluation.single_stroke import combined, stroke_band

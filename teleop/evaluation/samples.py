@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from estimation import Estimates
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.estimate_columns import estimators_in
 from teleop.errors import InputError
 from teleop.evaluation.kept_parts import MEASURED, Last, Sections

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation import Conditioner, Regression
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 
 LONG = 20.0
 """A sample period is a gap if it is longer than this multiple of the median period."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from teleop.errors import InputError
 from teleop.evaluation.formats.columns import Picker, Wanted, find_columns, listed
 from teleop.evaluation.formats.registry import read_tables

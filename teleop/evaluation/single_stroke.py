@@ -18,8 +18,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from estimation.arrays import Floats
 from estimation.coherent_band import COHERENT, CoherentBand, block_means
-from estimation.compiled import Floats
 from teleop.evaluation.speed import typical_speed
 
 BLOCKS = 200

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 
 ROUNDING = 1e-12
 """Steps smaller than this fraction of the largest value are treated as rounding errors."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 
 
 def typical_speed(v: Floats) -> float:

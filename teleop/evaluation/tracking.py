@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 
 FEWEST = 2.0
 """Smallest number of periods of the target for which the tracking is computed."""

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 
 STROKE = 0.2
 """Smallest stroke in a record that is mostly at rest, as a fraction of the range of the position.

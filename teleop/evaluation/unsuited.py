@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import median_filter
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from teleop.evaluation.constancy import rise_at_rest
 from teleop.evaluation.masks import runs
 from teleop.evaluation.phases import Phases

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 
 RECENT = 1.0
 """Length of the time window [s]. The live page shows the largest lateness within this window."""

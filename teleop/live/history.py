@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 
 SHOWN = 10.0
 """Length of the time axis of the live page [s]."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from teleop.live.feed import Feed, estimator_indices, shown_columns
 from teleop.live.history import SHOWN, History, decimated, decimation
 from teleop.live.requests import BadRequest

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from teleop.json_documents import loads
 from teleop.live.cells import ARM, END, PROCESS, STOP, CellWriter
 from teleop.live.feed import Feed, estimator_indices, shown_columns

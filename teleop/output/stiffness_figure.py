@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from matplotlib.figure import Figure
 
 from estimation import Estimates
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.figure_style import PROFILE, draw, legend, limits, line, new_figure, tidy
 from estimation.figures import START, drawn
 

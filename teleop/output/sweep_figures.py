@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
 from estimation.figure_style import CHOSEN, WIDTHS, legend, line, new_figure, tidy
 from teleop.output.figure_files import plain

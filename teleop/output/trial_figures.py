@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.figure_style import (
     BLUE,
     ORANGE,

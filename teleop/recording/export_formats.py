@@ -12,7 +12,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from teleop.errors import InputError
 from teleop.files import new_file, write_text
 from teleop.json_documents import dumps

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 
 SAME_TIME = 1e-6
 """Largest difference between two times that are treated as equal [s]."""

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 
 MOST = 1 << 18
 """Largest number of different values that are stored exactly."""

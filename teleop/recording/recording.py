@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation import Estimates, Regression
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.estimate_columns import estimates_in, estimators_in, misfit_in
 from teleop.errors import MissingColumn
 from teleop.recording.bounded_file import check_memory

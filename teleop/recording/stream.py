@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from teleop.errors import InputError
 from teleop.recording.cdr import CDR
 from teleop.recording.gaps import Gap, GapFinder

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
 from estimation.stiffening import Interval, lagged
 from teleop.errors import InputError

@@ -15,7 +15,7 @@ import numpy as np
 
 from drivers import Measurement
 from drivers.rig_file import RigFile
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from sim_backend import CUBES, Sensors, SimulatedRig
 from teleop.control.conditions import Condition
 from teleop.control.tare import Tare

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers import Measurement, Rig
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from teleop.control.clock import Clock
 from teleop.control.tare import LARGEST_ZERO
 from teleop.errors import InputError

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from sim_backend.channel import ChannelSettings
 from sim_backend.plant import UNATTENDED
 from teleop.control.feedback.law import STIFF_PRIOR

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from estimation import Bank, Estimates, Regression
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.presentation import Presented
 from teleop.errors import InputError
 from teleop.recording.gaps import gap_rows, missing_text

@@ -14,7 +14,7 @@ from teleop.evaluation.formats.table import Heading, Pick, Places, Table
 from teleop.evaluation.units import canonical
 
 if TYPE_CHECKING:
-    from estimation.compiled import Floats
+    from estimation.arrays import Floats
 
 FEWEST = 3
 """Smallest number of samples in an array that becomes a column."""

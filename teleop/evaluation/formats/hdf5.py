@@ -22,7 +22,7 @@ from teleop.evaluation.formats.table import Pick, Table, missing
 from teleop.json_documents import dumps
 
 if TYPE_CHECKING:
-    from estimation.compiled import Floats
+    from estimation.arrays import Floats
 
 UNIT = ("unit", "units", "Unit", "Units")
 """Usual names of the attribute that contains the unit of a dataset."""

@@ -15,7 +15,7 @@ from teleop.evaluation.formats.table import Pick, Table
 from teleop.json_documents import dumps
 
 if TYPE_CHECKING:
-    from estimation.compiled import Floats
+    from estimation.arrays import Floats
 
 EXPORTED = ("settings", "events")
 """Text variables that `teleop export` writes to a MATLAB file."""

@@ -17,7 +17,7 @@ from teleop.evaluation.formats.columns import Wanted
 from teleop.evaluation.formats.table import Heading, Pick, Places, Table
 
 if TYPE_CHECKING:
-    from estimation.compiled import Floats
+    from estimation.arrays import Floats
 
 SI_FIELDS = {
     r"(^|\.)force\.[xyz]$": "N",

@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from teleop.errors import InputError
 from teleop.evaluation.formats.dialect import Dialect
 from teleop.evaluation.formats.layout import fitted, is_number

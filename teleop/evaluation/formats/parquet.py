@@ -11,7 +11,7 @@ from teleop.evaluation.formats.columns import Wanted
 from teleop.evaluation.formats.table import Pick, Table, missing
 
 if TYPE_CHECKING:
-    from estimation.compiled import Floats
+    from estimation.arrays import Floats
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:

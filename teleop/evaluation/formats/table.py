@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from estimation.compiled import Floats
+    from estimation.arrays import Floats
 
 
 class Heading(NamedTuple):

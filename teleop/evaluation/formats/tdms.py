@@ -17,7 +17,7 @@ from teleop.evaluation.formats.names import KNOWN, plain
 from teleop.evaluation.formats.table import Pick, Table, missing, stated_filter
 
 if TYPE_CHECKING:
-    from estimation.compiled import Floats
+    from estimation.arrays import Floats
 
 MOST_WARNINGS = 3
 """Largest number of warnings of the library that are reported for a file."""

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from estimation import Estimates
-from estimation.compiled import Floats
+from estimation.arrays import Floats
 from estimation.stiffening import Interval, MatchedSignals
 from teleop.control.excitation_signals import Sine
 from teleop.names import ConditionName, CubeName
