@@ -19,9 +19,9 @@ from functools import partial
 import numpy as np
 
 from estimation.testing_records import COVERAGE_KINDS, WITHOUT_STIFFNESS
-from teleop.evaluation.analysis import analyse
-from teleop.evaluation.result import Result
-from teleop.evaluation.signals import Signals, periods
+from teleop.evaluation.batch.analysis import analyse
+from teleop.evaluation.batch.result import Result
+from teleop.evaluation.reading.signals import Signals, periods
 
 KINDS = {**COVERAGE_KINDS, **WITHOUT_STIFFNESS}
 WRONG = 0.1

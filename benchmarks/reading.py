@@ -20,9 +20,9 @@ from rich.console import Console
 from rich.table import Table
 
 READERS = {
-    "teleop": "from teleop.evaluation.signals import read_signals\n"
+    "teleop": "from teleop.evaluation.reading.signals import read_signals\n"
     "n = len(read_signals(Path(path)).t)",
-    "teleop, text in a column": "from teleop.evaluation.signals import read_signals\n"
+    "teleop, text in a column": "from teleop.evaluation.reading.signals import read_signals\n"
     "n = len(read_signals(Path(path.replace('.csv', '-notes.csv'))).t)",
     "pandas": "import pandas\nn = len(pandas.read_csv(path))",
     "pandas, pyarrow engine": "import pandas\nn = len(pandas.read_csv(path, engine='pyarrow'))",

@@ -105,7 +105,7 @@ class AnalysisByRecord:
 @pytest.fixture(scope="session", autouse=True)
 def analysis_by_record():
     """Store the analyses of commands that run in this process."""
-    from teleop.evaluation import evaluation
+    from teleop.evaluation import evaluate as evaluation
 
     evaluation.analyse = AnalysisByRecord(evaluation.analyse)
 

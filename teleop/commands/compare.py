@@ -13,7 +13,7 @@ from teleop.commands.recording import BY_NAME, ColumnOptions
 from teleop.names import ConditioningName, CubeName, ModelName, PresetName, WidthName
 
 if TYPE_CHECKING:
-    from teleop.evaluation.comparison import Compared
+    from teleop.evaluation.across.comparison import Compared
 
 
 def compare(
@@ -100,10 +100,10 @@ def compare(
     from teleop.commands.choices import choose_estimators, choose_model
     from teleop.commands.estimate import chosen
     from teleop.errors import InputError
-    from teleop.evaluation.comparison import check_factors, compared, tidy_rows
-    from teleop.evaluation.evaluation import KEPT, evaluate
-    from teleop.evaluation.groups import grouped
-    from teleop.evaluation.replay import is_replayed
+    from teleop.evaluation.across.comparison import check_factors, compared, tidy_rows
+    from teleop.evaluation.across.groups import grouped
+    from teleop.evaluation.evaluate import KEPT, evaluate
+    from teleop.evaluation.reading.recorded import is_replayed
     from teleop.files import check_outputs
     from teleop.output.comparison_tables import (
         print_comparison,
@@ -235,7 +235,7 @@ def effects_of(
     InputError
         The analysis is not possible, for example because there are too few recordings.
     """
-    from teleop.evaluation.comparison import SUBJECT
+    from teleop.evaluation.across.comparison import SUBJECT
     from teleop.studies.anova import ESTIMATOR, analysis_of_variance, design_text
     from teleop.studies.depth_differences import depth_note
 

@@ -16,7 +16,7 @@ from teleop.commands.recording import BY_NAME, ColumnOptions
 from teleop.names import ConditioningName, CubeName, ModelName, PresetName, WidthName
 
 if TYPE_CHECKING:
-    from teleop.evaluation.estimate_settings import EstimateSettings
+    from teleop.evaluation.settings import EstimateSettings
     from teleop.recording.recording import Recording
 
 
@@ -130,12 +130,12 @@ def estimate(
 
     from teleop.commands.choices import choose_estimators, choose_model
     from teleop.errors import InputError
-    from teleop.evaluation.evaluation import KEPT, evaluate
-    from teleop.evaluation.evaluation_result import Evaluation
-    from teleop.evaluation.material import Indenter, elastic_modulus
-    from teleop.evaluation.pooled import evaluate_together
-    from teleop.evaluation.replay import is_replayed
-    from teleop.evaluation.settings_summary import settings_summary
+    from teleop.evaluation.across.pooled import evaluate_together
+    from teleop.evaluation.batch.material import Indenter, elastic_modulus
+    from teleop.evaluation.evaluate import KEPT, evaluate
+    from teleop.evaluation.evaluation import Evaluation
+    from teleop.evaluation.reading.recorded import is_replayed
+    from teleop.evaluation.settings import settings_summary
     from teleop.files import check_outputs, new_file
     from teleop.output import console
     from teleop.output.estimate_tables import print_evaluation
@@ -246,8 +246,8 @@ def chosen(recording: Recording | None, datum: str, given: Mapping[str, Any]) ->
         Values of the other options, by the name of the setting. An option that was not given has
         the value None, which does not change the setting.
     """
-    from teleop.evaluation.estimate_settings import EstimateSettings
-    from teleop.evaluation.replay import recorded_settings
+    from teleop.evaluation.reading.recorded import recorded_settings
+    from teleop.evaluation.settings import EstimateSettings
     from teleop.trial.averaged import recorded_part
 
     settings = EstimateSettings()

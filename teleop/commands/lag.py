@@ -43,9 +43,9 @@ def lag(
         Print one JSON document instead of text.
     """
     from teleop.errors import InputError
-    from teleop.evaluation.datum import find_datum
-    from teleop.evaluation.replay import is_replayed, recorded_signals
-    from teleop.evaluation.samples import NEEDED
+    from teleop.evaluation.online.datum import find_datum
+    from teleop.evaluation.reading.recorded import is_replayed, recorded_signals
+    from teleop.evaluation.reading.samples import NEEDED
     from teleop.output import console
     from teleop.output.rig_tables import print_lag
     from teleop.recording.recording import load

@@ -43,7 +43,7 @@ def in_si(kind: str, unit: str = "") -> Callable[[Any, Sequence[Token]], float]:
             a unit is valid only if the argument `unit` of `in_si` is given.
         """
         from teleop.errors import InputError
-        from teleop.evaluation.units import OPTION_UNITS, quantity
+        from teleop.evaluation.formats.units import OPTION_UNITS, quantity
 
         text = tokens[0].value
         value = quantity(text, kind)

@@ -13,7 +13,7 @@ from teleop.commands.quantities import Hertz, Length
 
 if TYPE_CHECKING:
     from teleop.evaluation.formats.columns import Wanted
-    from teleop.evaluation.samples import Samples
+    from teleop.evaluation.reading.samples import Samples
     from teleop.recording.recording import Recording
 
 
@@ -77,11 +77,11 @@ class Columns:
             was given for a recording of `teleop run`.
         """
         from teleop.errors import InputError
-        from teleop.evaluation import exported
         from teleop.evaluation.formats.mcap import is_foreign
-        from teleop.evaluation.replay import recorded_signals
-        from teleop.evaluation.samples import RecordedSamples, Samples
-        from teleop.evaluation.signals import chosen_table, signals_of
+        from teleop.evaluation.reading import exported
+        from teleop.evaluation.reading.recorded import recorded_signals
+        from teleop.evaluation.reading.samples import RecordedSamples, Samples
+        from teleop.evaluation.reading.signals import chosen_table, signals_of
         from teleop.files import RECORDING
 
         if file.suffix.lower() != RECORDING or is_foreign(file):

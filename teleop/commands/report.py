@@ -66,10 +66,10 @@ def report(
     from teleop.commands.choices import choose_estimators, choose_model
     from teleop.commands.estimate import chosen
     from teleop.commands.figures import truth_of
-    from teleop.evaluation.conditioned import FEWEST
-    from teleop.evaluation.evaluation import KEPT, evaluate
-    from teleop.evaluation.replay import is_reported
-    from teleop.evaluation.settings_summary import settings_summary
+    from teleop.evaluation.evaluate import KEPT, evaluate
+    from teleop.evaluation.online.conditioned import FEWEST
+    from teleop.evaluation.reading.recorded import is_reported
+    from teleop.evaluation.settings import settings_summary
     from teleop.files import check_ending, check_outputs, write_text
     from teleop.output import console
     from teleop.output.report_page import report_page

@@ -60,7 +60,7 @@ def tare(
     from teleop.control.clock import Clock, RealClock, VirtualClock
     from teleop.control.tare import FARTHEST, write_tare
     from teleop.errors import InputError
-    from teleop.evaluation.units import quantity
+    from teleop.evaluation.formats.units import quantity
     from teleop.files import check_outputs
     from teleop.output import console
     from teleop.output.rig_tables import print_tare

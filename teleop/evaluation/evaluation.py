@@ -1,230 +1,213 @@
-"""Evaluate a recording, or any file with position and force, by estimators and by batch models."""
+"""Define the results of the evaluation of one recording."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from estimation import (
     Bank,
-    Excitation,
+    Estimates,
     Fit,
-    Misfit,
     Preset,
     Regression,
-    least_squares,
-    paper_preset,
-    scaled_preset,
 )
-from estimation.conditioner_choice import make_conditioner
-from estimation.conditioning import BANDWIDTH
-from estimation.excitation import dominant_frequency
-from estimation.least_squares import no_fit
-from estimation.model import KELVIN_VOIGT
-from estimation.registry import PAPER
-from teleop.errors import InputError, as_input_error
-from teleop.evaluation.analysis import analyse
-from teleop.evaluation.conditioned import FEWEST, ConditionedBlocks, conditioned, within
-from teleop.evaluation.contact_bank import ContactBank, contact_at
-from teleop.evaluation.datum import find_datum, moving_part
-from teleop.evaluation.estimate_settings import EstimateSettings
-from teleop.evaluation.evaluation_result import Evaluation
-from teleop.evaluation.force_filter import without_filter_delay
-from teleop.evaluation.kept_variance import kept_variance
-from teleop.evaluation.model_comparison import RunningComparison
-from teleop.evaluation.online import OnlineRun, Table
-from teleop.evaluation.samples import Samples
-from teleop.evaluation.sampling_gaps import closed_up
-from teleop.evaluation.signals import Signals
-from teleop.evaluation.smallest_step import smallest_step
-from teleop.evaluation.units import SMALLEST
+from estimation.arrays import Floats
+from estimation.batch_models import BatchFit
+from estimation.presentation import Presented
+from estimation.summary import EstimatorSummary
+from teleop.evaluation.batch.analysis import Analysis
+from teleop.evaluation.online.conditioned import Conditioned
+from teleop.evaluation.online.datum import Datum
+from teleop.evaluation.online.model_comparison import cost as sample_cost
+from teleop.evaluation.online.run import OnlineResult
+from teleop.evaluation.reason import Reason
+from teleop.evaluation.settings import WHOLE, AveragedPart
 
-RESOLUTIONS = 1e-12, 1.0
-"""Range of the setting `resolution` of `EstimateSettings` [m]."""
-KEPT = 1 << 17
-"""Value that the commands use for the parameter `most` of `evaluate`: largest number of estimates
-that are kept, for all estimators together."""
+FEWEST_KEPT = 0.9
+"""A message is reported if the conditioning keeps less than this fraction of the force variance."""
+LEAST_EXCITATION = 0.01
+"""Excitation below which a remark on b of the online estimators is reported.
+
+Below this excitation, the standard deviation of b omega is more than ten times that of k. If k is
+known to 10 %, a loss tangent b omega / k below one can then not be measured.
+"""
 
 
-def evaluate(
-    samples: Samples | Signals,
-    settings: EstimateSettings,
-    most: float = math.inf,
-    write: Callable[[Table], None] | None = None,
-) -> Evaluation:
-    """Evaluate a record: estimate k and b with the online estimators, and by batch evaluation.
+@dataclass(frozen=True, repr=False)
+class Evaluation(Presented):
+    """Results of the online estimators and of the batch evaluation for one recording.
 
-    The datum (the position and the force that are treated as zero) is subtracted. The signals are
-    filtered. The estimators process the moving part of the record, in blocks of samples. All other
-    results are computed from `samples.signals`, which contains only sections of a long record.
-
-    After each gap (a time in which samples are missing), the filters start again, and samples are
-    omitted until the filters have settled. The next sample that the estimators receive has a long
-    sample period: the whole time since the last sample that they received. Therefore, the
-    estimators reduce the weight of the old samples according to the true time that has passed.
-
-    Parameters
-    ----------
-    samples
-        The record.
-    settings
-        Settings of the evaluation.
-    most
-        Approximate limit of the number of estimates in the result, for all estimators together. If
-        the record has too many samples for this limit, the result contains only the estimates at
-        evenly spaced samples and at the last sample.
-    write
-        Function that receives signals and estimates of each block, for example to write them to a
-        file. Its argument has two elements: the columns by name, and the unit of each column. None:
-        no function is called.
-
-    Raises
-    ------
-    InputError
-        A setting is out of its range, position or force is constant or its changes are too small,
-        or too few samples remain between gaps.
+    Arrays have shape (n,), where n is the number of samples whose estimates are kept. For a short
+    record, these are all samples that the estimators processed. For a long record, they are evenly
+    spaced samples (see `evaluate`). The averages in the summaries are always computed from all
+    samples in the part `averaged` of the recording.
     """
-    lag, note = settings.force_lag, None
-    if isinstance(samples, Signals):
-        samples = Samples(samples)
-    signals = samples.signals
-    if lag is None:
-        lag, (signals, note) = 0.0, without_filter_delay(signals)
-        samples = Samples(signals) if samples.signals is not signals else samples
-    if len(signals.t) < FEWEST:
-        raise InputError(
-            f"the estimators received only {len(signals.t)} samples: expected at least {FEWEST}"
-        )
-    for quantity, values in (("position", signals.x), ("force", signals.f)):
-        if 0.0 < np.ptp(values) < SMALLEST:
-            raise InputError(
-                f"the {quantity} changes by {np.ptp(values):g} in SI units: "
-                f"expected more than {SMALLEST:g}"
+
+    online: OnlineResult
+    """The online estimates."""
+    sampled: Conditioned
+    """The conditioned samples of `Samples.signals`: all samples, or sections of a long record."""
+    bank: Bank
+    """The estimators."""
+    least_squares: Fit
+    """Least-squares fit to the samples `sampled`; NaN without contact."""
+    datum: Datum
+    """Position and force that are treated as zero."""
+    preset: Preset
+    """Parameters of the estimators."""
+    bandwidth: float
+    """Bandwidth of the filters that condition the signals [Hz]."""
+    rate: float
+    """Sampling rate: inverse of the median sample period [Hz]."""
+    jitter: float
+    """Largest deviation of a sample period from the median, as a fraction of the median."""
+    samples: int
+    """Number of samples in the recording, including those at rest."""
+    batch_samples: int
+    """Number of samples of the batch evaluation."""
+    in_sections: bool
+    """Whether the batch evaluation uses only sections of the recording, because it is long."""
+    analysis: Analysis
+    """The batch evaluation."""
+    kept_force_variance: float
+    """Fraction of the variance of the force that the conditioning keeps, from 0 to 1."""
+    filter_note: Reason | None
+    """Text on the delay of the force filter that the file states: how it was compensated, or why it
+    was not. None if the file states no filter with delay, or if the settings state the lag."""
+    gaps: tuple[tuple[float, float], ...] = ()
+    """Time of the last sample before each gap, and of the first sample after the gap [s]."""
+    averaged: AveragedPart = WHOLE
+    """The part of the record over which the online estimates are averaged."""
+
+    @property
+    def t(self) -> Floats:
+        """Time of each kept sample [s], shape (n,)."""
+        return self.online.t
+
+    @property
+    def regression(self) -> Regression:
+        """Filtered displacement, velocity and force at the kept samples, the estimators' input."""
+        return self.online.regression
+
+    @property
+    def estimates(self) -> dict[str, Estimates]:
+        """Estimates of k and b after each kept sample, by the name of the estimator."""
+        return self.online.estimates
+
+    @property
+    def misfit(self) -> dict[str, Floats]:
+        """Misfit of each estimator after each kept sample, by the name of the estimator.
+
+        The misfit is the systematic part of the force error, divided by the force: 0 for a correct
+        estimate, about 1 for the estimate b = k = 0 (`estimation.misfit`). Arrays have shape (n,).
+        """
+        return self.online.misfit
+
+    @property
+    def excitation(self) -> Floats:
+        """Persistent excitation at each kept sample, from 0 to 1, shape (n,).
+
+        A value near 0, for example at rest, means that k and b cannot both be identified from the
+        motion. The value is near 1 for a sine about the datum (`estimation.excitation`).
+        """
+        return self.online.excitation
+
+    def summary(self, cost: bool = False) -> dict[str, Any]:
+        """Return all results as a dictionary, which `teleop estimate --json` prints as JSON.
+
+        Parameters
+        ----------
+        cost
+            Whether the dictionary also contains the computing time of each estimator per sample
+            [us]. This time is measured, and is therefore different in each call.
+        """
+        estimates = {name: one._asdict() for name, one in self.summaries().items()}
+        for name, row in self.online.comparisons.items():
+            estimates[name] |= row._asdict()
+        if cost:
+            for name in estimates:
+                estimates[name]["cost_us"] = (
+                    sample_cost(self.bank[name], self.sampled.regression) * 1e6
+                )
+        return {
+            **self.batch_summary(),
+            "samples": self.samples,
+            "samples_used": self.online.used,
+            "rate_hz": self.rate,
+            "jitter": self.jitter,
+            "longest_gap_s": self.online.longest_period,
+            "gaps": [{"from_s": start, "to_s": end} for start, end in self.gaps],
+            "from_s": round(float(self.t[0]), 9) + 0.0,
+            "to_s": float(self.t[-1]),
+            "datum": {
+                "position_m": self.datum.x,
+                "force_n": self.datum.f,
+                "source": self.datum.source,
+            },
+            "model": self.preset.model.name,
+            "own_model": [name for name, e in self.bank.items() if e.model != self.preset.model],
+            "from_contact": [name for name, e in self.bank.items() if e.from_contact],
+            "bandwidth_hz": self.bandwidth,
+            "memory_s": 0.5 / rate if (rate := self.preset.forgetting_rate) else math.inf,
+            "left_out": self.averaged.left_out,
+            "excitation": {
+                "mean": self.online.mean_excitation,
+                "last": self.online.last_excitation,
+            },
+            "estimates": estimates,
+            "least_squares": self.least_squares.summary(self.preset.model.further),
+        }
+
+    def summaries(self) -> dict[str, EstimatorSummary]:
+        """Return averages, errors and last estimates of each estimator, by its name."""
+        return self.online.summaries
+
+    @cached_property
+    def models(self) -> list[BatchFit]:
+        """The models that are fitted to all samples together, the best model first.
+
+        Displacement and force in the models are relative to the datum (the point that is treated as
+        zero).
+        """
+        return self.analysis.models(self.datum.x, self.datum.f)
+
+    def batch_summary(self) -> dict[str, Any]:
+        """Return the results of the batch evaluation as a dictionary for JSON.
+
+        It contains k and b, the fitted models, the phases of the motion, and remarks.
+        """
+        result = self.analysis.result
+        reasons, hints = list(result.reasons), list(result.hints)
+        excitation = float(np.percentile(self.excitation, 95))
+        if excitation < LEAST_EXCITATION:
+            reasons.append(
+                f"the excitation of the online estimators is {excitation:.1g} at most: below "
+                f"{LEAST_EXCITATION:g} they cannot separate b from k"
             )
-    if np.ptp(signals.f) == 0.0:
-        raise InputError("nothing to estimate from: the force is the same in every sample")
-    motion = slice(None) if settings.whole else moving_part(signals.x)
-    if len(signals.dt[motion]) < FEWEST:
-        raise InputError(f"only {len(signals.dt[motion])} samples move: expected at least {FEWEST}")
-    with as_input_error():
-        batch = within(signals, settings.averaged)
-        analysis = analyse(batch, lag)
-    datum = find_datum(signals, settings.datum, analysis.phases)
-    band = analysis.record.band
-    frequency = band.centre
-    if band.coherence == 0.0:
-        frequency = dominant_frequency(
-            signals.x[motion], closed_up(signals.dt, signals.gaps)[motion]
-        )
-    bandwidth = settings.bandwidth
-    if bandwidth is None:
-        highest = band.high if band.coherence > 0.0 else frequency
-        bandwidth = 10.0 * highest if settings.preset == "scaled" else BANDWIDTH
-        bandwidth = min(bandwidth, 0.5 / float(np.median(signals.dt)))
-    count = settings.resolution or smallest_step(signals.x)
-    if settings.resolution and not RESOLUTIONS[0] <= count <= RESOLUTIONS[1]:
-        raise InputError(
-            f"resolution of the position {count:g} m: expected {RESOLUTIONS[0]:g} to "
-            f"{RESOLUTIONS[1]:g} m"
-        )
-    given = settings.preset if isinstance(settings.preset, Preset) else None
-    model = settings.model or (given.model if given else KELVIN_VOIGT)
-    with as_input_error():
-        conditioner = make_conditioner(settings.conditioning, bandwidth, count, lag, model)
-    sampled = conditioned(conditioner, signals, datum, motion)
-    regression = sampled.regression
-    x, v, f, dt, further = regression
-    with as_input_error():
-        if given:
-            preset = given
-        else:
-            paper = settings.preset == "paper"
-            preset = paper_preset(settings.cube) if paper else scaled_preset(x, v, f, dt)
-            preset = replace(preset, correlation=conditioner.correlation(float(np.median(dt))))
-        preset = replace(preset, model=model, estimators=settings.estimators or preset.estimators)
-        bank = preset.bank()
-    fit = no_fit(len(x), len(model.further))
-    if analysis.has_contact:
-        fit = least_squares(x, v, f, further)
-    period = float(np.median(dt))
-    if given is None:
-        bank = ContactBank(bank)
-    online = OnlineRun(
-        bank,
-        Misfit(bank) if given else Misfit(bank, 1.0 / frequency),
-        Excitation(frequency, resolution=10.0 * count),
-        comparisons(bank, regression, fit),
-        period,
-        samples.count,
-        max(1, math.ceil(samples.count * len(bank) / most)),
-        write,
-        settings.averaged,
-    )
-    gaps = []
-    before = -math.inf
-    begin, end = -math.inf, math.inf
-    if samples.is_whole:
-        start, stop, _ = motion.indices(samples.count)
-        begin, end = signals.t[start], signals.t[stop - 1]
-    stream = ConditionedBlocks(conditioner, datum, motion if samples.is_whole else slice(None))
-    for block, recorded in samples.blocks():
-        part = stream.add(block)
-        if isinstance(bank, ContactBank):
-            bank.contact = contact_at(analysis, part.t, part.regression.f + datum.f)
-        online.add(part, recorded)
-        times = np.concatenate([[before], block.t])
-        gaps += [(float(times[i]), float(times[i + 1])) for i in block.gaps]
-        before = float(block.t[-1])
-    found = online.result()
-    return Evaluation(
-        online=found,
-        sampled=sampled,
-        bank=bank,
-        least_squares=fit,
-        datum=datum,
-        preset=preset,
-        bandwidth=bandwidth,
-        rate=1.0 / period,
-        jitter=found.largest_deviation / period,
-        samples=samples.count,
-        batch_samples=len(batch.t),
-        in_sections=not samples.is_whole,
-        analysis=analysis,
-        filter_note=note,
-        kept_force_variance=kept_variance(
-            signals.f, regression.f, sampled.used, bandwidth * period
-        ),
-        gaps=tuple(gap for gap in gaps if gap[0] > -math.inf and begin < gap[1] <= end),
-        averaged=settings.averaged,
-    )
-
-
-def comparisons(bank: Bank, regression: Regression, fit: Fit) -> list[RunningComparison]:
-    """Return objects that compare the estimates with a least-squares fit to the whole record.
-
-    Each object compares the estimators of one model. The estimators of the Kelvin-Voigt model
-    f = b v + k x are compared with a fit of this model. The other estimators are compared with
-    `fit`. If there are no other estimators than those of the paper (`PAPER`), the result is empty.
-
-    Parameters
-    ----------
-    bank
-        The estimators.
-    regression
-        Conditioned samples of the record.
-    fit
-        Least-squares fit to these samples, with the same model as the other estimators.
-    """
-    if set(bank) <= set(PAPER):
-        return []
-    x, v, f, dt, _ = regression
-    modelled = {name for name, e in bank.items() if e.model.further}
-    plain = least_squares(x, v, f)
-    return [
-        RunningComparison(bank, names, dt, reference.b, reference.k)
-        for reference, names in ((plain, set(bank) - modelled), (fit, modelled))
-        if names
-    ]
+        if self.in_sections:
+            reasons.append(
+                f"the record is long: result and models are those of {self.batch_samples} of "
+                f"{self.samples} samples, in evenly spaced sections"
+            )
+        if self.filter_note:
+            reasons.append(self.filter_note.text)
+            hints.append(self.filter_note.hint)
+        if self.kept_force_variance < FEWEST_KEPT:
+            reasons.append(
+                f"conditioning at {self.bandwidth:.3g} Hz keeps {self.kept_force_variance:.0%} of "
+                "the force variance: the online estimates describe that part only"
+            )
+        identified = [fit.name for fit in self.models if fit.identifiable]
+        best = identified[0] if identified and result.identifiable else None
+        return {
+            "result": {**result.summary(), "reasons": reasons, "hints": hints},
+            "best_model": best,
+            "models": [fit.summary() for fit in self.models],
+            **self.analysis.summary(),
+            "kept_force_variance": self.kept_force_variance,
+        }

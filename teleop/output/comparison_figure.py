@@ -15,11 +15,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from estimation.figure_style import BLUE, common_legend, new_figure, tidy
-from teleop.evaluation.comparison import RESULT, Compared
-from teleop.evaluation.groups import Group
-from teleop.evaluation.kinds import BESIDES_RELAXATION, LOSS
-from teleop.evaluation.means import Mean
-from teleop.evaluation.result import Result
+from teleop.evaluation.across.comparison import RESULT, Compared
+from teleop.evaluation.across.groups import Group
+from teleop.evaluation.across.means import Mean
+from teleop.evaluation.batch.kinds import BESIDES_RELAXATION, LOSS
+from teleop.evaluation.batch.result import Result
 from teleop.output.comparison_scales import Interval, factor_of_rows, set_scale
 from teleop.output.figure_files import plain
 

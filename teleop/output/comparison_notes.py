@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
-from teleop.evaluation.comparison import RESULT
-from teleop.evaluation.groups import Group
-from teleop.evaluation.kinds import FURTHER_MEANING, MEANING, WITH
+from teleop.evaluation.across.comparison import RESULT
+from teleop.evaluation.across.groups import Group
+from teleop.evaluation.batch.kinds import FURTHER_MEANING, MEANING, WITH
 from teleop.output.console import small
 from teleop.printable import one_line
 

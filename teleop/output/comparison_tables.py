@@ -10,12 +10,11 @@ from math import isfinite
 from pathlib import Path
 from string import ascii_lowercase
 
-from teleop.evaluation.comparison import OF_RESULT, RESULT, UNITS, Compared, values_of
-from teleop.evaluation.groups import Group
-from teleop.evaluation.kinds import MEANING
-from teleop.evaluation.means import Mean
-from teleop.evaluation.result import Result
-from teleop.evaluation.short_remarks import remark_counts, short
+from teleop.evaluation.across.comparison import OF_RESULT, RESULT, UNITS, Compared, values_of
+from teleop.evaluation.across.groups import Group, remark_counts, short
+from teleop.evaluation.across.means import Mean
+from teleop.evaluation.batch.kinds import MEANING
+from teleop.evaluation.batch.result import Result
 from teleop.files import RECORDING
 from teleop.output.comparison_notes import (
     CAPTION,

@@ -163,7 +163,7 @@ def comparison_table(
     ----------
     rows
         Results of each estimator, by its name. If no estimator has these three results
-        (`teleop.evaluation.model_comparison.Comparison`), the function returns None.
+        (`teleop.evaluation.online.model_comparison.Comparison`), the function returns None.
     """
     cells = [
         [

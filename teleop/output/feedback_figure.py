@@ -5,7 +5,7 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from estimation.figure_style import BLUE, ORANGE, draw, new_figure, tidy
-from teleop.evaluation.rendering import hand
+from teleop.evaluation.teleoperation.rendering import hand
 from teleop.recording.recording import Recording
 from teleop.safety.events import ACTIVE
 

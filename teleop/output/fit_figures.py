@@ -24,7 +24,7 @@ from estimation.figure_style import (
     new_figure,
     tidy,
 )
-from teleop.evaluation.evaluation_result import Evaluation
+from teleop.evaluation.evaluation import Evaluation
 from teleop.output.figure_files import plain
 
 PHASE_COLOURS = {

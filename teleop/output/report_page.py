@@ -14,7 +14,7 @@ from estimation import MultiEstimator
 from estimation.figures import Truth
 from estimation.model import KELVIN_VOIGT
 from estimation.redundancy import ambiguity
-from teleop.evaluation.evaluation_result import Evaluation
+from teleop.evaluation.evaluation import Evaluation
 from teleop.output.console import number
 from teleop.output.estimate_tables import (
     AT_END,

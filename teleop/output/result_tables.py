@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from teleop.evaluation.kinds import UNDETERMINED
+from teleop.evaluation.batch.kinds import UNDETERMINED
 from teleop.output.console import number, plain_console, print_table, small
 
 MOST_DECIMALS = 12
@@ -91,7 +91,7 @@ def motion_line(summary: Mapping[str, Any]) -> str:
     motion = summary["motion"]
     travel = f"travel {motion['travel_m'] * 1e3:.3g} mm"
     if not math.isfinite(motion["frequency_hz"]):
-        from teleop.evaluation.motion import FEWEST_STROKES  # imports scipy, which takes long
+        from teleop.evaluation.batch.motion import FEWEST_STROKES  # imports scipy, which takes long
 
         count = motion["strokes"]
         if not count:

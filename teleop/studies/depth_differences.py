@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from statistics import median
 
-from teleop.evaluation.comparison import Compared
+from teleop.evaluation.across.comparison import Compared
 
 LARGE = 1.1
 """Ratio of the larger to the smaller depth above which a warning is given. The depths of repeated

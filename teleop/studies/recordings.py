@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from teleop.errors import InputError
-from teleop.evaluation.comparison import SUBJECT
+from teleop.evaluation.across.comparison import SUBJECT
 from teleop.files import RECORDING, unreadable
 from teleop.json_documents import loads
 from teleop.recording.recording import stated_settings

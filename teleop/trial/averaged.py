@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from teleop.control.injector import ramp_time
 from teleop.errors import InputError
-from teleop.evaluation.averaged_part import WHOLE, AveragedPart
+from teleop.evaluation.settings import WHOLE, AveragedPart
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
 from teleop.trial.settings import TrialSettings

@@ -243,7 +243,8 @@ class Trial(Presented):
 
         The dictionary has the keys of `Tracking`, such as `gain` and `phase_deg`. It is computed
         from the last ticks if the trial is long. The result is None if the condition is not `mimic`
-        or if the target moved for too few periods (`FEWEST` in `teleop.evaluation.tracking`).
+        or if the target moved for too few periods (`FEWEST` in
+        `teleop.evaluation.teleoperation.tracking`).
         """
         found = tracking_of(tracked_ticks(self.ticks), self.settings)
         return found and found._asdict()

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from teleop.errors import InputError
-from teleop.evaluation.kept_parts import Last
-from teleop.evaluation.tracking import Tracking, tracking
+from teleop.evaluation.reading.samples import Last
+from teleop.evaluation.teleoperation.tracking import Tracking, tracking
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
 from teleop.trial.settings import TrialSettings
@@ -16,7 +16,8 @@ def tracking_of(recording: Recording, settings: TrialSettings) -> Tracking | Non
 
     The numbers are, for example, gain, phase and error of the position of the slave relative to the
     target. The result is None in three cases: the condition is not `mimic`, the recording has no
-    target, or the target moved for too few periods (`FEWEST` in `teleop.evaluation.tracking`).
+    target, or the target moved for too few periods (`FEWEST` in
+    `teleop.evaluation.teleoperation.tracking`).
     """
     if settings.condition_name != "mimic" or "target" not in recording.columns:
         return None

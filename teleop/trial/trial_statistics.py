@@ -11,8 +11,8 @@ import numpy as np
 from estimation import Bank
 from estimation.presets import GATE
 from teleop.control.feedback.law import STIFF_PRIOR
-from teleop.evaluation.averages import RunningAverages
-from teleop.evaluation.rendering import RunningHand, RunningRendering
+from teleop.evaluation.online.averages import RunningAverages
+from teleop.evaluation.teleoperation.rendering import RunningHand, RunningRendering
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
 from teleop.recording.timing import RunningTiming

@@ -37,9 +37,9 @@ def test_the_relaxing_part_is_that_of_a_digital_filter_to_the_bit(tau):
 def test_an_evaluation_does_not_import_scipy_signal():
     code = (
         "import sys, numpy as np\n"
-        "from teleop.evaluation.evaluation import evaluate\n"
-        "from teleop.evaluation.estimate_settings import EstimateSettings\n"
-        "from teleop.evaluation.signals import Signals, periods\n"
+        "from teleop.evaluation.evaluate import evaluate\n"
+        "from teleop.evaluation.settings import EstimateSettings\n"
+        "from teleop.evaluation.reading.signals import Signals, periods\n"
         "t = np.arange(0.0, 6.0, 2e-3)\n"
         "x = 3e-3 - 2e-3 * np.cos(6.0 * t)\n"
         "v = 12e-3 * np.sin(6.0 * t)\n"

@@ -1,12 +1,12 @@
 """Observe during a trial whether the control loop sustains an oscillation of the hand.
 
 Tremor of the hand and an oscillation of the loop have similar frequencies. They differ in the
-direction of the energy (see `teleop.evaluation.loop_oscillation`). Let f be the force of the hand
-and v the velocity of the virtual mass. Let Z be the displayed impedance, which the hand feels. At
-one frequency, the mean power from the hand is Re{Z} |V|^2 / 2, where V is the amplitude of v. In
-tremor, the hand causes the motion, and the power is positive if Z is passive. In an oscillation of
-the loop, the loop moves the arm, and the arm dissipates energy. The power from the hand is then
-negative.
+direction of the energy (see `teleop.evaluation.teleoperation.loop_oscillation`). Let f be the force
+of the hand and v the velocity of the virtual mass. Let Z be the displayed impedance, which the hand
+feels. At one frequency, the mean power from the hand is Re{Z} |V|^2 / 2, where V is the amplitude
+of v. In tremor, the hand causes the motion, and the power is positive if Z is passive. In an
+oscillation of the loop, the loop moves the arm, and the arm dissipates energy. The power from the
+hand is then negative.
 
 The same filters are applied to f and v. Therefore the filters do not change the sign of the power
 at a frequency. A high-pass filter removes the voluntary motion. A second filter then divides the
@@ -58,7 +58,7 @@ an amplitude of some micrometres."""
 MOST_SHARE = 0.75
 """Largest share of the mean square velocity that the loop may sustain. After the trial, the share
 is computed again from spectra, with the limit `MOST_SUSTAINED` of
-`teleop.evaluation.loop_oscillation`."""
+`teleop.evaluation.teleoperation.loop_oscillation`."""
 PERIOD = 5e-3
 """Time over which force and velocity are averaged to one sample [s]."""
 ROUNDING = 1e-6

@@ -11,7 +11,7 @@ import numpy as np
 
 from teleop.evaluation.formats.columns import split_heading
 from teleop.evaluation.formats.table import Heading, Pick, Places, Table
-from teleop.evaluation.units import canonical
+from teleop.evaluation.formats.units import canonical
 
 if TYPE_CHECKING:
     from estimation.arrays import Floats

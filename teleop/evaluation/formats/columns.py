@@ -10,7 +10,7 @@ from typing import NamedTuple
 from teleop.errors import InputError
 from teleop.evaluation.formats.names import KNOWN, NAMES, plain
 from teleop.evaluation.formats.table import Heading
-from teleop.evaluation.units import ON_LEVER, UNITS, canonical, is_unit, size_of
+from teleop.evaluation.formats.units import ON_LEVER, UNITS, canonical, is_unit, size_of
 
 SHOWN = 6
 """Largest number of usual names, and of columns, that an error message lists."""

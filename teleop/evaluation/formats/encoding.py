@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from teleop.evaluation.formats.columns import split_heading
 from teleop.evaluation.formats.names import KNOWN, plain
-from teleop.evaluation.units import is_unit
+from teleop.evaluation.formats.units import is_unit
 
 CODE_PAGES = ("utf-8", "cp1252", "gb18030", "cp932")
 """Encodings that are tried for a file without a byte order mark, in the order of preference."""

@@ -8,7 +8,7 @@ from itertools import zip_longest
 
 from teleop.evaluation.formats.columns import split_heading
 from teleop.evaluation.formats.table import Heading
-from teleop.evaluation.units import canonical, is_unit
+from teleop.evaluation.formats.units import canonical, is_unit
 
 NUMERIC = re.compile(r"[-+]?(?:\d+(?:[.,]\d*)*|[.,]\d+)(?:[eEdD][-+]?\d+)?")
 """Pattern of a number with any decimal mark and separator of thousands."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from estimation import MatchedFilter, Model, estimated_force, force_error, paper_preset, rise_time
 from estimation.model import KELVIN_VOIGT
-from teleop.evaluation.model_comparison import Comparison, compare
+from teleop.evaluation.online.model_comparison import Comparison, compare
 from teleop.trial.result import Trial
 
 

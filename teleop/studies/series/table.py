@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.input_file import open_input
-from teleop.evaluation.tracking import COLUMNS as TRACKING
+from teleop.evaluation.teleoperation.tracking import COLUMNS as TRACKING
 from teleop.files import encoded, unreadable, write_text
 from teleop.studies.series.journal import Journal
 from teleop.studies.series.trials import PlannedTrial

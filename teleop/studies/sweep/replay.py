@@ -12,9 +12,9 @@ from typing import Any
 
 from estimation import Model
 from teleop.errors import InputError
-from teleop.evaluation.conditioned import Conditioned, conditioned
-from teleop.evaluation.datum import OWN_ZERO
-from teleop.evaluation.replay import recorded_signals
+from teleop.evaluation.online.conditioned import Conditioned, conditioned
+from teleop.evaluation.online.datum import OWN_ZERO
+from teleop.evaluation.reading.recorded import recorded_signals
 from teleop.recording.recording import load
 from teleop.trial.averaged import recorded_part
 from teleop.trial.configuration import as_recorded_now

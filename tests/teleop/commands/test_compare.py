@@ -18,9 +18,9 @@ from hypothesis import strategies as st
 
 from estimation.summary import EstimatorSummary
 from teleop.cli import main
-from teleop.evaluation.comparison import Compared, tidy_rows
-from teleop.evaluation.groups import grouped, ranks_of
-from teleop.evaluation.result import Result
+from teleop.evaluation.across.comparison import Compared, tidy_rows
+from teleop.evaluation.across.groups import grouped, ranks_of
+from teleop.evaluation.batch.result import Result
 from teleop.output.comparison_tables import group_table, print_comparison, published_table
 
 PLAN = """

@@ -6,7 +6,7 @@ import pytest
 
 from teleop.cli import main
 from teleop.errors import InputError
-from teleop.evaluation import replay
+from teleop.evaluation.reading import recorded as replay
 
 SAME = "the estimates are exactly those that the run computed"
 

@@ -7,10 +7,10 @@ import pytest
 
 from estimation.excitation import dominant_frequency
 from teleop.errors import InputError
-from teleop.evaluation.datum import moving_part
-from teleop.evaluation.estimate_settings import EstimateSettings
-from teleop.evaluation.evaluation import evaluate
-from teleop.evaluation.signals import Signals, periods, read_signals
+from teleop.evaluation.evaluate import evaluate
+from teleop.evaluation.online.datum import moving_part
+from teleop.evaluation.reading.signals import Signals, periods, read_signals
+from teleop.evaluation.settings import EstimateSettings
 
 MACH1 = Path(__file__).parents[3] / "examples" / "data" / "mach1"
 BATCH = {"0.2Hz": (940_800, 66_400), "0.5Hz": (980_000, 23_000), "1Hz": (1_007_800, 10_400)}

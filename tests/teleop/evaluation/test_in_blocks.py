@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from teleop.evaluation import samples
-from teleop.evaluation.evaluation import evaluate
-from teleop.evaluation.replay import recorded_settings, recorded_signals
+from teleop.evaluation.evaluate import evaluate
+from teleop.evaluation.reading import samples
+from teleop.evaluation.reading.recorded import recorded_settings, recorded_signals
 from teleop.recording.recording import load
 
 RECORDING = Path(__file__).parents[2] / "data" / "estimates" / "all-estimators.mcap"

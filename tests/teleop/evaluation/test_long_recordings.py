@@ -15,15 +15,16 @@ from hypothesis import strategies as st
 from estimation.metrics import RisingValue
 from estimation.summary import summarise
 from teleop.cli import main
-from teleop.evaluation import evaluation, kept_parts, samples
-from teleop.evaluation.analysis import analyse
-from teleop.evaluation.averaged_part import AveragedPart
-from teleop.evaluation.conditioned import within
-from teleop.evaluation.contact_bank import contact_at
-from teleop.evaluation.evaluation import evaluate
-from teleop.evaluation.kept_parts import Sections
-from teleop.evaluation.replay import is_replayed, recorded_settings, recorded_signals
-from teleop.evaluation.samples import RecordedSamples, Samples
+from teleop.evaluation import evaluate as evaluation
+from teleop.evaluation.batch.analysis import analyse
+from teleop.evaluation.evaluate import evaluate
+from teleop.evaluation.online.conditioned import within
+from teleop.evaluation.online.contact_bank import contact_at
+from teleop.evaluation.reading import samples
+from teleop.evaluation.reading import samples as kept_parts
+from teleop.evaluation.reading.recorded import is_replayed, recorded_settings, recorded_signals
+from teleop.evaluation.reading.samples import RecordedSamples, Samples, Sections
+from teleop.evaluation.settings import AveragedPart
 from teleop.output.fit_figures import fit_figure
 from teleop.recording import recovery, stream
 from teleop.recording.mcap_reader import read_intact
@@ -252,7 +253,7 @@ def test_a_table_of_a_long_recording_has_all_samples(trials, small, tmp_path):
 
 
 def test_memory_does_not_depend_on_the_duration(trials, small, monkeypatch):
-    monkeypatch.setattr("teleop.evaluation.evaluation.KEPT", 2000)
+    monkeypatch.setattr("teleop.evaluation.evaluate.KEPT", 2000)
     peaks = {}
     command = ["estimate", "--estimators", "ai", "--json"]
     for path in trials.values():  # libraries are imported, and `analysis_by_record` stores

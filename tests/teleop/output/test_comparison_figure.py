@@ -11,9 +11,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from teleop.evaluation.comparison import Compared
-from teleop.evaluation.groups import grouped
-from teleop.evaluation.result import Result
+from teleop.evaluation.across.comparison import Compared
+from teleop.evaluation.across.groups import grouped
+from teleop.evaluation.batch.result import Result
 from teleop.output.comparison_figure import comparison_figure
 from teleop.output.comparison_scales import set_scale
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from estimation.figure_style import figure_style
-from teleop.evaluation.estimate_settings import EstimateSettings
-from teleop.evaluation.evaluation import Evaluation, evaluate
-from teleop.evaluation.signals import Signals, periods
+from teleop.evaluation.evaluate import Evaluation, evaluate
+from teleop.evaluation.reading.signals import Signals, periods
+from teleop.evaluation.settings import EstimateSettings
 from teleop.output.fit_figures import fit_figure
 from teleop.output.result_tables import print_models
 

@@ -6,7 +6,7 @@ import pytest
 
 from sim_backend import OperatorModel
 from teleop.control.feedback.settings import FeedbackSettings
-from teleop.evaluation.rendering import hand
+from teleop.evaluation.teleoperation.rendering import hand
 from teleop.output.feedback_figure import feedback_figure
 from teleop.output.report_page import report_page
 from teleop.recording.recording import load

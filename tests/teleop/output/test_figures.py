@@ -20,8 +20,8 @@ from estimation.figure_style import (
 )
 from estimation.figures import TOGETHER, Truth, estimates_figure
 from estimation.force_figure import force_figure
-from teleop.evaluation.evaluation import EstimateSettings, evaluate
-from teleop.evaluation.signals import Signals
+from teleop.evaluation.evaluate import EstimateSettings, evaluate
+from teleop.evaluation.reading.signals import Signals
 from teleop.output.figure_files import save
 from teleop.output.fit_figures import fit_figure
 from teleop.output.stiffness_figure import stiffness_figure

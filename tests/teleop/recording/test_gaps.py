@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from estimation import MatchedFilter
 from teleop.cli import main
 from teleop.errors import InputError
-from teleop.evaluation.estimate_settings import EstimateSettings
-from teleop.evaluation.evaluation import evaluate
-from teleop.evaluation.replay import is_replayed, recorded_settings, recorded_signals
-from teleop.evaluation.samples import RecordedSamples
-from teleop.evaluation.sampling_gaps import PiecewiseConditioner
-from teleop.evaluation.signals import Signals, periods, read_signals
+from teleop.evaluation.evaluate import evaluate
+from teleop.evaluation.reading.recorded import is_replayed, recorded_settings, recorded_signals
+from teleop.evaluation.reading.samples import RecordedSamples
+from teleop.evaluation.reading.sampling_gaps import PiecewiseConditioner
+from teleop.evaluation.reading.signals import Signals, periods, read_signals
+from teleop.evaluation.settings import EstimateSettings
 from teleop.recording.gaps import GapFinder, missing_text, missing_ticks
 from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import load

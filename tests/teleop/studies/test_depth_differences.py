@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.evaluation.comparison import Compared
+from teleop.evaluation.across.comparison import Compared
 from teleop.studies.depth_differences import depth_note
 
 FACTORS = ["condition", "cube"]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from teleop.cli import main
-from teleop.evaluation.averaged_part import WHOLE
+from teleop.evaluation.settings import WHOLE
 from teleop.output.trial_tables import print_trial
 from teleop.trial.averaged import averaged_part, recorded_part
 from teleop.trial.run import run_trial

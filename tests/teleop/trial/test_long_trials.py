@@ -13,8 +13,9 @@ from sim_backend.channel import ChannelSettings
 from teleop.cli import main
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.errors import InputError
-from teleop.evaluation import kept_parts, loop_oscillation, rendering
-from teleop.evaluation.tracking import tracking
+from teleop.evaluation.reading import samples as kept_parts
+from teleop.evaluation.teleoperation import loop_oscillation, rendering
+from teleop.evaluation.teleoperation.tracking import tracking
 from teleop.recording import percentiles, recording_file, recovery, stream
 from teleop.recording.mcap_reader import read_intact
 from teleop.recording.recording import load

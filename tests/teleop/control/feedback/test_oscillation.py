@@ -16,8 +16,8 @@ from teleop.control.bilateral import BilateralLink
 from teleop.control.feedback import oscillation
 from teleop.control.feedback.oscillation import MEMORY, MOST_SHARE, Oscillation
 from teleop.control.feedback.settings import FeedbackSettings
-from teleop.evaluation import loop_oscillation
-from teleop.evaluation.rendering import SETTLING
+from teleop.evaluation.teleoperation import loop_oscillation
+from teleop.evaluation.teleoperation.rendering import SETTLING
 from teleop.safety import Fault
 from teleop.safety.tightened_limits import TightenedLimits
 from teleop.trial.assembly import make_link

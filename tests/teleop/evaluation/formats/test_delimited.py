@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from teleop.errors import InputError
-from teleop.evaluation.signals import read_signals
-from teleop.evaluation.units import quantity
+from teleop.evaluation.formats.units import quantity
+from teleop.evaluation.reading.signals import read_signals
 from teleop.files import new_file
 from teleop.recording.export_formats import TableFile
 

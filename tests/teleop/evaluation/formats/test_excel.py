@@ -4,7 +4,7 @@ import pytest
 
 from teleop.errors import InputError
 from teleop.evaluation.formats.columns import Wanted
-from teleop.evaluation.signals import read_signals
+from teleop.evaluation.reading.signals import read_signals
 
 openpyxl = pytest.importorskip("openpyxl")
 pytest.importorskip("python_calamine")

@@ -14,8 +14,8 @@ import pytest
 
 from teleop.cli import main
 from teleop.errors import InputError
-from teleop.evaluation.exported import COLUMNS, exported_recording
 from teleop.evaluation.formats.table import Heading, Table
+from teleop.evaluation.reading.exported import COLUMNS, exported_recording
 
 LIBRARY = {"h5": "h5py", "parquet": "pyarrow"}
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from teleop.evaluation.formats.columns import Wanted
-from teleop.evaluation.signals import read_signals
+from teleop.evaluation.reading.signals import read_signals
 
 h5py = pytest.importorskip("h5py")
 

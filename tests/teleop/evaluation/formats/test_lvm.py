@@ -6,7 +6,7 @@ import pytest
 
 from teleop.errors import InputError
 from teleop.evaluation.formats.columns import Wanted
-from teleop.evaluation.signals import read_signals
+from teleop.evaluation.reading.signals import read_signals
 
 FILE_HEADER = (
     "LabVIEW Measurement\t\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\n"

@@ -6,7 +6,7 @@ from scipy.io import savemat
 
 from teleop.errors import InputError
 from teleop.evaluation.formats.columns import Wanted
-from teleop.evaluation.signals import read_signals
+from teleop.evaluation.reading.signals import read_signals
 
 
 @pytest.mark.parametrize("oned_as", ["row", "column"])

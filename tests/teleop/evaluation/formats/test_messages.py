@@ -10,7 +10,7 @@ import pytest
 from teleop.cli import main
 from teleop.errors import InputError
 from teleop.evaluation.formats.messages import fields_of, seconds_of
-from teleop.evaluation.signals import read_signals
+from teleop.evaluation.reading.signals import read_signals
 
 START = 1_700_000_000_000_000_000
 """When the messages were recorded [ns]."""

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from teleop.evaluation.signals import read_signals
+from teleop.evaluation.reading.signals import read_signals
 
 pyarrow = pytest.importorskip("pyarrow")
 

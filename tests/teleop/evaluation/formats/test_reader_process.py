@@ -17,7 +17,7 @@ from mcap.writer import CompressionType, Writer
 
 from teleop.errors import InputError
 from teleop.evaluation.formats import reader_process
-from teleop.evaluation.signals import read_signals
+from teleop.evaluation.reading.signals import read_signals
 
 HEAD = b"PK\x03\x04"
 """First bytes of a spreadsheet."""

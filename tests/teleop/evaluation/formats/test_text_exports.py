@@ -16,8 +16,8 @@ from teleop.evaluation.formats.delimited import PART
 from teleop.evaluation.formats.dialect import Dialect
 from teleop.evaluation.formats.numbers import Rows
 from teleop.evaluation.formats.table import Heading
-from teleop.evaluation.signals import read_signals
-from teleop.evaluation.units import canonical
+from teleop.evaluation.formats.units import canonical
+from teleop.evaluation.reading.signals import read_signals
 
 T = np.arange(40) * 0.01
 X = 1.0 + 0.5 * np.sin(20.0 * T)

@@ -1,0 +1,215 @@
+"""Group recordings by their factors, and compute the means of each group.
+
+A factor is a property in which recordings differ, for example the condition. Its level is the value
+for one recording, for example `mimic`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from teleop.evaluation.across.comparison import (
+    NEVER_UPDATED,
+    NO_LEVEL,
+    OF_RESULT,
+    RESULT,
+    SUBJECT,
+    UNITS,
+    Compared,
+    values_of,
+)
+from teleop.evaluation.across.means import Mean, mean_of, mean_tracking
+from teleop.evaluation.batch.result import Result
+
+IN_PARENTHESES = re.compile(r" \([^()]*\d[^()]*\)")
+"""Pattern of a part in parentheses that contains a number."""
+FROM_FIRST_NUMBER = re.compile(r"[:;,][^:;,\d]*\d.*")
+"""Pattern of the first part of a sentence that contains a number, and of all parts after it."""
+
+
+def short(remark: str) -> str:
+    """Return a remark without its numbers, so that remarks on several recordings can be equal.
+
+    For example, the remark "bad fit: 12 % of the force variance is not explained" becomes "bad
+    fit". Parentheses that contain a number are removed first. If a number remains after a colon, a
+    semicolon or a comma, the text from this punctuation mark to its end is removed.
+    """
+    return FROM_FIRST_NUMBER.sub("", IN_PARENTHESES.sub("", remark))
+
+
+def remark_counts(results: Iterable[Result]) -> dict[str, int]:
+    """Return the number of results with each remark, by the remark without its numbers."""
+    return dict(Counter(text for one in results for text in dict.fromkeys(map(short, one.reasons))))
+
+
+HOLDING = {"force_n": "force", "depth_m": "depth", "damping_at_hz": "damping_at_hz"}
+"""Attributes of `Result` that contain the force and the depth at which k holds, and the frequency
+at which b holds. The keys are the names in reports, which contain the unit."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Means over recordings that have the same levels of the chosen factors.
+
+    A factor is a property in which recordings differ. Its level is the value for one recording.
+    """
+
+    levels: tuple[str, ...]
+    """Level of each factor by which the recordings are grouped."""
+    means: dict[str, dict[str, Mean]]
+    """Means of k [N/m], b [N s/m] and e_f [N], by `RESULT` or the name of the estimator."""
+    kinds: dict[str, dict[str, dict[str, int]]]
+    """Number of recordings of each kind of value (`teleop.evaluation.batch.kinds`), for each
+    mean."""
+    missing: dict[str, dict[str, str]]
+    """Reason why a file has no value, by the name of the file. There is one dictionary for `RESULT`
+    and one for each estimator."""
+    tracking: dict[str, Mean]
+    """Means of gain, phase_deg, rms_m and frequency_hz (`mean_tracking`); empty without a
+    target."""
+    pooled: tuple[str, ...]
+    """Factors of the series, except the subject, that have several levels within this group."""
+    subjects: int
+    """Number of subjects, if there are two or more and some have several recordings in this group;
+    otherwise 0."""
+    holding: dict[str, tuple[float, float]]
+    """Smallest and largest value of each quantity in `HOLDING`. A quantity that no result contains
+    is left out."""
+    depth_from: tuple[str, ...]
+    """Positions at which the depths in `holding` are zero: contact point, lowest position."""
+    force_lags: tuple[float, ...]
+    """Time constants of the force channel that are compensated [s], each once."""
+    remarks: dict[str, int]
+    """Number of results that have a remark, by the short form of the remark."""
+
+
+def grouped(
+    rows: Sequence[Compared], by: Sequence[str], planned: Mapping[str, Sequence[str]]
+) -> list[Group]:
+    """Divide recordings into groups with the same levels of factors, and sort the groups.
+
+    A factor is a property in which recordings differ, for example `condition`. Its level is the
+    value for one recording, for example `mimic`. The groups are sorted by the levels of the first
+    factor, then by those of the second factor, and so on (see `ranks_of`).
+
+    Parameters
+    ----------
+    rows
+        The recordings.
+    by
+        Names of the factors by which the recordings are grouped. If a factor is not known for a
+        recording, its level is `NO_LEVEL`.
+    planned
+        Levels of the factors of a series in the order of its plan, by the name of the factor.
+    """
+    members: dict[tuple[str, ...], list[Compared]] = {}
+    for row in rows:
+        members.setdefault(row.levels(by), []).append(row)
+    ranks = [
+        ranks_of(planned.get(name, ()), (levels[i] for levels in members))
+        for i, name in enumerate(by)
+    ]
+    ordered = sorted(
+        members,
+        key=lambda levels: [rank[level] for rank, level in zip(ranks, levels, strict=True)],
+    )
+    return [group_of(levels, members[levels], planned) for levels in ordered]
+
+
+def group_of(
+    levels: tuple[str, ...], rows: Sequence[Compared], planned: Iterable[str] = ()
+) -> Group:
+    """Return the mean results and estimates of the recordings of one group, see `Group`.
+
+    Parameters
+    ----------
+    levels
+        Level of each factor by which the recordings are grouped. All recordings of the group have
+        these levels. A factor is a property in which recordings differ, such as the condition.
+    rows
+        The recordings of the group.
+    planned
+        Names of all factors of the series of trials. If such a factor has several levels within the
+        group, the means are averages over these levels, and the result contains its name.
+    """
+    missing: dict[str, dict[str, str]] = {}
+    for row in rows:
+        if not row.result.identifiable:
+            missing.setdefault(RESULT, {})[row.file] = "; ".join(row.result.reasons)
+        for name, one in row.estimates.items():
+            if not math.isfinite(one.k):
+                missing.setdefault(name, {})[row.file] = NEVER_UPDATED
+    tracked = [row.tracking for row in rows if row.tracking]
+    results = [row.result for row in rows if row.result.identifiable]
+    subjects = Counter(row.factors[SUBJECT] for row in rows if SUBJECT in row.factors)
+    repeated = len(subjects) > 1 and max(subjects.values()) > 1
+    pooled = tuple(
+        name
+        for name in planned
+        if name != SUBJECT and len({row.factors.get(name) for row in rows}) > 1
+    )
+    means: dict[str, dict[str, Mean]] = {}
+    kinds: dict[str, dict[str, dict[str, int]]] = {}
+    for method in dict.fromkeys([RESULT, *(name for row in rows for name in row.estimates)]):
+        found = [values_of(row, method) for row in rows]
+        symbols = OF_RESULT if method == RESULT else UNITS
+        values = {symbol: [one[symbol] for one in found if symbol in one] for symbol in symbols}
+        means[method] = {symbol: mean_of(each) for symbol, each in values.items()}
+        kinds[method] = {
+            symbol: dict(sorted(Counter(one.kind for one in each).items(), reverse=True))
+            for symbol, each in values.items()
+        }
+    return Group(
+        levels,
+        means,
+        kinds,
+        missing,
+        mean_tracking(tracked),
+        pooled,
+        len(subjects) if repeated else 0,
+        ranges(results),
+        tuple(sorted({one.depth_from for one in results})),
+        tuple(sorted({row.force_lag for row in rows})),
+        remark_counts(results),
+    )
+
+
+def ranges(results: Sequence[Result]) -> dict[str, tuple[float, float]]:
+    """Return the range of the forces, depths and frequencies at which the results hold.
+
+    The result contains the smallest and the largest value of each quantity, by the names in
+    `HOLDING`. A quantity that no result contains is left out.
+    """
+    found = {}
+    for name, attribute in HOLDING.items():
+        values = [getattr(one, attribute) for one in results]
+        values = [value for value in values if value is not None]
+        if values:
+            found[name] = (min(values), max(values))
+    return found
+
+
+def ranks_of(planned: Sequence[str], occurring: Iterable[str]) -> dict[str, int]:
+    """Return the rank of each level of a factor: its place in the order of the levels, from 0.
+
+    A factor is a property in which recordings differ. Its levels are the values of this property.
+    The planned levels are first. Then follow the levels that are not planned. If all of these are
+    numbers, they are sorted by their values, and `NO_LEVEL` (level not known) is last. Otherwise,
+    they keep the order in `occurring`.
+
+    Parameters
+    ----------
+    planned
+        Levels in the plan of the series, in the order of the plan.
+    occurring
+        Levels of the recordings. A level can be repeated.
+    """
+    others = [level for level in dict.fromkeys(occurring) if level not in planned]
+    with contextlib.suppress(ValueError):
+        others = sorted(others, key=lambda level: math.inf if level == NO_LEVEL else float(level))
+    return {level: rank for rank, level in enumerate([*planned, *others])}

@@ -1,0 +1,252 @@
+"""Evaluate all samples of a record together: phases of the motion, fitted models, k and b."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from estimation.baseline import baseline
+from estimation.batch_models import BatchData, BatchFit, compare_models
+from estimation.batch_models.prony import Relaxation, fit_prony
+from estimation.robust_error import robust_fit
+from estimation.smoothing import CORNER
+from teleop.evaluation.batch.contact_rows import Rows
+from teleop.evaluation.batch.local_stiffness import LocalStiffness, local_stiffness
+from teleop.evaluation.batch.motion import motion_of
+from teleop.evaluation.batch.phases import Phase, Phases, find_phases
+from teleop.evaluation.batch.prepared import Prepared, resample, smoothed_record
+from teleop.evaluation.batch.result import Result, publishable
+from teleop.evaluation.reading.signals import Signals
+
+RAMP = 0.04
+"""Largest width of the smoothing kernel, as a fraction of the median duration of a loading
+phase."""
+WIDER_BAND = 1.6
+"""Ratio of a second smoothing bandwidth to the first. The change of k between the two bandwidths
+widens the interval of k."""
+FEWEST_HOLD = 10
+"""Smallest number of independent samples for a fit: in contact for a model, and in a hold for the
+relaxation."""
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """The batch evaluation of a record: all samples are evaluated together."""
+
+    record: Prepared
+    """The record, resampled to a constant period and smoothed."""
+    phases: Phases
+    """Free motion, loading, hold and unloading, and the contact point."""
+    local: LocalStiffness | None
+    """Stiffness and damping of the fitted models; None without contact, or with too few samples."""
+    result: Result
+    """k and b with 95 % intervals, or the reasons why they are not identifiable."""
+
+    @property
+    def has_contact(self) -> bool:
+        """Whether the force follows the displacement. If not, there is no contact in the record."""
+        return self.record.band.coherence > 0.0
+
+    @cached_property
+    def data(self) -> BatchData | None:
+        """Samples to which the models are fitted; None if too few samples are in contact."""
+        record, phases = self.record, self.phases
+        rows = Rows(record, phases)
+        if len(rows.rows) < FEWEST_HOLD:
+            return None
+        f, slow, regressors = record.f, np.zeros(len(record.f)), None
+        if rows.order and self.local:
+            seconds = float(record.clock[-1])
+            coefficients = self.local.best.theta[: rows.v_column]
+            slow = baseline(record.clock, 0.0, seconds, coefficients)
+            slow -= slow[rows.rows].mean()
+            regressors = rows.basis[:, 1:] - rows.basis[:, 1:].mean(axis=0)
+        return BatchData(
+            t=record.t,
+            x=record.x,
+            raw_x=record.raw_x,
+            v=record.v,
+            f=f - slow,
+            raw_f=record.raw_f - slow,
+            rows=rows.rows,
+            inside=rows.fine,
+            starts=record.starts,
+            width=record.width,
+            contact=phases.contact_point.value if phases.contact_point else None,
+            baseline=regressors,
+            cycles=rows.cycles,
+        )
+
+    def models(self, x: float, f: float) -> list[BatchFit]:
+        """Return the models that are fitted to the record, the best model first.
+
+        The datum is the point at which displacement and force are zero. The models use displacement
+        and force relative to the datum. The result is empty if there is no contact, or if there are
+        too few samples in contact.
+
+        Parameters
+        ----------
+        x, f
+            Position [m] and force [N] of the datum, in the coordinates of the record.
+        """
+        data = self.data
+        if data is None or not self.has_contact:
+            return []
+        contact = None if data.contact is None else data.contact - x
+        unloaded = (self.phases.free_force or 0.0) - f
+        return compare_models(
+            data._replace(
+                x=data.x - x,
+                raw_x=data.raw_x - x,
+                f=data.f - f,
+                raw_f=data.raw_f - f,
+                contact=contact,
+                unloaded=unloaded,
+            )
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Return motion, phases, cycles, contact point and complex modulus, as a dictionary."""
+        point = self.phases.contact_point
+        return {
+            "motion": motion_of(self.record)._asdict(),
+            "phases": self.rows,
+            "cycles": self.cycles(),
+            "contact_point": point
+            and dict(zip(("position_m", "low_m", "high_m"), point, strict=True)),
+            "modulus": self.modulus(),
+        }
+
+    @cached_property
+    def rows(self) -> list[dict[str, Any]]:
+        """The phases of the motion in the order of time, as dictionaries for JSON (`phase_row`)."""
+        return [self.phase_row(phase) for phase in self.phases.phases]
+
+    def phase_row(self, phase: Phase) -> dict[str, Any]:
+        """Return one phase of the motion as a dictionary for JSON.
+
+        The dictionary contains the times, the travel and the forces of the phase. For loading and
+        unloading, it also contains k, the slope of the force against the position [N/m]. For a
+        hold, it also contains the relaxation of the force (`relaxation_row`).
+        """
+        record = self.record
+        part = slice(phase.start, phase.end)
+        t, x, f = record.t[part], record.x[part], record.f[part]
+        row: dict[str, Any] = {
+            "phase": phase.name,
+            "from_s": float(t[0]),
+            "to_s": float(t[-1]),
+            "travel_m": float(np.ptp(x)),
+            "force_from_n": float(f[0]),
+            "force_to_n": float(f[-1]),
+            "k": None,
+            "k_std": None,
+        }
+        every = slice(None, None, record.stride)
+        if phase.name in ("loading", "unloading") and len(t[every]) > 4 and np.ptp(x) > 0.0:
+            fit = robust_fit(np.column_stack([np.ones(len(t[every])), x[every]]), f[every])
+            row["k"] = float(fit.theta[1])
+            row["k_std"] = fit.deviation(np.array([0.0, 1.0]))
+        if phase.name == "hold" and len(t[every]) >= FEWEST_HOLD:
+            found = fit_prony(t[every] - t[0], f[every])
+            row["relaxation"] = relaxation_row(found) if found else None
+        return row
+
+    def cycles(self) -> list[dict[str, Any]]:
+        """Return k and b of each cycle in contact, as dictionaries for JSON.
+
+        A cycle lasts from the start of one loading to the start of the next loading.
+        """
+        data = self.data
+        if data is None:
+            return []
+        begins = [phase.start for phase in self.phases.phases if phase.name == "loading"]
+        usable = self.phases.usable
+        found = []
+        for start, end in pairwise(begins):
+            part = start + np.flatnonzero(usable[start:end])[:: max(1, self.record.stride // 2)]
+            if len(part) < 8:
+                continue
+            columns = np.column_stack([np.ones(len(part)), data.v[part], data.x[part]])
+            theta = robust_fit(columns, data.f[part]).theta
+            found.append(
+                {
+                    "from_s": float(data.t[start]),
+                    "to_s": float(data.t[end - 1]),
+                    "k": float(theta[2]),
+                    "b": float(theta[1]),
+                }
+            )
+        return found
+
+    def modulus(self) -> dict[str, float] | None:
+        """Return the complex modulus at the frequency of the palpation.
+
+        The dictionary contains the storage stiffness k' [N/m], the loss stiffness k'' = b omega
+        [N/m] and tan delta = k'' / k'. For each of them, it also contains the half width of the
+        95 % interval. The result is None in three cases: the motion has no cycles, k or b is not
+        identifiable, or the best model contains relaxation (a decay of the force at constant
+        position). With relaxation, b describes only a part of the loss of energy.
+        """
+        result, record = self.result, self.record
+        cyclic = math.isfinite(record.frequency) and not result.times
+        if not cyclic or result.k is None or result.b is None:
+            return None
+        assert result.k_low is not None
+        assert result.b_low is not None
+        omega = 2.0 * np.pi * record.frequency
+        loss, half = result.b * omega, (result.b - result.b_low) * omega
+        return {
+            "frequency_hz": record.frequency,
+            "storage": result.k,
+            "storage_interval": result.k - result.k_low,
+            "loss": loss,
+            "loss_interval": half,
+            "tan_delta": loss / result.k,
+            "tan_delta_interval": float(
+                np.hypot(half / result.k, loss * (result.k - result.k_low) / result.k**2)
+            ),
+        }
+
+
+def relaxation_row(found: Relaxation) -> dict[str, Any]:
+    """Return a Prony series, which was fitted to the force in a hold, as a dictionary for JSON."""
+    return {name: one._asdict() for name, one in found.parameters.items()} | {"rms": found.rms}
+
+
+def analyse(signals: Signals, force_lag: float = 0.0) -> Analysis:
+    """Evaluate all samples of a record together, without online estimators.
+
+    Parameters
+    ----------
+    signals
+        The record as measured.
+    force_lag
+        Lag of the measured force (time constant of the force channel) [s]. The lag is compensated.
+    """
+    resampled = resample(signals, force_lag)
+    record = smoothed_record(resampled)
+    phases = find_phases(record)
+    durations = [
+        (phase.end - phase.start) * record.period
+        for phase in phases.phases
+        if phase.name == "loading"
+    ]
+    widest = RAMP * float(np.median(durations)) if durations else record.width
+    bandwidth = CORNER / record.width
+    if widest < 0.8 * record.width:
+        bandwidth = CORNER / max(widest, resampled.period)
+        record = smoothed_record(resampled, bandwidth)
+        phases = find_phases(record)
+    local = other = None
+    if record.band.coherence > 0.0:
+        local = local_stiffness(record, phases)
+    if local is not None:
+        finer = smoothed_record(resampled, WIDER_BAND * bandwidth)
+        other = local_stiffness(finer, find_phases(finer))
+    return Analysis(record, phases, local, publishable(record, phases, local, other))

@@ -1,0 +1,226 @@
+"""Compute stiffness and damping in contact by averaging over several models of the force.
+
+These models are called candidates. Each candidate is
+
+    f(t) = baseline(t) + P(x) + b v + sum_j c_j z_j,    z_j' = dP/dt - z_j / tau_j
+
+with the force f, the position x, the velocity v and the time constants tau_j.
+
+- P is a polynomial. Its degree is one of `DEGREES`.
+- The baseline is a constant. For a palpation of many cycles, it also contains cosines that are
+  slower than the palpation.
+- z_j are the relaxing parts of the force (quasi-linear viscoelasticity). There are at most two.
+- k is the slope of the elastic force P(x) + sum_j c_j z_j against the displacement, in loading and
+  at half of the force range. For a Kelvin-Voigt body, k is the stiffness of the body. In a steady
+  sine, k is the storage stiffness. k does not depend on the zero of position and force.
+- b is the coefficient of the velocity. Without relaxing parts, b is the loss stiffness k'' divided
+  by the angular frequency omega.
+
+Each candidate is fitted to the smoothed samples by linear least squares. The weights of the
+candidates are computed from the Bayesian information criterion. A candidate is left out if its
+standard deviation of k is not smaller than k, unless this is so for all candidates.
+
+Each candidate gives a normal distribution of k: its mean is the k of the candidate, and its
+standard deviation is that of `estimation.robust_error`. The weighted sum of these distributions is
+a mixture distribution. The result is the median of the mixture, with an interval that contains 95 %
+of the mixture. If the candidates differ, the interval is therefore wider. The interval is not
+computed from the variance of the mixture, because one unlikely candidate with a very different k
+can make this variance very large. b and its interval are computed in the same way.
+
+References
+----------
+Y. C. Fung, "Biomechanics: mechanical properties of living tissues", 2nd ed., Springer, 1993
+(chapter 7, quasi-linear viscoelasticity); D. Turek, D. Fletcher, "Model-averaged
+Wald confidence intervals", Computational Statistics & Data Analysis 56(9), 2012.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+from estimation.arrays import Floats
+from estimation.estimator import LEVEL_95
+from teleop.evaluation.batch.candidate import Candidate, evaluate
+from teleop.evaluation.batch.contact_rows import DEGREES, Rows
+from teleop.evaluation.batch.phases import Phases
+from teleop.evaluation.batch.prepared import Prepared
+from teleop.evaluation.batch.relaxation_search import with_relaxation
+
+EXPLAINED = 0.9
+"""If the baseline contains cosines, relaxing parts are fitted only if R^2 without them exceeds this
+value. A larger misfit is not caused by relaxation: the baseline describes slow relaxation."""
+LARGEST_SCORE = 10.0
+"""Distance from the mean beyond which a normal density is taken as 0 [standard deviations]."""
+FRICTION = 0.5
+"""Friction is reported if the residual with Coulomb friction is less than this fraction of the
+residual of the best candidate."""
+SAME_TIME = 1.5
+"""Ratio of two time constants below which they are reported as one."""
+HALVINGS = 60
+"""Number of bisection steps. With this number, only rounding errors remain."""
+
+
+@dataclass(frozen=True)
+class LocalStiffness:
+    """Stiffness and damping in contact: averages over several fitted models (candidates)."""
+
+    k: float
+    """Stiffness [N/m]."""
+    k_std: float
+    """Standard deviation of k [N/m]: the half width of the 95 % interval, divided by 1.96."""
+    b: float
+    """Damping [N s/m]."""
+    b_std: float
+    """Standard deviation of b [N s/m], computed like `k_std`."""
+    best: Candidate
+    """Candidate with the smallest Bayesian information criterion."""
+    kelvin_voigt: Candidate
+    """The Kelvin-Voigt model: candidate of degree 1 without relaxing parts."""
+    baseline_size: float
+    """Peak-to-peak value of the baseline of the best candidate [N]; 0 if it is a constant."""
+    samples: int
+    """Number of nearly independent samples that were fitted."""
+    r2: float
+    """R^2 of the best candidate, for the force minus its baseline."""
+    friction: bool
+    """Whether a force of constant size against the motion describes the loss better than b v."""
+    frequency: float
+    """Frequency at which b is k''/omega [Hz]; NaN if relaxing parts may cause part of the loss."""
+
+
+def local_stiffness(
+    record: Prepared, phases: Phases, baseline: bool = True
+) -> LocalStiffness | None:
+    """Return stiffness and damping in contact; None if there are too few samples.
+
+    Parameters
+    ----------
+    record, phases
+        The prepared record, and its phases, such as loading and unloading.
+    baseline
+        Whether the baseline (slow part of the force) may contain cosines besides the constant.
+    """
+    rows = Rows(record, phases, baseline)
+    found = [evaluate(rows, degree, (), [], []) for degree in DEGREES if rows.allow(degree)]
+    if not found:
+        return None
+    plain = found[0]
+    if rows.relaxation and (rows.order == 0 or explained(rows, found) > EXPLAINED):
+        position = rows.normalised(record.raw_x)
+        best = min(found, key=lambda one: one.bic)
+        found += with_relaxation(rows, position, DEGREES[:3], best.bic)
+        best = min(found, key=lambda one: one.bic)
+        if best.degree > 1 and best.times:
+            elastic = rows.polynomial(best.theta[: rows.v_column + 1 + best.degree])
+            found += with_relaxation(rows, elastic, DEGREES[1:4], best.bic)
+    found = [one for one in found if one.k_std < abs(one.k)] or found
+    weights = model_weights(found)
+    k, k_std = averaged(weights, [(one.k, one.k_std) for one in found])
+    b, b_std = averaged(weights, [(one.b, one.b_std) for one in found])
+    best = min(found, key=lambda one: one.bic)
+    slow = rows.basis[:, 1:] @ best.theta[1 : rows.v_column]
+    return LocalStiffness(
+        k,
+        k_std,
+        b,
+        b_std,
+        best,
+        plain,
+        float(np.ptp(slow)) if rows.order else 0.0,
+        len(rows.f),
+        explained(rows, [best]),
+        has_friction(rows, best),
+        math.nan if rows.relaxation else record.frequency,
+    )
+
+
+def explained(rows: Rows, found: list[Candidate]) -> float:
+    """Return the coefficient of determination R^2 of the fitted model with the smallest residual.
+
+    R^2 is 1 minus the mean square of the residual, divided by that of the force. The baseline (slow
+    part of the force) is subtracted from this force.
+    """
+    least = min(one.rms for one in found)
+    return 1.0 - least**2 / max(float(np.mean(rows.fits.rest**2)), 1e-300)
+
+
+def has_friction(rows: Rows, best: Candidate) -> bool:
+    """Return whether Coulomb friction describes the loss of energy better than viscous damping.
+
+    For this test, the damping b v and the relaxing parts of the best model (`best`) are replaced by
+    a friction force proportional to sign(v), and this model is fitted. The result is True if the
+    residual is less than `FRICTION` times that of the best model.
+    """
+    record = rows.record
+    sign = record.smoothed(np.sign(record.v))[rows.rows]
+    columns = np.column_stack([sign, *rows.powers[: best.degree]])
+    return bool(np.std(rows.fits.fit(columns).residual) < FRICTION * best.rms)
+
+
+def merged(times: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the time constants of the relaxing parts [s] in the form in which they are reported.
+
+    If there are two and their ratio is below `SAME_TIME`, the result is their geometric mean.
+    """
+    if len(times) == 2 and max(times) < SAME_TIME * min(times):
+        return (math.sqrt(times[0] * times[1]),)
+    return times
+
+
+def model_weights(found: list[Candidate]) -> Floats:
+    """Return the weights with which m candidates (fitted models) are averaged, shape (m,).
+
+    Candidates form a group if they differ only in the values of their time constants. The weight of
+    a group is proportional to the largest exp(-BIC / 2) in the group. Therefore, it does not
+    increase with the number of candidates in the group. Within the group, the weight is divided in
+    proportion to exp(-BIC / 2) of each candidate. All weights sum to 1.
+    """
+    bics = np.array([one.bic for one in found])
+    weights = np.exp(-0.5 * (bics - bics.min()))
+    models = [(one.degree, len(one.times)) for one in found]
+    for model in set(models):
+        member = np.array([one == model for one in models])
+        weights[member] *= weights[member].max() / max(float(weights[member].sum()), 1e-300)
+    return np.asarray(weights / weights.sum())
+
+
+def averaged(weights: Floats, values: list[tuple[float, float]]) -> tuple[float, float]:
+    """Return the median and the spread of a mixture (weighted sum) of m normal distributions.
+
+    The spread is h / 1.96, where 95 % of the mixture is within the distance h from the median. For
+    a single normal distribution, the spread is the standard deviation.
+
+    Parameters
+    ----------
+    weights
+        Weights of the distributions, which sum to 1, shape (m,).
+    values
+        Mean and standard deviation of each distribution.
+    """
+    value, std = np.array(values).T
+    std = np.maximum(std, 1e-12 * np.max(np.abs(value)) + 1e-300)
+
+    def share(x: float) -> float:
+        """Return the cumulative distribution function of the mixture at x."""
+        return float(weights @ ndtr((x - value) / std))
+
+    span = float(np.ptp(value)) + LARGEST_SCORE * float(std.max())
+    median = crossing(share, 0.5, float(value.min()) - span, float(value.max()) + span)
+    half = crossing(lambda h: share(median + h) - share(median - h), 0.95, 0.0, 2.0 * span)
+    return median, half / LEVEL_95
+
+
+def crossing(function: Callable[[float], float], level: float, low: float, high: float) -> float:
+    """Return the argument between `low` and `high` at which an increasing function is `level`."""
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if function(middle) < level:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)

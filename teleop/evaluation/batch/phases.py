@@ -1,0 +1,282 @@
+"""Find the phases of a palpation (free motion, loading, hold, unloading) and the contact point.
+
+**Contact.** Out of contact, the force is constant while the position changes. In contact, a travel
+dx changes the force by about k dx, with the stiffness k. While the force changes by less than a
+small value w (`level_width`), the travel in contact is therefore less than about w / k. A part of
+the record is free motion if the force stays within w of its lowest value, and the travel is several
+times larger than w / k. Travel directly after a reversal is not counted, because lost motion
+(backlash) also keeps the force constant there. The method needs no zero of position or force, and
+also works if the surface drifts. If there is no free motion, the record is either in contact
+throughout or never in contact. It is never in contact if the force does not follow the displacement
+(`teleop.evaluation.batch.result`). If the force stays near its highest value while the position
+changes, the force sensor is saturated, or the specimen slips or yields.
+
+**Contact point.** An approach is a motion from free motion into contact. Its model is
+
+    f = f0                        for x <= xc,
+    f = f0 + a d + q d^2 + b v    for x > xc, with the depth d = x - xc,
+
+where f is the force, x the position, v the velocity and xc the contact point. The model is fitted
+to the measured signals for many values of xc. The contact point is the value with the smallest sum
+of squared residuals. Its 95 % interval contains the values of xc for which the sum is so little
+larger that noise can cause the difference. If there are several approaches, the median of their
+contact points is reported. The half width of the interval is then the median of the half widths.
+For three or more approaches, it is at least the standard deviation of the contact points times
+Student's t.
+
+**Phases.** In contact, loading and unloading are the monotone parts between turning points. A
+reversal counts as a turning point if two conditions hold: the following motion in the opposite
+direction is larger than the fraction `TURN` of the whole travel, and the force changes with this
+motion. At the beginning and at the end of a monotone part, the position can be nearly constant. It
+counts as nearly constant while its distance from the first or the last position of the part is less
+than the fraction `STILL` of the travel in the part. The remaining time of the part is its motion. A
+time with nearly constant position is a hold if it is longer than `HOLD` times the median duration
+of the motions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri, stdtrit
+
+from estimation.arrays import Floats
+from estimation.stiffening import Interval
+from teleop.evaluation.batch.force_levels import clipped, levels
+from teleop.evaluation.batch.masks import eroded, hysteresis, runs, without_short
+from teleop.evaluation.batch.prepared import Prepared
+from teleop.evaluation.batch.turning_points import turning_points, without_lost_motion
+
+LEVEL = 0.015
+"""Smallest value of `level_width`, as a fraction of the force range."""
+NOISE = 6.0
+"""Smallest value of `level_width`, in standard deviations of the noise of the smoothed force."""
+TURN = 0.05
+"""Smallest reversal of the motion that separates loading from unloading, as a fraction of the
+travel."""
+STILL = 0.02
+"""Largest change of the position in a hold, as a fraction of the range of the monotone part."""
+HOLD = 0.33
+"""Shortest hold, as a fraction of the median duration of the motion in the monotone parts."""
+APPROACHES, MOST_POINTS = 10, 300
+"""Approximate largest number of approaches in which the contact point is fitted, and of samples
+that are used in each approach. An approach is a motion from free motion into contact."""
+SHORT = 4
+"""Samples near the start and the end of a record (nearer than `GUARD`) are not fitted if the record
+is long. The record is long if it has more than `SHORT` times this number of samples in contact for
+each start, gap and end."""
+GUARD = 3.5
+"""Samples nearer than this distance to the beginning or end of a contact are not fitted. The unit
+is the standard deviation of the smoothing kernel."""
+
+
+class Phase(NamedTuple):
+    """A part of a record with one kind of motion: free motion, loading, hold or unloading."""
+
+    name: str
+    """`free`, `loading`, `hold` or `unloading`."""
+    start: int
+    """Index of the first sample of the phase, in the arrays of the prepared record."""
+    end: int
+    """Index of the last sample of the phase, plus 1."""
+
+
+@dataclass(frozen=True)
+class Phases:
+    """Times of contact, contact point, and phases of the motion in a record of n samples.
+
+    The phases are free motion, loading, holds and unloading.
+    """
+
+    contact: NDArray[np.bool_]
+    """Whether there is contact at each sample, shape (n,)."""
+    inner: NDArray[np.bool_]
+    """True at samples in contact that are farther than the width of the smoothing from any
+    beginning or end of contact, shape (n,)."""
+    usable: NDArray[np.bool_]
+    """True at the samples of `inner` that are also farther than the width of the smoothing from
+    gaps and, except in a short record, from the start and the end of the record, shape (n,)."""
+    free_force: float | None
+    """Median force out of contact [N]; None if the record contains no free motion."""
+    free_spread: float
+    """Standard deviation of the smoothed force out of contact [N]."""
+    free_error: float
+    """Standard deviation of the smoothed force out of contact [N]. Samples near contact are not
+    used, because the smoothing mixes them with the force in contact."""
+    contact_point: Interval | None
+    """Position at which contact begins, with its 95 % interval [m]; None if the record has no
+    motion from free motion into contact that can be used."""
+    saturated: bool
+    """Whether the force stays near its highest value while the position changes."""
+    phases: tuple[Phase, ...]
+    """The phases in the order of time."""
+
+
+def find_phases(record: Prepared) -> Phases:
+    """Divide a prepared record into phases of motion, and find the contact point.
+
+    The phases are free motion, loading, holds and unloading. The contact point is the position at
+    which contact begins.
+    """
+    x, f = record.x, record.f
+    width = level_width(record)
+    free, saturated = levels(record, width)
+    saturated = saturated or clipped(record)
+    guard = max(1, round(GUARD * record.width / record.period))
+    contact = np.ones(len(x), dtype=np.bool_)
+    free_force = point = None
+    spread = error = 0.0
+    if free is not None:
+        free_force, spread = float(np.median(f[free])), float(np.std(f[free]))
+        apart = eroded(free, guard)
+        error = float(np.std(f[apart])) if apart.any() else spread
+        contact = hysteresis(f - free_force, 0.5 * width, width)
+        contact = without_short(contact, 2 * guard)
+        point = contact_point(record, contact, free_force)
+    inner = eroded(contact, guard) if free is not None else contact
+    usable = inner.copy()
+    ends = [*record.starts, len(usable)]
+    for end in ends if usable.sum() > SHORT * guard * len(ends) else ends[1:-1]:
+        usable[max(0, end - guard) : end + guard] = False
+    parts = split(record, contact)
+    return Phases(contact, inner, usable, free_force, spread, error, point, saturated, parts)
+
+
+def level_width(record: Prepared) -> float:
+    """Return the difference of force below which the force counts as unchanged [N].
+
+    Contact begins when the force exceeds the force out of contact by more than this difference.
+    """
+    low, high = record.force_range
+    return max(NOISE * record.f_noise_smoothed, LEVEL * (high - low))
+
+
+def contact_point(
+    record: Prepared, contact: NDArray[np.bool_], free_force: float
+) -> Interval | None:
+    """Return the position at which contact begins, with its 95 % interval [m].
+
+    The result is None if the record has no approach (motion from free motion into contact) with
+    enough samples.
+
+    Parameters
+    ----------
+    record
+        The prepared record.
+    contact
+        Whether there is contact at each of the n samples, shape (n,).
+    free_force
+        Force out of contact [N].
+    """
+    found = []
+    approaches = [(start, end) for start, end in runs(contact) if start > 0]
+    every = max(1, len(approaches) // APPROACHES)
+    for start, end in approaches[::every]:
+        top = int(np.argmax(record.f[start:end])) + start
+        rise = record.f[start : top + 1] - free_force
+        reach = int(np.argmax(rise > 0.35 * rise[-1])) + start + 1
+        free_before = start - 1
+        while free_before > 0 and not contact[free_before - 1] and start - free_before < len(rise):
+            free_before -= 1
+        part = slice(free_before, reach, max(1, (reach - free_before) // MOST_POINTS))
+        if reach - free_before >= 8 and record.x[reach - 1] > record.x[free_before]:
+            fitted = onset(record.x[part], record.v[part], record.raw_f[part], record.f_noise)
+            if fitted:
+                found.append(fitted)
+    if not found:
+        return None
+    values = np.array([one.value for one in found])
+    value = float(np.median(values))
+    half = float(np.median([one.high - one.low for one in found])) / 2.0
+    if len(values) > 2:
+        quantile = float(stdtrit(len(values) - 1, 0.975))
+        half = max(half, quantile * float(np.std(values, ddof=1)))
+    return Interval(value, value - half, value + half)
+
+
+def onset(x: Floats, v: Floats, f: Floats, noise: float) -> Interval | None:
+    """Return the position at which the force begins to increase, with its 95 % interval [m].
+
+    Parameters
+    ----------
+    x, v, f
+        Position [m], velocity [m/s] and measured force [N] of one motion from free motion into
+        contact, shape (n,).
+    noise
+        Standard deviation of the noise of the force [N].
+    """
+    points = np.linspace(float(x.min()), float(x.max()), 82)[1:-1]
+    squares = np.empty(len(points))
+    for i, point in enumerate(points):
+        depth = np.maximum(x - point, 0.0) / np.ptp(x)
+        regressors = np.column_stack([np.ones(len(x)), depth, depth**2, v * (depth > 0.0)])
+        theta = np.linalg.lstsq(regressors, f, rcond=None)[0]
+        squares[i] = np.sum((f - regressors @ theta) ** 2)
+    best = int(np.argmin(squares))
+    variance = max(squares[best] / max(len(x) - 5, 1), noise**2)
+    allowed = points[squares <= squares[best] + chdtri(1, 0.05) * variance]
+    step = points[1] - points[0]
+    return Interval(float(points[best]), float(allowed[0] - step), float(allowed[-1] + step))
+
+
+def split(record: Prepared, contact: NDArray[np.bool_]) -> tuple[Phase, ...]:
+    """Divide a record into phases of motion, and return the phases in the order of time.
+
+    Each part out of contact is one phase with the name `free`. The parts in contact are divided
+    into loading, holds and unloading.
+
+    Parameters
+    ----------
+    record
+        The prepared record of n samples.
+    contact
+        Whether there is contact at each sample, shape (n,).
+    """
+    bounds = sorted({0, len(contact), *record.starts, *np.flatnonzero(np.diff(contact) != 0) + 1})
+    whole = float(np.ptp(record.palpation))
+    found: list[Phase] = []
+    parts = []
+    for start, end in pairwise(bounds):
+        if not contact[start]:
+            found.append(Phase("free", int(start), int(end)))
+            continue
+        x, f = record.palpation[start:end], record.f[start:end]
+        turns = without_lost_motion(turning_points(x, TURN * whole), x, f)
+        parts += [(start + a, start + b) for a, b in pairwise(turns)]
+    monotone = [(int(start), int(end)) for start, end in parts]
+    cores = []
+    for start, end in monotone:
+        x = record.x[start:end]
+        range_ = max(float(np.ptp(x)), 1e-300)
+        moving = np.flatnonzero(
+            (np.abs(x - x[0]) > STILL * range_) & (np.abs(x - x[-1]) > STILL * range_)
+        )
+        a, b = (int(moving[0]), int(moving[-1]) + 1) if len(moving) else (0, end - start)
+        cores.append((start, start + a, start + b, end))
+    typical = float(np.median([b - a for _, a, b, _ in cores])) if cores else 0.0
+    for start, a, b, end in cores:
+        name = "loading" if record.x[end - 1] > record.x[start] else "unloading"
+        a = a if a - start > HOLD * typical else start
+        b = b if end - b > HOLD * typical else end
+        for label, first, last in (("hold", start, a), (name, a, b), ("hold", b, end)):
+            if last > first:
+                found.append(Phase(label, first, last))
+    return tuple(merged(sorted(found, key=lambda phase: phase.start)))
+
+
+def merged(phases: list[Phase]) -> list[Phase]:
+    """Return the phases, with adjacent phases of the same name joined to one phase.
+
+    The parameter `phases` is in the order of time.
+    """
+    joined: list[Phase] = []
+    for phase in phases:
+        if joined and joined[-1].name == phase.name and joined[-1].end == phase.start:
+            joined[-1] = joined[-1]._replace(end=phase.end)
+        else:
+            joined.append(phase)
+    return joined

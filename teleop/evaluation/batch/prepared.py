@@ -1,0 +1,368 @@
+"""Prepare a record for batch evaluation: resample it evenly, and smooth it without delay.
+
+1. The record is interpolated linearly onto a grid of constant period
+   (`teleop.evaluation.batch.prepared`).
+2. If the sampling rate is much higher than necessary for the bandwidth of the force, successive
+   samples are averaged in blocks.
+3. Position and force are smoothed with the same Gaussian kernel (`estimation.smoothing`). If the
+   relation between the measured signals is linear, such as f = b v + k x, it also holds for the
+   smoothed signals, with the same b and k.
+
+The corner (half-power) frequency of the kernel is `CORNER` times the upper end of the coherent
+band, or lower if the sampling rate is low. The coherent band is the band of frequencies in which
+the force follows the displacement (`estimation.coherent_band`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from estimation.arrays import Floats
+from estimation.baseline import FEWEST_CYCLES, baseline_order, without_baseline
+from estimation.coherent_band import CoherentBand, block_means, coherent_band
+from estimation.filters import Lag
+from estimation.smoothing import kernel_width, slope, smooth, smooth_pieces
+from teleop.evaluation.batch.single_stroke import combined, stroke_band
+from teleop.evaluation.batch.turning_points import cycle_frequency, turning_points
+from teleop.evaluation.reading.signals import Signals
+from teleop.evaluation.reading.smallest_step import repeated_rounding, smallest_step
+
+FEWEST = 16
+"""Smallest number of samples in a piece between two gaps. Shorter pieces are not used."""
+
+
+@dataclass(frozen=True)
+class Resampled:
+    """A record that is interpolated onto a grid of constant period, but not smoothed.
+
+    Gaps, in which samples are missing, divide the record into pieces.
+    """
+
+    pieces: list[tuple[Floats, Floats, Floats]]
+    """Time [s], position [m] and force [N] of each piece, as arrays of shape (n,)."""
+    period: float
+    """Grid period [s]."""
+    band: CoherentBand
+    """Frequency band in which the force follows the position, computed from the longest piece."""
+    ramp: bool
+    """Whether `band` is computed from the duration of a motion that never reverses, such as a ramp
+    (`teleop.evaluation.batch.single_stroke`). False if it is computed from the spectra."""
+    x_noise: float
+    """Standard deviation of the noise of the position [m], of the longest piece."""
+    f_noise: float
+    """Standard deviation of the noise of the force [N], of the longest piece."""
+    step: float
+    """Smallest step of the position on the grid [m], of the longest piece."""
+    count: float
+    """Resolution of the position: its smallest step [m]; 0 if the position never changes."""
+    f_count: float
+    """Resolution of the force: its smallest step [N]; 0 if the force never changes."""
+    force_lag: float
+    """Time constant of the force channel that is compensated [s]; 0 if no lag is compensated."""
+
+
+def resample(signals: Signals, force_lag: float = 0.0) -> Resampled:
+    """Interpolate a record linearly onto a grid of constant period.
+
+    Gaps, in which samples are missing, divide the record into pieces. Each piece is interpolated
+    separately.
+
+    Parameters
+    ----------
+    signals
+        The record.
+    force_lag
+        Time constant of the first-order lag of the force channel [s]. The lag is compensated by
+        filtering the position with the same lag.
+
+    Raises
+    ------
+    ValueError
+        No piece has `FEWEST` samples or more.
+    """
+    period = float(np.median(signals.dt))
+    bounds = sorted({0, len(signals.t), *signals.gaps})
+    pieces = []
+    for start, end in pairwise(bounds):
+        t = signals.t[start:end]
+        count = int(np.floor((t[-1] - t[0]) / period + 0.5)) + 1 if len(t) > 1 else 1
+        if count < FEWEST:
+            continue
+        even = t[0] + period * np.arange(count)
+        x, f = (np.interp(even, t, channel[start:end]) for channel in (signals.x, signals.f))
+        x = Lag(force_lag).run(x, np.full(count, period))
+        pieces.append((even, x, f))
+    if not pieces:
+        raise ValueError(
+            f"no piece between gaps has {FEWEST} samples or more: expected longer pieces"
+        )
+    _, x, f = max(pieces, key=lambda piece: len(piece[0]))
+    x_noise, f_noise = measurement_noise(x), measurement_noise(f)
+    spectral = coherent_band(x, f, period)
+    stroke = stroke_band(x, f, period, x_noise)
+    band = combined(spectral, stroke) if stroke else spectral
+    return Resampled(
+        pieces,
+        period,
+        band,
+        ramp=band is stroke,
+        x_noise=x_noise,
+        f_noise=f_noise,
+        step=smallest_step(x),
+        count=smallest_step(signals.x),
+        f_count=smallest_step(signals.f),
+        force_lag=force_lag,
+    )
+
+
+def measurement_noise(values: Floats) -> float:
+    """Estimate the standard deviation of the white noise in a signal, in the unit of the signal.
+
+    It is computed from the third differences of the signal. The differences remove slow motion, but
+    not the noise.
+
+    Parameters
+    ----------
+    values
+        Evenly sampled values of the signal, shape (n,).
+    """
+    return float(1.4826 * np.median(np.abs(np.diff(values, 3))) / np.sqrt(20.0))
+
+
+CORNER = 5.0
+"""Corner frequency of the smoothing kernel, as a multiple of the upper end of the coherent band. In
+this band of frequencies, the force follows the displacement."""
+FINENESS = 4.0
+"""Smallest number of grid points per standard deviation of the smoothing kernel, if the sampling
+rate of the record is high enough."""
+SINE = 0.9
+"""Fundamental share (see `Prepared.fundamental_share`) above which a motion counts as a sine. The
+share is 1 for a sine and 0.84 for a triangle wave."""
+OUTLIERS = 5
+"""Length of the median filter that removes outliers before the fundamental share is computed
+[samples]."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A record that is prepared for the batch evaluation: position and force at n times.
+
+    The times have a constant period, except at gaps, where samples are missing. The object contains
+    the measured and the smoothed signals. All arrays have shape (n,).
+    """
+
+    t: Floats
+    """Time [s]."""
+    raw_x: Floats
+    """Measured position, averaged over a grid period [m]. It is delayed by `force_lag`, so that it
+    has the same lag as the force."""
+    raw_f: Floats
+    """Measured force, averaged over a grid period [N]."""
+    x: Floats
+    """Smoothed position [m]."""
+    v: Floats
+    """Derivative of the smoothed position [m/s]."""
+    f: Floats
+    """Smoothed force [N]."""
+    period: float
+    """Grid period [s]."""
+    width: float
+    """Width (standard deviation) of the smoothing kernel [s]."""
+    band: CoherentBand
+    """Band of frequencies in which the force follows the displacement."""
+    starts: tuple[int, ...]
+    """Index of the first sample of each piece between gaps."""
+    x_noise: float
+    """Standard deviation of the noise of the measured position, including quantisation [m]."""
+    f_noise: float
+    """Standard deviation of the noise of the measured force [N]."""
+    count: float
+    """Resolution of the position: its smallest step [m]; 0 if the position never changes."""
+    f_count: float
+    """Resolution of the force: its smallest step [N]; 0 if the force never changes."""
+    f_rounding: float
+    """Standard deviation of the repeatable part of the rounding error of the force [N]. This part
+    is the same whenever the force has the same value."""
+    ramp: bool
+    """Whether `band` is computed from the duration of a motion that never reverses, such as a ramp
+    (`teleop.evaluation.batch.single_stroke`). False if it is computed from the spectra."""
+    force_lag: float
+    """Time constant of the force channel that is compensated [s]; 0 if no lag is compensated."""
+
+    @cached_property
+    def clock(self) -> Floats:
+        """Time since the first sample, without the duration of gaps [s], shape (n,)."""
+        return np.asarray(self.period * np.arange(len(self.t)), dtype=np.float64)
+
+    @cached_property
+    def force_range(self) -> tuple[float, float]:
+        """Lowest and highest smoothed force without outliers [N]: percentiles 0.5 and 99.5."""
+        low, high = (float(v) for v in np.percentile(self.f, [0.5, 99.5]))
+        return low, high
+
+    @cached_property
+    def order(self) -> int:
+        """Number of cosines in the baseline.
+
+        The baseline is the part of position and force that is slower than the palpation. It is
+        computed as a sum of cosines (`estimation.baseline`). The number is 0, and no baseline is
+        subtracted, if the motion has fewer than `FEWEST_CYCLES` cycles, or if the force does not
+        follow the displacement.
+        """
+        order = baseline_order(self.band.low, float(self.clock[-1]))
+        if order == 0 or self.band.coherence == 0.0:
+            return 0
+        fast = float(np.std(without_baseline(self.x, order)))
+        turns = turning_points(self.x, fast)
+        return order if len(turns) - 2 >= 2 * FEWEST_CYCLES else 0
+
+    @cached_property
+    def fundamental_share(self) -> float:
+        """Share of the fundamental frequency in the power of the velocity, from 0 to 1.
+
+        The share is 1 for a sinusoidal motion. The fundamental frequency f1 is the frequency at
+        which the spectrum of the velocity has its maximum. The share is the power of the velocity
+        near f1 (from 0.5 f1 to 1.5 f1), divided by the power from 0 to 10 f1. The share is smaller
+        if the motion is a triangle wave, or if it contains holds or tremor of the hand. Single
+        outliers of the position are removed before. The share is NaN if the motion has fewer than
+        about `FEWEST_CYCLES` cycles.
+        """
+        x = median_filter(self.raw_x, OUTLIERS, mode="nearest")
+        x = without_baseline(x, self.order)
+        if len(turning_points(x, float(np.std(x)))) - 2 < 2 * FEWEST_CYCLES - 1:
+            return math.nan
+        pieces = np.split(x, self.starts[1:])
+        v = np.concatenate([np.gradient(piece, self.period) for piece in pieces])
+        power = np.abs(np.fft.rfft((v - v.mean()) * np.hanning(len(v)))[1:]) ** 2
+        ratio = np.arange(1, len(power) + 1) / (1 + np.argmax(power))
+        return float(power[(ratio > 0.5) & (ratio < 1.5)].sum() / power[ratio < 10.0].sum())
+
+    @property
+    def sinusoidal(self) -> bool:
+        """Whether the motion counts as a sine: `fundamental_share` is larger than `SINE`."""
+        return self.fundamental_share > SINE
+
+    @cached_property
+    def frequency(self) -> float:
+        """Frequency of the palpation [Hz]; NaN if the motion is not periodic.
+
+        The motion counts as not periodic if `order` is 0 and `sinusoidal` is False.
+        """
+        if self.order == 0 and not self.sinusoidal:
+            return float("nan")
+        return cycle_frequency(self.palpation, self.period) or self.band.centre
+
+    @cached_property
+    def palpation(self) -> Floats:
+        """Smoothed position minus its baseline [m], shape (n,).
+
+        The baseline is the part of the position that is slower than the palpation.
+        """
+        return without_baseline(self.x, self.order)
+
+    def smoothed(self, values: Floats) -> Floats:
+        """Smooth a signal with the same Gaussian kernel as the record, and return it, shape (n,).
+
+        The parameter `values` contains the signal at the times `t`, shape (n,). Each piece between
+        two gaps is smoothed separately.
+        """
+        return smooth_pieces(values, self.starts, self.width / self.period)
+
+    def sharpened(self, values: Floats) -> Floats:
+        """Restore the height of the peaks of a smoothed signal, and return the signal, shape (n,).
+
+        Smoothing makes peaks lower. The parameter `values` is a smoothed signal y. The result is
+        2 y - H y = y + (y - H y), where H y is y after a second smoothing. The difference y - H y
+        is nearly the height that a peak lost in the first smoothing.
+        """
+        return 2.0 * values - self.smoothed(values)
+
+    @property
+    def f_noise_smoothed(self) -> float:
+        """Standard deviation of the noise of the smoothed force [N].
+
+        It is computed from `f_noise`, and is correct if the noise of the measured force is white.
+        """
+        return self.f_noise * self.noise_gain
+
+    @property
+    def noise_gain(self) -> float:
+        """Factor by which the smoothing multiplies the standard deviation of white noise."""
+        return float(min(1.0, np.sqrt(self.period / (2.0 * np.sqrt(np.pi) * self.width))))
+
+    @property
+    def stride(self) -> int:
+        """Distance of two samples with nearly independent noise [samples].
+
+        Smoothing correlates the noise of samples that are near each other. The distance is
+        therefore a multiple of `width`, and at least 1.
+        """
+        return max(1, round(2.5 * self.width / self.period))
+
+
+def prepare(signals: Signals) -> Prepared:
+    """Interpolate, average and smooth a record.
+
+    The bandwidth of the smoothing is chosen from the coherent band of the record (the frequencies
+    at which the force follows the displacement).
+
+    Raises
+    ------
+    ValueError
+        Gaps divide the record into pieces, and all pieces have too few samples.
+    """
+    return smoothed_record(resample(signals))
+
+
+def smoothed_record(resampled: Resampled, bandwidth: float | None = None) -> Prepared:
+    """Average successive samples of a resampled record, smooth it, and return the prepared record.
+
+    Parameters
+    ----------
+    resampled
+        The record, on a grid of constant period.
+    bandwidth
+        Half-power frequency of the smoothing kernel [Hz]. None: it is chosen from the coherent band
+        of the record (the frequencies at which the force follows the displacement).
+    """
+    period, band = resampled.period, resampled.band
+    corner = bandwidth or min(CORNER * band.high, 0.2 / period)
+    width = kernel_width(corner)
+    length = max(1, int(width / period / FINENESS))
+    step = resampled.step / np.sqrt(12.0 * length)
+    grid: list[list[Floats]] = [[] for _ in range(6)]
+    starts = [0]
+    coarse = period * length
+    for piece in resampled.pieces:
+        t, x, f = (block_means(channel, length) for channel in piece)
+        samples = width / coarse
+        columns = (t, x, f, smooth(x, samples), slope(x, samples, coarse), smooth(f, samples))
+        for column, values in zip(grid, columns, strict=True):
+            column.append(values)
+        starts.append(starts[-1] + len(t))
+    t, raw_x, raw_f, x, v, f = (np.concatenate(column) for column in grid)
+    return Prepared(
+        t,
+        raw_x,
+        raw_f,
+        x,
+        v,
+        f,
+        coarse,
+        width,
+        band,
+        tuple(starts[:-1]),
+        x_noise=max(resampled.x_noise / math.sqrt(length), step),
+        f_noise=resampled.f_noise / math.sqrt(length),
+        count=resampled.count,
+        f_count=resampled.f_count,
+        f_rounding=repeated_rounding(resampled.f_count, resampled.f_noise),
+        ramp=resampled.ramp,
+        force_lag=resampled.force_lag,
+    )

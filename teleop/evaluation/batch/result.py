@@ -1,0 +1,229 @@
+"""Compute the result for publication: stiffness and damping with 95 % intervals.
+
+k is the tangent stiffness at half of the force range, in loading (`local_stiffness`). k depends
+neither on the zero of position and force nor on the length of the record. The secant stiffness (the
+force divided by the depth) is reported in addition to k. The secant stiffness depends on the zero
+and on the length of the record. The result also states how much the secant stiffness would change
+if the zero of the position had an error of `DATUM_ERROR`.
+
+The intervals of k and b include three causes of error: the autocorrelation of the residual, the
+differences between the fitted models, and the change of k and b with the smoothing bandwidth. If
+the data are not sufficient for k, both k and b are None, and `Result.reasons` states why.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from estimation.estimator import LEVEL_95
+from teleop.evaluation.batch.constancy import change_over_cycles
+from teleop.evaluation.batch.kinds import BESIDES_RELAXATION, LOSS, TANGENT, UNDETERMINED
+from teleop.evaluation.batch.local_stiffness import LocalStiffness, merged
+from teleop.evaluation.batch.phases import Phases
+from teleop.evaluation.batch.prepared import Prepared
+from teleop.evaluation.batch.reasons import reasons_after_fit, reasons_before_fit, remarks
+from teleop.evaluation.reason import Reason
+
+DATUM_ERROR = 1e-4
+"""Error of the zero of the position [m]. The change of the secant stiffness that it causes is
+reported."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """Stiffness and damping with 95 % intervals, or the reasons why they are not reported.
+
+    The result also contains the force and the depth at which the stiffness is evaluated.
+    """
+
+    k: float | None = None
+    """Tangent stiffness [N/m]; None if it is not identifiable."""
+    k_low: float | None = None
+    """Lower end of the 95 % interval of k [N/m]."""
+    k_high: float | None = None
+    """Upper end of the 95 % interval of k [N/m]."""
+    b: float | None = None
+    """Damping [N s/m]; None if it is not identifiable."""
+    b_low: float | None = None
+    """Lower end of the 95 % interval of b [N s/m]."""
+    b_high: float | None = None
+    """Upper end of the 95 % interval of b [N s/m]."""
+    identifiable: bool = False
+    """Whether the data are sufficient for k and b."""
+    reasons: tuple[str, ...] = ()
+    """Reasons why k is not identifiable; if k is identifiable, remarks on the result."""
+    hints: tuple[str, ...] = ()
+    """Sentences that name options and commands of this program with which the user can act on the
+    reasons. They are printed in a terminal only."""
+    force: float | None = None
+    """Force at which the tangent stiffness is evaluated: half of the force range [N]. It is
+    relative to the force out of contact if this force is known."""
+    depth: float | None = None
+    """Depth at `force`, relative to the contact point or to the lowest position in contact [m]."""
+    secant: float | None = None
+    """Secant stiffness at `force`: force divided by depth [N/m]; None if the force out of contact
+    is not known."""
+    secant_change: float | None = None
+    """Relative change of the secant stiffness that an error of `DATUM_ERROR` in the zero of the
+    position causes; None if `secant` is None."""
+    times: tuple[float, ...] = field(default=())
+    """Relaxation time constants of the best model [s]."""
+    depth_error: float = 0.0
+    """Half width of the 95 % interval of the contact point [m]; 0 if `depth` is not measured from
+    a contact point."""
+    depth_from: str = "lowest position"
+    """Text that names the position at which `depth` is zero: "contact point" or "lowest position"
+    (in contact)."""
+    damping_at_hz: float | None = None
+    """Frequency [Hz] at which b is k''/omega, the loss stiffness divided by the angular frequency.
+    None if a relaxation of the force may cause part of the loss."""
+
+    @property
+    def kinds(self) -> dict[str, str]:
+        """Kind of stiffness and kind of damping of this result, by the symbols "k" and "b".
+
+        Values of different kinds are different physical quantities
+        (`teleop.evaluation.batch.kinds`).
+        """
+        loss = self.damping_at_hz is not None
+        return {"k": TANGENT, "b": LOSS if loss else BESIDES_RELAXATION}
+
+    @property
+    def b_change_per_ms(self) -> float | None:
+        """Decrease of b for each millisecond by which the force lags behind the position [N s/m].
+
+        A lag of the force that is not compensated makes b smaller by the product of k and the lag.
+        The value is None if k is not identifiable.
+        """
+        return None if self.k is None else 1e-3 * self.k
+
+    def interval(self, symbol: str) -> tuple[float, float]:
+        """Return the lower and the upper end of the 95 % interval of k [N/m] or b [N s/m].
+
+        The parameter `symbol` is "k" or "b".
+        """
+        return getattr(self, f"{symbol}_low"), getattr(self, f"{symbol}_high")
+
+    def determines(self, symbol: str) -> bool:
+        """Return whether the record contains information about k or b (`symbol` is "k" or "b").
+
+        For example, a record with constant speed does not determine b. Such a value is marked by an
+        interval that is narrower than `UNDETERMINED`. Use this method only if k is identifiable.
+        """
+        low, high = self.interval(symbol)
+        return high - low >= UNDETERMINED
+
+    def summary(self) -> dict[str, Any]:
+        """Return the result as a dictionary that can be written as JSON."""
+        document = asdict(self)
+        document["reasons"] = list(self.reasons)
+        document["hints"] = list(self.hints)
+        document["b_change_per_ms_of_lag"] = self.b_change_per_ms
+        document["tangent"] = {
+            "force_n": document.pop("force"),
+            "depth_m": document.pop("depth"),
+            "depth_error_m": document.pop("depth_error"),
+            "depth_from": document.pop("depth_from"),
+            "secant_n_per_m": document.pop("secant"),
+            "secant_change_per_0.1mm": document.pop("secant_change"),
+        }
+        document["relaxation_times_s"] = list(document.pop("times"))
+        return document
+
+
+def publishable(
+    record: Prepared, phases: Phases, local: LocalStiffness | None, other: LocalStiffness | None
+) -> Result:
+    """Return the result of a record for publication.
+
+    It contains k and b with 95 % intervals, or the reasons why they are not reported.
+
+    Parameters
+    ----------
+    record
+        The prepared record.
+    phases
+        Phases of the record.
+    local
+        Fitted stiffness and damping in contact; None if there are too few samples for a fit.
+    other
+        Stiffness and damping, fitted with another smoothing bandwidth than `local`. The difference
+        between `other` and `local` widens the intervals. If `other` is None, the intervals do not
+        include the effect of the smoothing bandwidth.
+    """
+    against = reasons_before_fit(record, phases)
+    if local is None and not against:
+        against.append(
+            Reason("too few samples in contact: expected a longer record or a faster rate")
+        )
+    if local is None or against:
+        return without_result(against)
+    second = other or local
+    half_k = LEVEL_95 * math.hypot(local.k_std, 0.5 * (local.k - second.k))
+    half_b = LEVEL_95 * math.hypot(local.b_std, 0.5 * (local.b - second.b))
+    change = change_over_cycles(record, phases)
+    against = reasons_after_fit(local, half_k, phases)
+    if change and change.with_frequency:
+        against = [Reason(change.text)]
+    if against:
+        return without_result(against)
+    found = remarks(record, phases, local, half_b, change)
+    inside = phases.usable
+    lowest = float(record.x[inside].min())
+    point, level = phases.contact_point, phases.free_force
+    if local.baseline_size > 0.0:  # contact point and level change with the baseline
+        point = level = None
+    zero = point.value if point else lowest
+    force = local.best.force
+    depth = local.best.position - zero
+    secant = secant_change = None
+    if level is not None and depth > 0.0:
+        secant = (force - level) / depth
+        secant_change = DATUM_ERROR / depth
+    return Result(
+        local.k,
+        local.k - half_k,
+        local.k + half_k,
+        local.b,
+        local.b - half_b,
+        local.b + half_b,
+        True,
+        *texts_and_hints(found),
+        force if level is None else force - level,
+        depth,
+        secant,
+        secant_change,
+        merged(local.best.times),
+        0.5 * (point.high - point.low) if point else 0.0,
+        "contact point" if point else "lowest position",
+        local.frequency if math.isfinite(local.frequency) else None,
+    )
+
+
+def without_result(against: Sequence[Reason]) -> Result:
+    """Return a result in which k and b are None, for a record that does not determine them.
+
+    Parameters
+    ----------
+    against
+        Reasons why k and b are not reported.
+    """
+    reasons, hints = texts_and_hints(against)
+    return Result(reasons=reasons, hints=hints)
+
+
+def texts_and_hints(found: Sequence[Reason]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the texts of reasons, and their hints: the two fields of `Reason`, as two tuples.
+
+    A hint that several reasons have is returned once. Empty hints are omitted.
+
+    Parameters
+    ----------
+    found
+        Reasons why a record gives no stiffness, or remarks on its stiffness.
+    """
+    hints = dict.fromkeys(one.hint for one in found if one.hint)
+    return tuple(one.text for one in found), tuple(hints)

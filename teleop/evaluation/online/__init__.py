@@ -1,0 +1,1 @@
+"""Run the online estimators over the samples of a record."""

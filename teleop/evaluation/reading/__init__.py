@@ -1,0 +1,1 @@
+"""Read the samples of measurement files and recordings, in blocks or as arrays."""

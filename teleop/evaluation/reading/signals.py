@@ -1,0 +1,246 @@
+"""Read measured time, position and force from a file of any supported format."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from estimation.arrays import Floats
+from teleop.errors import InputError
+from teleop.evaluation.formats.columns import Picker, Wanted, find_columns, listed
+from teleop.evaluation.formats.registry import read_tables
+from teleop.evaluation.formats.table import Table
+from teleop.evaluation.formats.units import LARGEST
+from teleop.evaluation.reading.sampling_gaps import long_periods
+
+SMALLEST = 1e-30
+"""A channel whose values are all smaller is refused, because their squares would be zero."""
+SHORTEST = 1e-9
+"""Shortest sample period [s]."""
+FEWEST = 3
+"""Smallest number of samples in a table."""
+COARSE = 0.1
+"""The option `--rate` is suggested if more than this fraction of the samples has the same time as
+the previous sample."""
+BLOCKS_SHOWN = 12
+"""Largest number of tables that an error message lists."""
+
+
+class Signals(NamedTuple):
+    """Measured time, position and force; arrays have shape (n,)."""
+
+    t: Floats
+    """Time [s]."""
+    x: Floats
+    """Position [m]."""
+    f: Floats
+    """Force [N], positive in compression."""
+    dt: Floats
+    """Time since the previous sample [s]."""
+    position_name: str
+    """Name of the position's column, without its unit."""
+    gaps: tuple[int, ...] = ()
+    """Index of the first sample after each gap (an interval in which samples are missing)."""
+    force_filter: str = ""
+    """Description of the force filter in the file; empty if the file has none."""
+    notes: tuple[str, ...] = ()
+    """Texts that describe the changes that were made to the samples on reading."""
+
+
+def periods(t: Floats) -> Floats:
+    """Return, for each sample, the time since the previous sample [s], shape (n,).
+
+    The first sample has no previous sample. Its value is the median of the other values.
+
+    Parameters
+    ----------
+    t
+        Time of each sample [s], shape (n,).
+    """
+    steps = np.diff(t)
+    return np.concatenate(([np.median(steps)], steps))
+
+
+def read_signals(
+    path: Path,
+    position: str | None = None,
+    force: str | None = None,
+    time: str | None = None,
+    wanted: Wanted | None = None,
+) -> Signals:
+    """Read time, position and force from a measurement file, in SI units.
+
+    Parameters
+    ----------
+    path
+        The file, in a format of `formats/registry.py`.
+    position, force, time
+        Column to read, as NAME, or as NAME=UNIT if the header has no unit. If it is None, the
+        column with a usual name is read.
+    wanted
+        Options of the user for the selection and conversion of the columns. The fields `position`,
+        `force` and `time` of `wanted` are ignored, because they are parameters of this function.
+
+    Raises
+    ------
+    InputError
+        The file, a column, a unit or a value is not as expected. The message contains the file and
+        the place in the file.
+    """
+    wanted = (wanted or Wanted())._replace(position=position, force=force, time=time)
+    return signals_of(chosen_table(path, wanted), wanted)
+
+
+def chosen_table(path: Path, wanted: Wanted, whole: Collection[str] = ()) -> Table:
+    """Select the table to evaluate from the tables in a measurement file, and return it.
+
+    If the user states the number of a table, the table with this number is returned. Otherwise, the
+    result is the table that has columns of position, force and time. If no table has these columns,
+    the table with the most samples is returned.
+
+    Parameters
+    ----------
+    path
+        The file.
+    wanted
+        Options of the user for the selection of the table and its columns.
+    whole
+        Names of columns. If a table contains all of these columns, all columns of the table are
+        loaded.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read. Or the file has no table with the stated number. Or the user states
+        no number, and several tables have columns of position, force and time.
+    """
+    tables = read_tables(path, Picker(wanted, whole), wanted)
+    if wanted.block is not None:
+        if not 1 <= wanted.block <= len(tables):
+            raise InputError(f"{path}: no block {wanted.block}: {blocks(tables)}")
+        return tables[wanted.block - 1]
+    usable = [table for table in tables if table.columns]
+    if len(usable) > 1:
+        raise InputError(f"{path}: {len(usable)} tables, expected --block N: {blocks(tables)}")
+    return usable[0] if usable else max(tables, key=lambda table: table.samples)
+
+
+def blocks(tables: Sequence[Table]) -> str:
+    """Return a text for an error message that lists the tables in a file, numbered from 1."""
+    shown = [
+        f"{i} {table.title!r}, {table.samples} samples of {listed(table.headings)}"
+        if table.title
+        else f"{i} with {table.samples} samples of {listed(table.headings)}"
+        for i, table in enumerate(tables[:BLOCKS_SHOWN], 1)
+    ]
+    more = f"; and {len(tables) - BLOCKS_SHOWN} more" if len(tables) > BLOCKS_SHOWN else ""
+    return f"expected one of: {'; '.join(shown)}{more}"
+
+
+def signals_of(table: Table, wanted: Wanted) -> Signals:
+    """Convert a table of a measurement file to time, position and force in SI units.
+
+    A sample with the same time as the previous sample is omitted. The attribute `notes` of the
+    result states the number of omitted samples.
+
+    Parameters
+    ----------
+    table
+        The table.
+    wanted
+        Options of the user for the selection and conversion of the columns.
+
+    Raises
+    ------
+    InputError
+        A column, a unit or a value is not as expected.
+    """
+    columns = find_columns(table.where, table.headings, wanted)
+    if table.problem:
+        raise table.problem
+    if table.samples < FEWEST:
+        raise InputError(f"{table.where}: {table.samples} samples: expected at least {FEWEST}")
+    channels = {kind: table.columns[c.place] * c.scale for kind, c in columns.items()}
+    for kind, channel in channels.items():
+        finite = np.isfinite(channel)
+        if not finite.all():
+            i, place = int(np.argmin(finite)), columns[kind].place
+            raise InputError(
+                f"{table.sample(i)}: {table.headings[place].title!r} is "
+                f"{table.columns[place][i]}, expected a finite number"
+            )
+        largest = np.abs(channel).max()
+        if 0.0 < largest < SMALLEST:
+            raise InputError(
+                f"{table.where}: every {kind} is at most {largest:g} in SI units, "
+                f"expected a value above {SMALLEST:g}"
+            )
+        if not largest < LARGEST:
+            i = int(np.argmax(np.abs(channel)))
+            raise InputError(
+                f"{table.sample(i)}: a {kind} of {channel[i]:g} in SI units, "
+                f"expected less than {LARGEST:g}"
+            )
+    x, f, notes = channels["position"], channels["force"], list(table.notes)
+    if wanted.rate:
+        t = np.arange(len(x)) / wanted.rate
+    else:
+        t = channels["time"]
+        kept = rising(table, t)
+        if not kept.all():
+            count = int((~kept).sum())
+            coarse = count > COARSE * len(t)
+            notes.append(
+                f"{count} of {len(t)} samples have the time of the previous sample and are left out"
+                + ("; if the times are rounded, use --rate HZ" if coarse else "")
+            )
+            t, x, f = t[kept], x[kept], f[kept]
+    dt = periods(t)
+    return Signals(
+        t,
+        x,
+        f,
+        dt,
+        columns["position"].name,
+        tuple(long_periods(dt).tolist()),
+        table.about.get("force_filter", ""),
+        tuple(notes),
+    )
+
+
+def rising(table: Table, t: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Return a mask that selects samples with increasing times, shape (n,).
+
+    The mask is False at a sample with the same time as the previous sample.
+
+    Parameters
+    ----------
+    table
+        The table that contains the samples. It is used for the text of an error.
+    t
+        Time of each sample [s], shape (n,).
+
+    Raises
+    ------
+    InputError
+        The times decrease, two different times are less than `SHORTEST` apart, or fewer than
+        `FEWEST` samples are selected.
+    """
+    steps = np.diff(t)
+    kept = np.concatenate(([True], steps > 0.0))
+    backwards = steps < 0.0
+    if backwards.any() or kept.sum() < FEWEST:
+        i = int(np.argmax(backwards) if backwards.any() else np.argmin(kept[1:]))
+        what = "decreases" if backwards.any() else "repeats"
+        raise InputError(
+            f"{table.sample(i + 1)}: time {what}, from {t[i]:g} s to {t[i + 1]:g} s: "
+            "expected increasing times, or --rate HZ for evenly sampled data"
+        )
+    if (smallest := steps[steps > 0.0].min()) < SHORTEST:
+        raise InputError(
+            f"{table.where}: times {smallest:g} s apart: expected {SHORTEST:g} s or more"
+        )
+    return kept

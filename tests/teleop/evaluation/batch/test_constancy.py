@@ -1,0 +1,77 @@
+"""A force that drifts, and a stiffness that changes during a record, are reported as such."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from estimation.testing_records import relaxed
+from teleop.evaluation.batch.analysis import analyse
+from teleop.evaluation.reading.signals import Signals, periods
+
+
+def result(t, x, f, noise=5e-3):
+    f = f + np.random.default_rng(0).normal(0.0, noise, len(t))
+    return analyse(Signals(t, x, f, periods(t), "position")).result
+
+
+def ramp_and_hold():
+    t = np.arange(0.0, 60.0, 0.01)
+    return t, np.interp(t, [0.0, 10.0, 30.0, 40.0, 60.0], [-1e-3, 0.0, 3e-3, 3e-3, -1e-3])
+
+
+@pytest.mark.parametrize("rate", [0.01, 0.05])
+def test_a_force_that_rises_in_a_hold_drifts_and_gives_no_stiffness(rate):
+    t, x = ramp_and_hold()
+    found = result(t, x, 300.0 * np.maximum(x, 0.0) + rate * t)
+    assert found.k is None
+    assert "the force drifts" in found.reasons[0]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_a_force_that_is_constant_or_relaxes_in_a_hold_does_not_drift(share):
+    t, x = ramp_and_hold()
+    depth = np.maximum(x, 0.0)
+    f = 300.0 * (depth + share * relaxed(depth, 100.0, 5.0))
+    assert not any("drifts" in reason for reason in result(t, x, f).reasons)
+
+
+def test_two_stiffnesses_are_a_change_over_the_cycles_and_no_relaxation():
+    t = np.arange(0.0, 20.0, 2e-3)
+    x = np.maximum(-1e-3, 3e-3 * np.sin(2.6 * np.pi * t + 0.8 * np.sin(1.1 * t)) + 1e-3)
+    f = np.where(t < 10.0, 400.0, 800.0) * np.maximum(x, 0.0)
+    reasons = " ".join(result(t, x, f, 0.01).reasons)
+    first, last = re.findall(r"changes over the cycles, from (\S+) to (\S+) N/m", reasons)[0]
+    assert float(first) == pytest.approx(400.0, rel=0.02)
+    assert float(last) == pytest.approx(800.0, rel=0.02)
+    assert "relaxes" not in reasons
+
+
+@pytest.mark.parametrize(("frequency", "rest"), [(4.0, 0.5), (4.0, 1.0), (8.0, 0.5)])
+def test_a_tremor_before_the_palpation_is_no_change_of_the_stiffness(frequency, rest):
+    t = np.arange(0.0, 8.0, 1e-3)
+    palpated = 4e-3 + 3e-3 * np.sin(2.0 * np.pi * np.maximum(t - rest, 0.0))
+    tremor = np.where(t < rest, 4e-4 * np.sin(2.0 * np.pi * frequency * t), 0.0)
+    found = result(t, palpated + tremor, 2000.0 * palpated + 5.0 * np.gradient(palpated, t))
+    assert not any("changes" in reason for reason in found.reasons)
+    assert found.k == pytest.approx(2000.0, rel=0.03)
+
+
+def sweep():
+    t = np.arange(0.0, 30.0, 2e-3)
+    return t, 5e-3 + 1e-3 * np.sin(2.0 * np.pi * (0.1 * t + 0.165 * t**2))
+
+
+def test_a_stiffness_that_changes_with_the_frequency_is_not_given():
+    t, x = sweep()
+    found = result(t, x, 500.0 * x + 400.0 * relaxed(x, 500.0, 0.1))
+    assert found.k is None
+    assert "changes with the frequency" in found.reasons[0]
+
+
+def test_a_sweep_over_a_body_without_relaxation_has_its_stiffness():
+    t, x = sweep()
+    found = result(t, x, 500.0 * x + np.gradient(x, t))
+    assert found.k_low <= 500.0 <= found.k_high

@@ -1,0 +1,57 @@
+"""The tangent stiffness of a relaxing body, under motions other than ramp and hold or a sine."""
+
+import numpy as np
+import pytest
+
+from estimation.testing_records import relaxed, smooth_ramps
+from teleop.evaluation.batch.analysis import analyse
+from teleop.evaluation.batch.result import Result
+from teleop.evaluation.reading.signals import Signals, periods
+
+RATE, DEPTH, K, RELAXING = 100.0, 2e-3, 1000.0, 600.0
+
+
+def triangle(t: np.ndarray, period: float) -> np.ndarray:
+    return DEPTH * (1.0 - np.abs(2.0 * ((t / period) % 1.0) - 1.0))
+
+
+def result_and_truth(
+    x: np.ndarray, time: float, cubic: float = 0.0, seed: int = 0
+) -> tuple[Result, float]:
+    """Return the result of a standard linear solid, and its tangent at half of the force range."""
+    t = np.arange(len(x)) / RATE
+    f = K * x + cubic * K * x**3 / DEPTH**2 + RELAXING * relaxed(x, RATE, time)
+    slope = np.gradient(f, t) / np.where((speed := np.gradient(x, t)) == 0.0, 1.0, speed)
+    middle = 0.5 * (f.max() + f.min())
+    before = np.flatnonzero((f[:-1] < middle) & (f[1:] >= middle) & (speed[1:] > 0.0))
+    share = (middle - f[before]) / (f[before + 1] - f[before])
+    truth = float(np.median(slope[before] + share * (slope[before + 1] - slope[before])))
+    rng = np.random.default_rng(seed)
+    f = f + rng.normal(0.0, 1e-3 * np.ptp(f), len(f))
+    x = x + rng.normal(0.0, 5e-4 * DEPTH, len(x))
+    return analyse(Signals(t, x, f, periods(t), "position")).result, truth
+
+
+def check(found: Result, truth: float) -> None:
+    assert found.k_low is not None
+    assert found.k_high is not None
+    assert found.k_low <= truth <= found.k_high
+    assert found.k_high - found.k_low < 0.15 * truth
+
+
+@pytest.mark.parametrize(("time", "seconds"), [(1.0, 50.0), (3.0, 20.0)])
+def test_one_slow_triangle(time: float, seconds: float) -> None:
+    check(*result_and_truth(triangle(np.arange(seconds * RATE) / RATE, seconds), time))
+
+
+@pytest.mark.parametrize("cubic", [0.0, 0.5])
+def test_many_triangles_with_relaxation_faster_than_the_baseline(cubic: float) -> None:
+    check(*result_and_truth(triangle(np.arange(40.0 * RATE) / RATE, 5.0), 0.5, cubic))
+
+
+@pytest.mark.parametrize("time", [1.0, 3.0])
+def test_a_slow_unloading_after_a_hold(time: float) -> None:
+    times = np.cumsum([0.0, 0.5, 0.5, 15.0, 25.0, 1.0])
+    levels = DEPTH * np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
+    x = smooth_ramps(np.arange(times[-1] * RATE) / RATE, times, levels, 0.05)
+    check(*result_and_truth(x, time))

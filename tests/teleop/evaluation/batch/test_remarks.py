@@ -1,0 +1,104 @@
+"""Terms and digits of the printed result, and the effect of a lag on b."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from teleop.evaluation.batch.analysis import analyse
+from teleop.evaluation.batch.local_stiffness import merged
+from teleop.evaluation.evaluate import evaluate
+from teleop.evaluation.reading.signals import Signals, periods
+from teleop.evaluation.settings import EstimateSettings
+from teleop.output.result_tables import parameter_text, result_lines, significant
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
+
+
+def signals(t, x, f, noise=5e-3):
+    f = f + np.random.default_rng(0).normal(0.0, noise, len(t))
+    return Signals(t, x, f, periods(t), "position")
+
+
+def sine(lag=0.0, k=1000.0, b=10.0):
+    t = np.arange(0.0, 10.0, 5e-3)
+    w = 2.0 * np.pi
+    x = 1e-3 * np.sin(w * t)
+    response = (k + 1j * w * b) * np.exp(-1j * w * lag)
+    return signals(t, x, 1e-3 * np.imag(response * np.exp(1j * w * t)))
+
+
+def test_the_change_of_b_for_a_lag_is_stated():
+    prompt, late = (analyse(sine(lag)).result for lag in (0.0, 1e-3))
+    assert prompt.b - late.b == pytest.approx(prompt.b_change_per_ms, rel=0.1)
+    lines = result_lines(evaluate(sine(), EstimateSettings()).batch_summary())
+    assert "1 ms of lag of the force changes b by 1 N s/m (0.1 times b)" in lines
+
+
+def test_damping_that_is_not_resolved_is_called_so():
+    reasons = analyse(sine(b=0.0)).result.reasons
+    assert any("damping is not resolved" in reason for reason in reasons)
+
+
+def test_relaxation_is_certain_only_if_a_hold_shows_it_because_lost_motion_is_similar():
+    settings = TrialSettings(
+        clock="virtual", cube="medium", condition="mimic", duration=6.0, count_in=3.0
+    )
+    recording = run_trial(settings).recording.estimated()
+    t, x, f = (recording[name] for name in ("time", "slave_position", "contact_force"))
+    (short,) = relaxation(Signals(t, x, f, periods(t), "slave_position"))
+    assert "or motion is lost between the position sensor and the tip" in short
+    t = np.arange(0.0, 12.0, 5e-3)
+    x = 2e-3 * np.interp(t % 4.0, [0.0, 0.5, 2.5, 3.0, 4.0], [0.0, 1.0, 1.0, 0.0, 0.0])
+    branch = np.zeros(len(t))
+    for i in range(1, len(t)):
+        branch[i] = (branch[i - 1] + x[i] - x[i - 1]) * np.exp(-5e-3 / 0.3)
+    (held,) = relaxation(signals(t, x, 1000.0 * x + 800.0 * branch))
+    assert "motion is lost" not in held
+
+
+def relaxation(record):
+    return [reason for reason in analyse(record).result.reasons if "force relaxes" in reason]
+
+
+def test_two_nearly_equal_time_constants_are_one():
+    assert merged((6.3, 6.6)) == (pytest.approx(6.45, rel=1e-3),)
+    assert merged((0.3, 6.0)) == (0.3, 6.0)
+
+
+def test_offset_and_drift_of_a_short_contact_are_not_identifiable():
+    t = np.arange(0.0, 1.0, 1e-4)
+    late = t - 0.5
+    x = np.maximum(np.where(late < 0.0, 0.157 * late, -0.157 * (late - 0.02)), -5e-3)
+    inside = (late > 0.0) & (late < 0.02)
+    x[inside] = 1e-3 * np.sin(np.pi * late[inside] / 0.02)
+    f = np.maximum(2000.0 * x + 5.0 * np.gradient(x, t), 0.0) * (x > 0.0)
+    models = analyse(signals(t, x, f, 0.01)).models(0.0, 0.0)
+    assert models
+    for fit in models:
+        for name, one in fit.parameters.items():
+            assert len(parameter_text(name, one._asdict())) < 60
+            assert not one.identifiable or not name.startswith("f") or one.high - one.low < 10.0
+
+
+def test_a_value_has_a_limited_number_of_decimals():
+    assert len(significant(1.0, 1e-100)) < 20
+
+
+def test_coulomb_friction_is_a_remark_and_viscous_damping_is_none():
+    t = np.arange(0.0, 20.0, 5e-3)
+    x = 2e-3 * (1.0 - np.cos(np.pi * t))
+    v = np.gradient(x, t)
+    for f, friction in ((400.0 * x + 0.3 * np.tanh(v / 2e-4), True), (400.0 * x + 60.0 * v, False)):
+        reasons = analyse(signals(t, x, f)).result.reasons
+        assert any("friction" in reason for reason in reasons) is friction
+
+
+@pytest.mark.parametrize("pull", [0.0, 0.02])
+def test_a_pull_at_release_is_called_adhesion(pull):
+    t = np.arange(0.0, 30.0, 0.01)
+    x = np.interp(t, [0, 5, 12, 14, 21, 30], [-2e-3, -1e-4, 2e-3, 2e-3, -1.5e-3, -2e-3])
+    held = (t > 14.0) & (x > -8e-4)
+    f = 100.0 * np.maximum(x, 0.0) - pull * held * np.clip((t - 14.0) / 2.0, 0.0, 1.0)
+    reasons = analyse(signals(t, x, f, 5e-4)).result.reasons
+    assert any("adhesion" in reason for reason in reasons) is (pull > 0.0)
