@@ -25,10 +25,10 @@ from teleop.rig.drive_travel import DriveTravel
 from teleop.rig.pausable_rig import PausableRig
 from teleop.rig.zeroing import force_zero
 from teleop.safety.rig_limits import rig_limits
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.arming import motion_text
 from teleop.trial.assembly import make_controller
 from teleop.trial.loop import Loop
-from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 STROKES = (50e-6, 100e-6, 200e-6, 400e-6)

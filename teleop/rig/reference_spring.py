@@ -11,8 +11,8 @@ from dataclasses import replace
 from sim_backend import Cube, Setup, paper_setup
 from teleop.control.excitation_signals import Chirp
 from teleop.rig.force_lag import ForceLag, measure_lag
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 SPRING = 5000.0
 """Stiffness of the reference spring [N/m]."""

@@ -18,6 +18,9 @@ from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import Recording, from_messages
 from teleop.recording.recording_file import RecordingFile, recorded_ticks
 from teleop.recording.sinks import Memory, Outcome, Sink
+from teleop.settings.custom_class import described
+from teleop.settings.ranges import IN_MEMORY
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.arming import check_stated
 from teleop.trial.assembly import (
     RigMaker,
@@ -27,16 +30,13 @@ from teleop.trial.assembly import (
     make_layout,
     make_rig,
 )
-from teleop.trial.custom_class import described
 from teleop.trial.later_estimates import LaterEstimates
 from teleop.trial.live_link import LiveLink
 from teleop.trial.loop import Loop
 from teleop.trial.metadata import session_metadata
-from teleop.trial.ranges import IN_MEMORY
 from teleop.trial.realtime import realtime
 from teleop.trial.rehearsal import check_rate, check_wire
 from teleop.trial.result import Trial
-from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 
