@@ -105,11 +105,6 @@ class Cia402(CanDevice, VelocityDrive):
         """Reset the CANopen communication of the drive, and configure the drive.
 
         The drive remains out of operation.
-
-        Raises
-        ------
-        RigError
-            The drive does not answer, is not the expected drive, or refuses a setting.
         """
         from drivers.devices.cia402_setup import Setup
 
@@ -248,11 +243,6 @@ class Cia402(CanDevice, VelocityDrive):
         """Request one state change towards operation; return whether the drive is in operation.
 
         The first call after `idle` clears the error. A fault of the drive is reset.
-
-        Raises
-        ------
-        RigError
-            The drive has lost its configuration, for example by a reset.
         """
         assert self._bus
         if self._lost:

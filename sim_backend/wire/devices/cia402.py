@@ -75,11 +75,6 @@ class EmulatedCia402(CanopenNode):
 
         If the motor is powered, it is first decelerated to standstill. If the drive already has a
         fault, nothing changes.
-
-        Parameters
-        ----------
-        code
-            Error code of the fault in the error message.
         """
         if self.state not in (State.FAULT, State.FAULT_REACTION_ACTIVE):
             powered = self.state in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
@@ -226,13 +221,6 @@ def drive_objects(settings: Cia402Settings, counts_per_metre: float) -> ObjectDi
     """Return the CANopen objects of the drive with their values at power-up.
 
     Those are the objects of CiA 402, the identity of the device, and the settings of its PDOs.
-
-    Parameters
-    ----------
-    settings
-        Section of the drive in the rig file.
-    counts_per_metre
-        Position increments of the motor's encoder per metre of the axis [1/m].
     """
     unit = {"counts_per_s": COUNTS_PER_SECOND, "rpm": RPM}[settings.velocity_unit]
     return {
