@@ -46,7 +46,7 @@ CONFIGURED_FRAME = struct.Struct("<BHIHH")
 SAMPLE_FRAME = struct.Struct(f"<BHIBBBHH{FORCES + 2 * AXES + ANALOGUES}i")
 
 
-class State(IntEnum):
+class BoardState(IntEnum):
     """State of the board, which is part of each sample.
 
     The board leaves the states WATCHDOG, EMERGENCY_STOP and DRIVE_FAULT only when it receives the
@@ -110,7 +110,7 @@ class Sample(NamedTuple):
     time: int
     """Time of the measurements on the board's clock [us]."""
     state: int
-    """One of `State`."""
+    """One of `BoardState`."""
     axes: int
     """Bit mask of the enabled axes."""
     inputs: int

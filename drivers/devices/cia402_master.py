@@ -14,7 +14,7 @@ LONGEST = 8e-3
 """`keep_sampling` sends a SYNC if there was no SYNC during this time [s]."""
 
 
-class Master:
+class CanopenMaster:
     """CANopen master. All drives on a bus share one master.
 
     At each tick (cycle of the control loop), each drive object sends its command, in the order in
@@ -72,9 +72,9 @@ class Master:
         bus.send(SYNC, b"")
 
 
-_masters: WeakKeyDictionary[CanBus, Master] = WeakKeyDictionary()
+_masters: WeakKeyDictionary[CanBus, CanopenMaster] = WeakKeyDictionary()
 
 
-def master_of(bus: CanBus) -> Master:
+def master_of(bus: CanBus) -> CanopenMaster:
     """Return the CANopen master of a bus. The first call for a bus creates the master."""
-    return _masters.setdefault(bus, Master())
+    return _masters.setdefault(bus, CanopenMaster())

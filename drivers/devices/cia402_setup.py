@@ -112,7 +112,7 @@ def variable(index: int, sub: int, kind: int) -> ODVariable:
     return entry
 
 
-class Setup:
+class DriveSetup:
     """Checks and configures one CiA 402 drive with CANopen service data objects (SDO).
 
     The package `canopen` implements the SDO protocol. A `CanBus` sends the frames.
