@@ -21,8 +21,8 @@ from teleop.recording.mcap_reader import read_intact
 from teleop.recording.recording import load
 from teleop.recording.recording_file import RecordingFile, recorded_ticks
 from teleop.recording.recovery import messages, write_contents
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 from teleop.trial.tracked import tracked_ticks
 
 STIFFENING = MODELS["stiffening"]

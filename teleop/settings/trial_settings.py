@@ -28,9 +28,9 @@ from teleop.safety import Limits
 from teleop.safety.palpation_limits import palpation_limits
 from teleop.safety.rig_limits import rig_limits
 from teleop.safety.tightened_limits import NOT_TIGHTENED, TightenedLimits
-from teleop.trial import ranges
-from teleop.trial.custom_class import CustomClass
-from teleop.trial.settings_checks import check_settings
+from teleop.settings import ranges
+from teleop.settings.checks import check_settings
+from teleop.settings.custom_class import CustomClass
 
 
 @dataclass(frozen=True)
