@@ -15,9 +15,9 @@ from sim_backend import (
     PointerOperator,
     SimulatedRig,
 )
-from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import Admittance
 from teleop.control.bilateral import BilateralLink
+from teleop.control.channel import ChannelSettings
 from teleop.control.clock import Clock, RealClock, VirtualClock
 from teleop.control.conditions import Autonomous, Condition, Mimicry, Teleoperation
 from teleop.control.controller import Controller

@@ -16,8 +16,8 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.own_settings import OwnSettings
 from estimation.registry import PAPER
 from sim_backend import DEPTH, OperatorModel, PlantParameters, Sensors, Setup, paper_setup
-from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
+from teleop.control.channel import ChannelSettings
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import AnySignal, Sine
 from teleop.control.feedback.settings import FeedbackSettings
@@ -25,11 +25,11 @@ from teleop.control.tare import NO_TARE, Tare
 from teleop.control.target import Target
 from teleop.names import ClockName, ConditioningName, ConditionName, CubeName
 from teleop.safety import Limits
-from teleop.safety.palpation_limits import palpation_limits
 from teleop.safety.rig_limits import rig_limits
 from teleop.safety.tightened_limits import NOT_TIGHTENED, TightenedLimits
 from teleop.trial import ranges
 from teleop.trial.custom_class import CustomClass
+from teleop.trial.palpation_limits import palpation_limits
 from teleop.trial.settings_checks import check_settings
 
 

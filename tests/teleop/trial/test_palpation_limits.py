@@ -8,7 +8,7 @@ import pytest
 
 from sim_backend import CUBES, DEPTH, TRANSMISSION, Setup, Transmission
 from teleop.safety import Limits
-from teleop.safety.palpation_limits import palpation_limits
+from teleop.trial.palpation_limits import palpation_limits
 
 CASES = [(condition, cube) for condition in DEPTH for cube in CUBES]
 COMPLIANCE = 2e-6
