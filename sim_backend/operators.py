@@ -75,20 +75,7 @@ class Stroke(NamedTuple):
 
 
 class Operator(Hand):
-    """Base class of simulated operators who palpate to a given depth.
-
-    Parameters
-    ----------
-    depth
-        Intended depth of the handle [m], > 0.
-    seed
-        Seed of the random variations of the motion.
-
-    Raises
-    ------
-    ValueError
-        The depth is not positive.
-    """
+    """Base class of simulated operators who palpate to a given depth."""
 
     def __init__(self, depth: float, seed: int) -> None:
         if not 0.0 < depth < math.inf:

@@ -27,12 +27,6 @@ class PointerOperator(Hand):
     When the hand grips the handle, the intended motion begins at the position and with the velocity
     of the handle, so that the force begins at zero.
 
-    Parameters
-    ----------
-    pointer
-        Function that returns the position of the pointer [m], and whether the hand holds the
-        handle. It is called once per control period while the drives are enabled.
-
     Attributes
     ----------
     time

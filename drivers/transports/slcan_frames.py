@@ -8,13 +8,7 @@ import can
 
 
 def encode(msg: can.Message) -> bytes:
-    """Return a CAN frame as a line of the slcan protocol, with the CR at the end.
-
-    Raises
-    ------
-    ValueError
-        The slcan protocol does not support the frame, or its identifier or length is invalid.
-    """
+    """Return a CAN frame as a line of the slcan protocol, with the CR at the end."""
     length = 0 if msg.is_remote_frame else msg.dlc
     limit = 1 << 29 if msg.is_extended_id else 1 << 11
     if (
@@ -34,21 +28,7 @@ def encode(msg: can.Message) -> bytes:
 
 
 def decode(line: bytes, timestamp: float) -> can.Message:
-    """Return the CAN frame that a line of the slcan protocol contains.
-
-    Parameters
-    ----------
-    line
-        The line without its CR. If it ends with a time stamp of the adapter, this time stamp is
-        ignored.
-    timestamp
-        Time of arrival [s]. The returned frame gets this time stamp.
-
-    Raises
-    ------
-    ValueError
-        The line does not contain a valid frame.
-    """
+    """Return the CAN frame that a line of the slcan protocol contains."""
     extended, remote = line[:1] in b"TR", line[:1] in b"rR"
     place = 9 if extended else 4
     identifier = int.from_bytes(unhexlify(line[1:9] if extended else b"0" + line[1:4]), "big")

@@ -69,19 +69,6 @@ class DriveCheck(Condition):
 
     The drives move in strokes of increasing length. A stroke is a motion in one direction and back.
     Then no commands are sent until the watchdogs have stopped the drives.
-
-    Parameters
-    ----------
-    rig
-        The rig. The sending of commands to it can be paused.
-    drives
-        Objects that measure the travel of the drives, by the name of the drive.
-    damping
-        Damping of the admittance, which converts a force to the velocity of the drives [N s/m]. A
-        constant force F leads to the velocity F / damping.
-    direction
-        Direction of the first half of each stroke: 1 towards the specimen, -1 away from it. If 0,
-        the drives do not move, and only the watchdogs are tested.
     """
 
     def __init__(
@@ -105,13 +92,6 @@ class DriveCheck(Condition):
 
         The force acts on the virtual mass of the admittance. The method also updates the measured
         travel of the drives.
-
-        Parameters
-        ----------
-        t
-            Time since the drives were armed [s].
-        measurement
-            Measurement of this tick.
         """
         dt, self._time = t - self._time, t
         for name, drive in self._drives.items():
@@ -218,26 +198,6 @@ def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
     A watchdog stops a drive that receives no commands. The drives are enabled at standstill, and
     are disabled at the end. To check sign and scale, the drives make small motions back and forth.
     To test the watchdogs, no commands are then sent until the watchdogs have stopped the drives.
-
-    Parameters
-    ----------
-    rig
-        The rig, which has been opened.
-    clock
-        Clock of the loop.
-    move
-        Whether to move the drives.
-
-    Raises
-    ------
-    InputError
-        The rig is not at rest, a force sensor is loaded, or the slave is beyond a hard position
-        limit.
-    RigError
-        The drives were not ready within `LONGEST`.
-    Exception
-        Any exception that occurred in a tick of the control loop, except RigError. A RigError in a
-        tick stops the drives, and is reported in `fault` of the result.
     """
     sections = rig.file.sections
     limits, zero = rig_limits(sections), force_zero(rig, clock)

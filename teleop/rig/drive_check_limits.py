@@ -19,18 +19,6 @@ def narrow_limits(limits: Limits, zero: ForceZero) -> Limits:
     """Return narrow limits for the check of the drives, which permit only a small motion.
 
     The position limits are relative to the present position of the slave.
-
-    Parameters
-    ----------
-    limits
-        Limits of the rig.
-    zero
-        Readings of the sensors at rest. They include the present position of the slave.
-
-    Raises
-    ------
-    InputError
-        The slave is beyond a hard position limit.
     """
     low, high = (end - zero.position for end in limits.hard_position)
     if not low <= 0.0 <= high:

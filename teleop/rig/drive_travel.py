@@ -18,16 +18,6 @@ class DriveTravel:
     """Commanded and measured travel (distance moved) of a drive during a stroke.
 
     A stroke is a small motion in one direction. It is a part of the check of the drives.
-
-    Parameters
-    ----------
-    name
-        Name of the drive, `master` or `slave`.
-    channels
-        Section of the rig file that contains the resolution of the encoders.
-    compliance
-        Displacement of the slave's drive per newton of contact force [m/N]. It is not used for the
-        master.
     """
 
     def __init__(self, name: str, channels: ChannelsSettings, compliance: float) -> None:
@@ -46,17 +36,7 @@ class DriveTravel:
         self._start, self._start_force = self._position, self._force
 
     def advance(self, velocity: float, measurement: Measurement, dt: float) -> None:
-        """Update the commanded and the measured travel with the data of one tick.
-
-        Parameters
-        ----------
-        velocity
-            Velocity that was commanded to the drive since the previous tick [m/s].
-        measurement
-            Measurement of this tick.
-        dt
-            Time since the previous tick [s].
-        """
+        """Update the commanded and the measured travel with the data of one tick."""
         self.commanded += velocity * dt
         slave = self._name == "slave"
         self._position = measurement.slave_position if slave else measurement.master_position
@@ -85,13 +65,6 @@ class DriveTravel:
 
         The measured travel is compared with the commanded travel. A travel that is too large or in
         the opposite direction is always an error.
-
-        Parameters
-        ----------
-        settled
-            Whether the drive has had enough time to complete the commanded travel. If True, a
-            travel that is too small is also an error, and the integral of the measured velocity
-            is checked like the measured travel.
         """
         slack = SLACK + self.explained
         band = BAND * abs(self.commanded) + slack

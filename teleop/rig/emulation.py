@@ -33,23 +33,7 @@ DEPTH = re.compile(r"(\d+\.?\d*|\.\d+)mm")
 
 
 def read_fault(text: str, rig: RigFile) -> PlannedFault:
-    """Return the fault that the emulator must cause, from a text such as `corrupt:force@3`.
-
-    Parameters
-    ----------
-    text
-        Text of the form KIND:NAME@SECONDS. KIND is the kind of fault, and NAME is the name of the
-        bus or device with the fault. SECONDS is the time of the fault [s], counted from the time
-        at which a drive is first enabled.
-    rig
-        Rig file whose devices are emulated.
-
-    Raises
-    ------
-    InputError
-        The kind of fault is unknown, or cannot occur on the bus. The bus or device does not exist.
-        The time is not a number, is negative, or is too large.
-    """
+    """Return the fault that the emulator must cause, from a text such as `corrupt:force@3`."""
     kind, _, rest = text.partition(":")
     where, _, at = rest.partition("@")
     kinds = (*FAULTS, *ACTIONS)
@@ -92,27 +76,7 @@ def make_emulator(
     faults: Sequence[PlannedFault] = (),
     mimic: type[MimickedSine] = MimickedSine,
 ) -> Emulator:
-    """Return an emulator of the devices of a rig, connected to a simulated telemanipulator.
-
-    Parameters
-    ----------
-    rig
-        Rig file (description of a telemanipulator) whose devices are emulated.
-    settings
-        Settings of the trial that is simulated.
-    folder
-        Folder for the links to the pseudo-terminals, which replace the serial ports.
-    faults
-        Faults that the emulator causes on buses and devices, at planned times.
-    mimic
-        Class of the simulated operator. It is used only if the control condition is `mimic` (the
-        operator follows a moving target).
-
-    Raises
-    ------
-    InputError
-        The rig file contains a device that cannot be emulated.
-    """
+    """Return an emulator of the devices of a rig, connected to a simulated telemanipulator."""
     try:
         return Emulator(rig, Palpation(settings, mimic).rig, folder, faults)
     except ValueError as error:
@@ -142,35 +106,12 @@ class Palpation:
         return f"{ANY if is_any else settings.condition}, {settings.palpated}, {depth}"
 
     def rig(self, now: Callable[[], float], enabled: int) -> SimulatedRig:
-        """Return a new simulated telemanipulator. Its random seed is different in each trial.
-
-        Parameters
-        ----------
-        now
-            Function that returns the time of the clock [s].
-        enabled
-            Number of times that the drives were enabled before, which is the number of previous
-            trials. The seed is the seed in the settings plus `SEEDS_APART` times this number.
-        """
+        """Return a new simulated telemanipulator. Its random seed is different in each trial."""
         seed = self.settings.seed + SEEDS_APART * enabled
         return make_simulated_rig(replace(self.settings, seed=seed), now, NEVER, self.mimic)
 
     def changed(self, line: str) -> Palpation:
-        """Return a copy of the palpation, changed by the line that a person typed.
-
-        Parameters
-        ----------
-        line
-            One or more new values, for example `mimic medium 5mm`. A value is the name of a control
-            condition, the name of a cube, or a depth. The word `any` replaces the name of a
-            condition. It selects a simulated operator (`AttentiveOperator`) who palpates in each
-            condition, without knowing which condition is used.
-
-        Raises
-        ------
-        InputError
-            The line contains an unknown word or no word, or the depth is out of its range.
-        """
+        """Return a copy of the palpation, changed by the line that a person typed."""
         changes: dict[str, Any] = {}
         mimic, words = self.mimic, line.split()
         for word in words:
@@ -194,13 +135,7 @@ class Palpation:
 
 @contextlib.contextmanager
 def opened(emulator: Emulator) -> Iterator[None]:
-    """Open an emulator on entry of a `with` block, and close it on exit.
-
-    Raises
-    ------
-    InputError
-        A bus cannot be opened on this machine.
-    """
+    """Open an emulator on entry of a `with` block, and close it on exit."""
     with contextlib.ExitStack() as stack:
         try:
             stack.enter_context(emulator)

@@ -102,13 +102,7 @@ class SpringFit(NamedTuple):
 
 
 class SpringRecord:
-    """Position and force that were recorded with a reference spring, to fit its stiffness.
-
-    Parameters
-    ----------
-    position, force, dt
-        Displacement [m], force [N] and time since the previous sample [s], each of shape (n,).
-    """
+    """Position and force that were recorded with a reference spring, to fit its stiffness."""
 
     def __init__(self, position: Floats, force: Floats, dt: Floats) -> None:
         self.position, self.dt = position, dt
@@ -116,16 +110,7 @@ class SpringRecord:
         self.force = force[self.settled]
 
     def fit(self, lag: float, lost_motion: float) -> SpringFit:
-        """Return the stiffness and the residuals of a fit with an offset, for given lag and play.
-
-        Parameters
-        ----------
-        lag
-            Time constant of the first-order lag of the force channel [s].
-        lost_motion
-            Distance by which the tip is behind the encoder position in each direction [m].
-            Negative values are not physical, but are permitted during a numerical search.
-        """
+        """Return the stiffness and the residuals of a fit with given lag and play."""
         tip = play(self.position, abs(lost_motion))
         if lost_motion < 0.0:
             tip = 2.0 * self.position - tip
@@ -183,19 +168,6 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
     """Estimate lag and lost motion (backlash) from the position and force of a reference spring.
 
     The damping of the reference spring must be negligible, as for a steel spring.
-
-    Parameters
-    ----------
-    position, force
-        Displacement of the spring from its unloaded length [m] and force [N], each of shape (n,).
-    dt
-        Time since the previous sample [s], shape (n,).
-
-    Raises
-    ------
-    InputError
-        All positions or all forces are zero. The estimated stiffness is not positive. The estimated
-        lag, if the lost motion is assumed to be zero, is close to zero or to `LONGEST`.
     """
     from scipy.optimize import least_squares, minimize_scalar
 
@@ -257,16 +229,6 @@ def not_separated(record: SpringRecord, alone: float, equal: float) -> ForceLag:
 
     Lag and lost motion (backlash) both delay the force. The upper bound of the lag is computed with
     zero lost motion, and that of the lost motion with zero lag. The lower bounds are zero.
-
-    Parameters
-    ----------
-    record
-        Position and force that were recorded with the reference spring.
-    alone
-        Lag that is estimated if the lost motion is assumed to be zero [s].
-    equal
-        Lost motion that delays the force about as much as the lag `alone` [m]. It is 0 if the
-        recording has no complete stroke (motion from one turning point to the next).
     """
     from scipy.optimize import minimize_scalar
 
@@ -285,15 +247,7 @@ def not_separated(record: SpringRecord, alone: float, equal: float) -> ForceLag:
 
 
 def half_widths(fit: SpringFit, slopes: list[Floats]) -> list[float]:
-    """Return the half width of the 95 % confidence interval of each estimated parameter.
-
-    Parameters
-    ----------
-    fit
-        Fit with the estimated values of the parameters.
-    slopes
-        For each parameter, the derivative of `fit.residual` with respect to it.
-    """
+    """Return the half width of the 95 % confidence interval of each estimated parameter."""
     jacobian = np.stack(slopes, axis=1)
     variance = fit.squared * len(fit.residual) / max(fit.independent, 1.0)
     covariance = variance * np.linalg.pinv(jacobian.T @ jacobian)

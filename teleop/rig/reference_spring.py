@@ -21,21 +21,7 @@ SPRING_DEPTH = 5e-3
 
 
 def measure_simulated_lag(seed: int = 0) -> tuple[ForceLag, Setup]:
-    """Measure lag and lost motion of the simulated rig with a simulated reference spring.
-
-    Parameters
-    ----------
-    seed
-        Seed of the simulated sensor noise.
-
-    Returns
-    -------
-    measured
-        Measured lag of the contact force channel, and measured lost motion (distance by which the
-        tip is behind the encoder position).
-    setup
-        Properties of the simulated rig. They include the true lag and the true lost motion.
-    """
+    """Measure lag and lost motion of the simulated rig with a simulated reference spring."""
     spring = Cube(SPRING, 0.0, 1e-9)
     setup = replace(paper_setup("autonomous", "soft"), cube=spring, depth=SPRING_DEPTH)
     columns = run_trial(

@@ -14,11 +14,6 @@ class TypedLines:
 
     A line is read when it is complete. While the process runs in the background of its terminal, no
     lines are read.
-
-    Parameters
-    ----------
-    descriptor
-        File descriptor of the input.
     """
 
     def __init__(self, descriptor: int = 0) -> None:

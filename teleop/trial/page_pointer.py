@@ -1,7 +1,6 @@
-"""Read the pointer (mouse or finger) of the live page in the process of the control loop.
+"""Read the pointer of the live page in the process of the control loop.
 
-The live page is a web page that shows a running trial. The hand of a simulated operator can follow
-the pointer.
+The hand of a simulated operator can follow the pointer.
 """
 
 from __future__ import annotations
@@ -16,20 +15,12 @@ SILENCE = 0.15
 
 
 class PagePointer:
-    """Callable that returns the latest position of the pointer (mouse or finger) in the live page.
+    """Callable that returns the latest position of the pointer in the live page.
 
     The hand of a simulated operator follows the pointer. If no new sample of the pointer arrives
     for longer than `SILENCE`, the hand no longer holds the handle. It does not hold the handle
     either while the page is more than `LONGEST_ROUND_TRIP` behind, because the person then sees and
     moves too late.
-
-    Parameters
-    ----------
-    cells
-        Shared memory with the latest sample. The live process, which serves the live page, writes
-        the samples.
-    now
-        Function that returns the present time [s].
     """
 
     def __init__(self, cells: CellReader, now: Callable[[], float] = monotonic) -> None:
@@ -44,7 +35,7 @@ class PagePointer:
     def __call__(self) -> tuple[float, bool]:
         """Return the wanted position of the hand [m], and whether the hand holds the handle.
 
-        A person sets both with the pointer (mouse or finger) in the live page.
+        A person sets both with the pointer in the live page.
         """
         now = self._now()
         sample = self._cells.pointer()

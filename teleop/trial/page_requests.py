@@ -1,9 +1,7 @@
 """Read the requests of the live page during a trial, at each tick, from shared memory.
 
-The live page is a web page in which a person can start and stop the trial. The live process serves
-the page. It sends heartbeats, which are signals at regular times, to show that it works. The page
-returns the times of the data that it receives, so that their age is known. A tick is one period of
-the control loop.
+The live process sends heartbeats. The page confirms the times of the data that it receives, so that
+their age is known.
 """
 
 from __future__ import annotations
@@ -34,10 +32,10 @@ STOPPED = DetectedFault(Fault.EMERGENCY_STOP, "live page", math.nan, math.nan, m
 
 
 class NoPage:
-    """Replacement for `PageRequests` in a trial without a live page (a web page).
+    """Replacement for `PageRequests` in a trial without a live page.
 
-    There is no page in which a person can make requests. The drives may therefore be armed
-    (permitted to move) without a request.
+    There is no page in which a person can make requests. The drives may therefore be armed without
+    a request.
     """
 
     reason = ""
@@ -52,22 +50,10 @@ class NoPage:
 
 
 class PageRequests(NoPage):
-    """Requests that a person makes in the live page, a web page, during one trial.
+    """Requests that a person makes in the live page during one trial.
 
     A request that was made before the trial has no effect on the trial, with one exception: if
     `by_page` is False, a STOP request between two trials stops the next trial.
-
-    Parameters
-    ----------
-    cells
-        Shared memory to which the live process, which serves the page, writes the requests.
-    by_page
-        Whether the person arms the drives (permits them to move) in the live page.
-    stops
-        Number of STOP requests until the end of the previous trial. It is not used if `by_page` is
-        True.
-    now
-        Function that returns the present time [s].
     """
 
     def __init__(
@@ -92,7 +78,7 @@ class PageRequests(NoPage):
         """Read the requests of the live page from shared memory.
 
         The results are stored in the attributes `reason`, `faults` and `arms`. The control loop
-        calls this method at the start of each tick (period of the loop).
+        calls this method at the start of each tick.
         """
         counts = self._counts
         if counts[STOP] != self._stop:
@@ -124,11 +110,6 @@ class PageRequests(NoPage):
 
         If nobody has pressed START yet, the trial ends without a fault, because nothing moves.
         Otherwise, a fault stops the drives.
-
-        Parameters
-        ----------
-        cause
-            Text that states what no longer responds.
         """
         if not self.arms:
             self.reason = self.reason or cause

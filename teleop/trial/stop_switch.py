@@ -26,19 +26,12 @@ class StopSwitch(Interruption):
     """Means by which a person stops a run: signals such as Ctrl-C, the stop key, and the live page.
 
     All three cause a request to the safety supervisor, which stops the drives. The stop key is
-    Enter or Space in the terminal. The live page is a web page that shows a running trial.
+    Enter or Space in the terminal.
 
     This class is a context manager for the whole run, including the output of the results. Before
-    the first tick (period of the control loop), nothing moves. A signal then raises
-    KeyboardInterrupt. From the first tick on, a signal becomes a request to the supervisor. If the
-    loop does not respond within `RESPONSE_TIME`, the next signal raises KeyboardInterrupt.
-
-    Parameters
-    ----------
-    key
-        Whether there is a stop key.
-    explained
-        Whether `instructions` was shown to a person before the drives were armed.
+    the first tick, nothing moves. A signal then raises KeyboardInterrupt. From the first tick on, a
+    signal becomes a request to the supervisor. If the loop does not respond within `RESPONSE_TIME`,
+    the next signal raises KeyboardInterrupt.
 
     Attributes
     ----------
@@ -97,15 +90,7 @@ class StopSwitch(Interruption):
         return self.key if self._use_key else contextlib.nullcontext()
 
     def request(self, arm: bool, end: str = "") -> Request:
-        """Return the request to the safety supervisor at a tick (period of the control loop).
-
-        Parameters
-        ----------
-        arm
-            Whether to request that the drives are armed (permitted to move).
-        end
-            Reason why the run ends without a request of a person; empty if the run continues.
-        """
+        """Return the request to the safety supervisor at a tick."""
         self.timeout = RESPONSE_TIME
         key, page = self.key, self.page
         page.read()
