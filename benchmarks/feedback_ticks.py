@@ -63,7 +63,7 @@ def live(law: FeedbackName, rig: Path, seconds: float) -> tuple[str, bool]:
         duration=seconds,
         rig=read_rig_file(rig),
         specimen="soft",
-        depth=DEPTH["free"]["soft"],
+        depth=DEPTH["hand"]["soft"],
     )
     with tempfile.TemporaryDirectory() as folder:
         trial = run_trial(settings, Path(folder) / "trial.mcap", real="try")

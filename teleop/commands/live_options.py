@@ -75,7 +75,7 @@ class LiveOptions:
         for one in settings:
             if one.operator == POINTER and not self.live:
                 raise InputError("--operator pointer: needs --live")
-            if one.operator == POINTER and (one.rig or one.condition == "autonomous"):
+            if one.operator == POINTER and (one.rig or one.named_condition.moved_by != "hand"):
                 raise InputError(
                     "--operator pointer: expected the simulated rig, and free or mimic"
                 )
@@ -176,7 +176,9 @@ def choices_of(settings: TrialSettings) -> dict[str, list[Any]]:
         }
     by_pointer = settings.operator == POINTER
     return {
-        "condition": [c for c in CONDITIONS if not (by_pointer and c == "autonomous")],
+        "condition": [
+            name for name, one in CONDITIONS.items() if one.moved_by == "hand" or not by_pointer
+        ],
         "specimen": list(CUBES),
         "duration": sorted({*DURATIONS, settings.duration}),
     }

@@ -10,7 +10,7 @@ from sim_backend import CUBES, DEPTH, TRANSMISSION, Setup, Transmission
 from teleop.safety import Limits
 from teleop.trial.palpation_limits import palpation_limits
 
-CASES = [(condition, cube) for condition in DEPTH for cube in CUBES]
+CASES = [(mover, cube) for mover in DEPTH for cube in CUBES]
 COMPLIANCE = 2e-6
 
 
