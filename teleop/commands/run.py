@@ -226,7 +226,12 @@ def run(
         make_folder(record)
     sources = (config, rig, tare)
     if plot_tracking and not settings.target:
-        raise InputError("--plot-tracking: expected --condition mimic, in which there is a target")
+        motion = settings.intended_motion
+        followed = [name for name, one in CONDITIONS.items() if one.target_for(motion)]
+        raise InputError(
+            f"--plot-tracking: expected --condition {' or '.join(followed)}, in which there is a "
+            "target"
+        )
     pictures = (plot, plot_force, plot_tracking)
     check_outputs(record, pictures=pictures, sources=sources, overwrite=overwrite)
     live = live.requested([settings])

@@ -200,3 +200,5 @@ CONDITIONS: dict[str, type[Condition]] = {
     "autonomous": Autonomous,
 }
 """Control conditions by the name in the settings."""
+BY_HAND = tuple(name for name, one in CONDITIONS.items() if one.moved_by == "hand")
+"""Names of the conditions in which a person holds the handle."""

@@ -93,7 +93,7 @@ def make_simulated_rig(
 def make_operator(
     settings: TrialSettings, mimic: type[MimickedSine] = MimickedSine
 ) -> Operator | None:
-    """Return a new simulated operator for the control condition; None if nobody moves the master."""
+    """Return a new simulated operator; None if no hand moves the master."""
     depth = settings.setup.depth / settings.coupling.scale
     seed, model = settings.seed, settings.operator_model
     if settings.named_condition.moved_by != "hand":

@@ -98,10 +98,9 @@ def setups(values: Vector) -> dict[tuple[str, str], Setup]:
     }
     transmission = replace(TRANSMISSION, lost_motion=lost_motion)
     return {
-        (condition, cube): Setup(
-            cubes[cube], lag, DEPTH[CONDITIONS[condition].moved_by][cube], transmission
-        )
+        (condition, cube): Setup(cubes[cube], lag, DEPTH[moved_by][cube], transmission)
         for condition, cube in TRIALS
+        for moved_by in [CONDITIONS[condition].moved_by]
     }
 
 
