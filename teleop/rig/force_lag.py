@@ -45,7 +45,7 @@ SPRING_DEPTH = 5e-3
 def measure_simulated_lag(seed: int = 0) -> tuple[ForceLag, Setup]:
     """Measure lag and lost motion of the simulated rig with a simulated reference spring."""
     spring = Cube(SPRING, 0.0, 1e-9)
-    setup = replace(paper_setup("autonomous", "soft"), cube=spring, depth=SPRING_DEPTH)
+    setup = replace(paper_setup("injector", "soft"), cube=spring, depth=SPRING_DEPTH)
     columns = run_trial(
         TrialSettings(
             condition="autonomous",

@@ -25,8 +25,8 @@ from sim_backend import (
     Setup,
     Transmission,
 )
-from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
+from teleop.control.channel import ChannelSettings
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import Chirp, Multisine, Sine
 from teleop.control.feedback.settings import FeedbackSettings

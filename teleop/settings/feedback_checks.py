@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from estimation.arrays import Floats
-from sim_backend.channel import ChannelSettings
 from sim_backend.plant import UNATTENDED
+from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.control.feedback.stability import DelayedLoop
 from teleop.errors import InputError

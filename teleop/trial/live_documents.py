@@ -56,6 +56,7 @@ def trial_document(
         "type": "trial",
         "number": number,
         "condition": settings.condition_name,
+        "instruction": settings.condition_type.instruction,
         "specimen": settings.palpated,
         "duration": settings.duration,
         "choice": {
@@ -80,7 +81,7 @@ def trial_document(
             "low": target.position(0.0),
             "count_in": target.count_in,
         }
-        if settings.condition_name == "mimic"
+        if target
         else None,
         "feedback": None,
         "operator": settings.operator,

@@ -1,4 +1,4 @@
-"""Compute how well the slave followed the target in a trial of the condition `mimic`."""
+"""Compute how well the slave followed the target in a trial of a condition with a target."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ def tracking_of(recording: Recording, settings: TrialSettings) -> Tracking | Non
     """Return numbers that describe how well the slave followed the target in a recorded trial.
 
     The numbers are, for example, gain, phase and error of the position of the slave relative to the
-    target. The result is None in three cases: the condition is not `mimic`, the recording has no
+    target. The result is None in three cases: the condition has no target, the recording has no
     target, or the target moved for too few periods (`FEWEST` in
     `teleop.evaluation.teleoperation.tracking`).
     """
-    if settings.condition_name != "mimic" or "target" not in recording.columns:
+    target_motion = settings.target
+    if target_motion is None or "target" not in recording.columns:
         return None
     t, target, position = (recording[name] for name in ("time", "target", "slave_position"))
-    return tracking(t, target, position, settings.target.frequency)
+    return tracking(t, target, position, target_motion.frequency)
 
 
 def tracked_ticks(ticks: Recording | RecordingFile) -> Recording:

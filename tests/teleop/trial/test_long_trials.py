@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from estimation import MODELS
-from sim_backend.channel import ChannelSettings
 from teleop.cli import main
+from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.errors import InputError
 from teleop.evaluation.reading import samples as kept_parts

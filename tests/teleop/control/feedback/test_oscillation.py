@@ -10,9 +10,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from sim_backend import OperatorModel, Transmission
-from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.bilateral import BilateralLink
+from teleop.control.channel import ChannelSettings
 from teleop.control.feedback import oscillation
 from teleop.control.feedback.oscillation import MEMORY, MOST_SHARE, Oscillation
 from teleop.control.feedback.settings import FeedbackSettings
