@@ -10,8 +10,7 @@ from teleop.errors import InputError
 from teleop.output.console import terminal_width, wrapped
 from teleop.printable import print_error
 from teleop.trial.settings import TrialSettings
-from teleop.trial.stop_key import is_foreground
-from teleop.trial.stop_switch import StopSwitch
+from teleop.trial.stop_switch import StopSwitch, is_foreground
 
 
 def check_stated(settings: TrialSettings) -> None:

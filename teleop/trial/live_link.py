@@ -20,8 +20,7 @@ from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Event
 from teleop.trial.child_process import ChildProcess
 from teleop.trial.live_documents import trial_document
-from teleop.trial.page_pointer import PagePointer
-from teleop.trial.page_requests import WAITING_SILENCE, PageRequests
+from teleop.trial.page_requests import WAITING_SILENCE, PagePointer, PageRequests
 from teleop.trial.result import Trial
 from teleop.trial.settings import TrialSettings
 
