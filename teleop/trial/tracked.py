@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from teleop.errors import InputError
-from teleop.evaluation.reading.samples import Last
+from teleop.evaluation.reading.recorded import Last
 from teleop.evaluation.teleoperation.tracking import Tracking, tracking
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile

@@ -13,7 +13,7 @@ from teleop.cli import main
 from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.errors import InputError
-from teleop.evaluation.reading import samples as kept_parts
+from teleop.evaluation.reading import recorded as kept_parts
 from teleop.evaluation.teleoperation import loop_oscillation, rendering
 from teleop.evaluation.teleoperation.tracking import tracking
 from teleop.recording import percentiles, recording_file, recovery, stream
