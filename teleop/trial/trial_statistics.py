@@ -20,7 +20,7 @@ from teleop.safety.events import ACTIVE, STOPPING
 from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
 from teleop.settings.feedback_checks import arm_damping
 from teleop.settings.trial_settings import TrialSettings
-from teleop.trial.averaged import averaged_part
+from teleop.trial.recorded_trial import averaged_part
 
 LIMITS = {
     "velocity": VELOCITY,

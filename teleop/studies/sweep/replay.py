@@ -19,7 +19,7 @@ from teleop.recording.recording import load
 from teleop.settings.configuration import as_recorded_now
 from teleop.settings.documents import DERIVED
 from teleop.settings.trial_settings import TrialSettings
-from teleop.trial.averaged import recorded_part
+from teleop.trial.recorded_trial import recorded_part
 
 
 class RecordedTrial:
