@@ -21,9 +21,8 @@ import numpy as np
 
 from estimation.arrays import Floats
 from estimation.checks import LARGEST, checked_samples
-from estimation.compiled import Samples, compiled_sweep, interpreted_sweep
+from estimation.compiled import Samples, compiled_sweep, interpreted_sweep, numbers
 from estimation.estimator import Estimates, Estimator
-from estimation.records import numbers
 from estimation.testing_signals import (
     degenerate,
     further_regressors,
