@@ -103,7 +103,7 @@ class Presented:
             Title of the figure.
         """
         from estimation.figure_style import figure_style
-        from estimation.force_figure import force_figure
+        from estimation.figures import force_figure
 
         name, first = next(iter(self.estimates.items()))
         x, v, f, _, further = self.regression
