@@ -238,8 +238,7 @@ class CoarseToFine(Estimator):
     half
         Number of candidate values on either side of the middle value, on each axis.
     correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+        Correlation length of the force noise, in samples, see `LinearGainEstimator`.
 
     Raises
     ------

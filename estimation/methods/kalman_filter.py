@@ -143,16 +143,12 @@ class RandomWalkKalman(FactoredEstimator):
         [(N/m)^2 / s] and any further parameters of the model, for force noise with a variance of
         1 N^2. The function `process_noise` computes these values.
     initial_covariance
-        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
-        parameters of the model, for force noise with a variance of 1 N^2.
+        As in `RecursiveLeastSquares`.
     ceiling
         Largest variance of each parameter, in the units of `initial_covariance`. Default: the
         initial covariance.
-    model
-        Model of the environment. It defines the regressors phi and the parameters theta.
-    correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+    model, correlation
+        Model f = phi' theta, and correlation length of the force noise (`LinearGainEstimator`).
 
     Raises
     ------
