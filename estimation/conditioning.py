@@ -319,27 +319,9 @@ def make_conditioner(
     A signal conditioner is a filter that computes displacement, velocity and force from the
     measured position and force.
 
-    Parameters
-    ----------
-    name
-        `matched` for `MatchedFilter`, `svf` for `StateVariableFilter`, `foaw` for
-        `FirstOrderAdaptiveWindowing`, or `difference` for `FilteredDifference`.
-    bandwidth
-        Bandwidth of the filter [Hz]. The conditioner `foaw` does not use this value.
-    resolution
-        Distance per encoder count [m]. Only the conditioner `foaw` uses this value.
-    force_lag
-        Time constant of the lag of the force channel [s]. Only the conditioner `matched`
-        compensates this lag.
-    model
-        Model that defines the regressors. Only the conditioner `matched` computes regressors other
-        than velocity and displacement.
-
-    Raises
-    ------
-    ValueError
-        The name is unknown, a number is out of its range, or the named conditioner does not
-        support the lag or the model.
+    `bandwidth` [Hz] is not used by `foaw`. `resolution`, the distance per encoder count [m], is
+    used only by `foaw`. Only `matched` supports a `force_lag` [s] and regressors besides v and x.
+    ValueError otherwise, or if a number is out of its range.
     """
     if name not in CONDITIONERS:
         raise ValueError(f"conditioning {name!r}: expected one of {', '.join(CONDITIONERS)}")

@@ -90,17 +90,7 @@ def estimates_figure(
 ) -> Figure:
     """Return a figure of the estimated stiffness, the estimated damping and the motion over time.
 
-    Parameters
-    ----------
-    title
-        Title of the figure.
-    t, x, v
-        Time [s], displacement [m], velocity [m/s], each of shape (n,).
-    estimates
-        Estimates by name of the estimator. If there are more than five estimators, each estimator
-        has its own panels, and the motion is not drawn.
-    truth
-        True damping and stiffness of a simulated specimen; None if they are not known.
+    If there are more than five estimators, each has its own panels, and the motion is not drawn.
     """
     scale, prefix = k_scale(estimates)
     shown = {name: drawn(series, scale) for name, series in estimates.items()}
@@ -153,19 +143,6 @@ def small_multiples(
     """Return a figure with two panels for each estimator: stiffness and damping over time.
 
     All panels of the stiffness have the same limits, and so have all panels of the damping.
-
-    Parameters
-    ----------
-    title
-        Title of the figure.
-    t
-        Time [s], shape (n,).
-    shown
-        Stiffness and damping of each estimator, by the name of the estimator.
-    labels
-        Labels of the axes of stiffness and damping, with their units.
-    truth
-        True damping and stiffness, in the units of `labels`; None if they are not known.
     """
     pairs = 1 if is_narrow() else 2
     rows = -(-len(shown) // pairs)
@@ -321,19 +298,8 @@ def force_figure(
     second panel shows the error of this prediction. The third panel shows the force over
     displacement, measured and computed by a least-squares fit to all samples.
 
-    Parameters
-    ----------
-    title
-        Title of the figure.
-    t
-        Time [s], shape (n,).
-    regression
-        The n samples that the estimators processed.
-    name, estimates
-        Name of the online estimator, and its estimates. Each sample of the force is predicted with
-        the estimate after the previous sample.
-    fit
-        Least-squares fit to the same samples. If all its values are NaN, no fit is drawn.
+    Each sample of the force is predicted with the estimate after the previous sample. If all values
+    of the fit are NaN, no fit is drawn.
     """
     figure = new_figure(0.95, rows=3)
     grid = figure.add_gridspec(3, 1, height_ratios=(2.0, 1.0, 2.5))

@@ -58,18 +58,8 @@ force.
 class Misfit:
     """Computes the misfit (the systematic part of the force error) of each estimator of a bank.
 
-    Parameters
-    ----------
-    bank
-        The estimators by name.
-    window
-        Time constant [s] with which past samples lose weight. A good value is one period of the
-        palpation.
-
-    Raises
-    ------
-    ValueError
-        The window is not positive.
+    `window` is the time constant [s] with which past samples lose weight. A good value is one
+    period of the palpation.
     """
 
     def __init__(self, bank: Mapping[str, Estimator], window: float = 1.0) -> None:
@@ -106,19 +96,9 @@ class Misfit:
     ) -> tuple[float, ...]:
         """Process one sample, and return the misfit of each estimator.
 
-        Parameters
-        ----------
-        x, v, f, dt, further
-            Displacement [m], velocity [m/s], force [N], time since the previous sample [s], and the
-            regressors besides v and x. All values must be finite floats. They are not checked.
-        estimates
-            The estimates after this sample, in the order of the bank.
-        is_open
-            Whether there is contact and motion. If False, the sample is not used.
-
-        Returns
-        -------
-        The misfit of each estimator. It changes about every `window` / `BLOCKS` seconds.
+        The values of the sample are not checked. `estimates` are those after this sample, in the
+        order of the bank. `is_open` is False without contact or motion; the sample is then not
+        used. The misfit changes about every `window` / `BLOCKS` seconds.
         """
         if self._add(x, v, f, dt, further, is_open):
             self.values = tuple(
@@ -135,18 +115,7 @@ class Misfit:
     ) -> dict[str, Floats]:
         """Process n samples, with the same results as n calls of `update`.
 
-        Parameters
-        ----------
-        regression
-            The n samples.
-        estimates
-            The estimates after each sample, in the order of the bank.
-        is_open
-            Whether there is contact and motion, shape (n,). Other samples are not used.
-
-        Returns
-        -------
-        The misfit after each sample, shape (n,), by the name of the estimator.
+        The result has the misfit after each sample, shape (n,), by the name of the estimator.
         """
         ends = self.ends(regression, is_open)
         return {name: self.series(i, ends, e) for i, (name, e) in enumerate(estimates.items())}
@@ -196,14 +165,7 @@ class Misfit:
     def series(self, i: int, ends: BlockEnds, estimates: Estimates) -> Floats:
         """Return the misfit of one estimator after each sample, shape (n,).
 
-        Parameters
-        ----------
-        i
-            Index of the estimator in the bank.
-        ends
-            Result of the method `ends` for the same samples.
-        estimates
-            Estimates of this estimator after each sample.
+        `ends` is the result of the method `ends` for the same samples.
         """
         at, samples, products, square, history, positions = ends
         count = self._further[i]
@@ -282,14 +244,10 @@ class Misfit:
 def autocovariance(products: Iterable[Iterable[Any]], weights: Sequence[Any]) -> Any:
     """Return the mean product w' P w of the force errors of successive blocks [N^2].
 
-    Parameters
-    ----------
-    products
-        Matrix P. Let u be the mean of (f, v, x, further regressors) over a block. P_ij is the mean
-        of u_i of a block times u_j of the previous block. P_ij is a number or has the shape (n,).
-    weights
-        Vector w = (1, -b, -k, -further parameters). w_i is a number or has the shape (n,). If P is
-        larger than w, the last rows and columns of P are not used.
+    P_ij is the mean of u_i of a block times u_j of the previous block, where u is the mean of (f,
+    v, x, further regressors) over a block. w is (1, -b, -k, -further parameters). The elements of P
+    and w are numbers or have the shape (n,). If P is larger than w, its last rows and columns are
+    not used.
     """
     covariance = 0.0
     for row, weight in zip(products, weights, strict=False):
@@ -344,18 +302,9 @@ def block_sums(
     A block ends when it is at least `block` seconds long, or when the contact gate closes (there is
     no contact or no motion).
 
-    Parameters
-    ----------
-    block
-        Shortest length of a block [s].
-    span, total
-        Length [s] of the unfinished block before the first sample, and integral over this block.
-    dt, is_open, values
-        Time since the previous sample [s], whether the gate is open, and the signal, each for n
-        samples.
-    spans, totals
-        Results: time since the block began [s], and integral of the signal over this time, each for
-        n samples. The function writes into these lists.
+    `span` [s] and `total` are the length of the unfinished block before the first sample, and the
+    integral over it. `spans` [s] and `totals` get the time since the block began and the integral
+    of the signal over this time, for each sample.
     """
     for n in range(len(dt)):
         if is_open[n]:
@@ -389,14 +338,10 @@ class RecentBlocks:
     def add(self, means: Iterable[float], share: float) -> None:
         """Store the means of the signals over a new block of samples.
 
-        Parameters
-        ----------
-        means
-            Means of force [N], velocity [m/s] and displacement [m]. Further values are ignored.
-        share
-            Weight of the new block in the autocovariance c, from 0 to 1. c changes to
-            (1 - share) c + share e e_before. e and e_before are the force errors of the new block
-            and of the previous block. Use 0 if no block directly precedes the new block.
+        `means` are those of f [N], v [m/s] and x [m]; further values are ignored. `share`, from 0
+        to 1, is the weight of the new block in the autocovariance c, which becomes (1 - share) c +
+        share e e_before with the force errors of this and of the previous block. It is 0 if no
+        block directly precedes the new block.
         """
         f, v, x, *_ = means
         self._blocks.append((f, v, x, share))
@@ -422,15 +367,6 @@ class RecentBlocks:
 
         Each time is the end of a block. The result for a time is the value that the method
         `autocovariance` returns at that time.
-
-        Parameters
-        ----------
-        history
-            All blocks, oldest first, shape (blocks, 4). A row has the four values of `blocks`.
-        positions
-            For each time, the number of blocks in `history` that ended at or before it, shape (m,).
-        parameters
-            Estimates of K, B and n at the m times, each of shape (m,).
         """
         first = np.maximum(positions - (self._blocks.maxlen or 0), 0)
         found = np.empty(len(positions))
@@ -444,11 +380,6 @@ class RecentBlocks:
 
         The force errors of all stored blocks are computed with the given parameters. The result is
         the weighted mean of the products of the force errors of successive blocks.
-
-        Parameters
-        ----------
-        parameters
-            Present estimates of K, B and n. The force of the model is 0 for x <= 0.
         """
         stiffness, damping, n = parameters[:3]
         covariance = last = 0.0
@@ -470,22 +401,8 @@ def include(
 ) -> tuple[float, float]:
     """Update the autocovariance of the force error with a new block of samples.
 
-    Parameters
-    ----------
-    covariance
-        Autocovariance without the new block [N^2].
-    last
-        Force error of the previous block [N].
-    f, v, x
-        Means of force [N], velocity [m/s] and displacement [m] over the new block.
-    share
-        Weight of the new block, see `RecentBlocks.add`.
-    stiffness, damping, n
-        Parameters K, B and n of the model. The force of the model is 0 for x <= 0.
-
-    Returns
-    -------
-    Autocovariance with the new block [N^2], and force error of the new block [N].
+    `last` is the force error of the previous block [N]. The result is the new autocovariance [N^2]
+    and the force error of the new block [N]. The force of the model is 0 for x <= 0.
     """
     error = f
     if x > 0.0:

@@ -313,16 +313,7 @@ def palpation(estimator: Estimator, n: int = 2000, noise: float = 0.1, seed: int
 
     The displacement is a sum of two sines around a depth of 5 mm.
 
-    Parameters
-    ----------
-    estimator
-        Estimator whose model defines the regressors besides v and x.
-    n
-        Number of samples.
-    noise
-        Standard deviation of the force noise [N].
-    seed
-        Seed of the noise and of the sample times.
+    `noise` is the standard deviation of the force noise [N].
     """
     rng = np.random.default_rng(seed)
     dt = 1e-3 * (1.0 + 0.3 * rng.uniform(-1.0, 1.0, n))

@@ -208,13 +208,7 @@ def correct_with_gain(
 
 
 def forgetting_rate(forgetting: float, sample_period: float | None) -> float:
-    """Return the forgetting rate -ln(forgetting) / sample_period [1/s]; 0 if the period is None.
-
-    Raises
-    ------
-    ValueError
-        The factor is not in (0, 1], or the period is not positive.
-    """
+    """Return the forgetting rate -ln(forgetting) / sample_period [1/s]; 0 if the period is None."""
     if not 0.0 < forgetting <= 1.0:
         raise ValueError(f"forgetting factor must be in (0, 1], got {forgetting}")
     if sample_period is not None:
