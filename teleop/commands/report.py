@@ -67,7 +67,7 @@ def report(
     from teleop.commands.estimate import chosen
     from teleop.commands.figures import truth_of
     from teleop.evaluation.evaluate import KEPT, evaluate
-    from teleop.evaluation.online.conditioned import FEWEST
+    from teleop.evaluation.online.thresholds import FEWEST_SAMPLES
     from teleop.evaluation.reading.samples import is_reported
     from teleop.evaluation.settings import settings_summary
     from teleop.files import check_ending, check_outputs, write_text
@@ -88,7 +88,7 @@ def report(
     samples, recording = columns.read(file, is_reported)
     evaluation = summary = None
     settings = chosen(recording, columns.datum, given)
-    few = settings.averaged.contains(samples.signals.t).sum() < FEWEST
+    few = settings.averaged.contains(samples.signals.t).sum() < FEWEST_SAMPLES
     if not (recording and recording.fault and few):
         evaluation = evaluate(samples, settings, KEPT)
         summary = {**settings_summary(settings), **evaluation.summary()}

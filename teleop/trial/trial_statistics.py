@@ -11,7 +11,7 @@ import numpy as np
 from estimation import Bank
 from estimation.presets import GATE
 from teleop.control.feedback.law import STIFF_PRIOR
-from teleop.evaluation.online.averages import RunningAverages
+from teleop.evaluation.online.run import RunningAverages
 from teleop.evaluation.teleoperation.rendering import RunningHand, RunningRendering
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
