@@ -33,6 +33,7 @@ from estimation.figure_style import (
     shade,
     tidy,
 )
+from estimation.quantities import DAMPING, POSITION, STIFFNESS, VELOCITY
 
 TOGETHER = len(LINES)
 """Largest number of estimators in one panel. If there are more, each has its own panels."""
@@ -96,9 +97,12 @@ def estimates_figure(
     truth
         True damping and stiffness of a simulated specimen; None if they are not known.
     """
-    scale, prefix = k_scale(estimates)
+    scale, unit = k_scale(estimates)
     shown = {name: drawn(series, scale) for name, series in estimates.items()}
-    labels = (f"stiffness $\\hat k$ [{prefix}]", "damping $\\hat b$ [N s/m]")
+    labels = (
+        f"{STIFFNESS.name} {STIFFNESS.hat} [{unit}]",
+        f"{DAMPING.name} {DAMPING.hat} [{DAMPING.unit}]",
+    )
     if len(shown) > TOGETHER and any(one.exists for one in shown.values()):
         return small_multiples(title, t, shown, labels, scaled(truth, scale))
     figure = new_figure(0.75, rows=2)
@@ -131,8 +135,8 @@ def estimates_figure(
     frame(panels, t, shown, scaled(truth, scale))
     panels[1].set_xlabel("time [s]")
     panels[1].set_xlim(t[0], t[-1])
-    profile(panels[0], t, x * 1e3, "displacement [mm]")
-    profile(panels[1], t, v * 1e3, "velocity [mm/s]")
+    profile(panels[0], t, x * POSITION.factor, f"displacement [{POSITION.unit}]")
+    profile(panels[1], t, v * VELOCITY.factor, VELOCITY.heading)
     legend(figure, handles, names)
     return figure
 
@@ -218,20 +222,18 @@ def drawn(series: Estimates, scale: float) -> Drawn:
         np.where(unknown | ~np.isfinite(std), np.nan, LEVEL_95 * std)
         for std in (series.k_std, series.b_std)
     )
-    return Drawn(k * scale, k_half * scale, b, b_half)
+    return Drawn(k * scale, k_half * scale, b * DAMPING.factor, b_half * DAMPING.factor)
 
 
 def k_scale(estimates: Mapping[str, Estimates]) -> tuple[float, str]:
-    """Return the factor from N/m to the unit of the stiffness axis, and the name of this unit."""
+    """Return the factor from N/m to the unit of the stiffness axis, and this unit."""
     largest = max(float(np.median(np.abs(series.k))) for series in estimates.values())
-    if largest >= 1e6:
-        return 1e-6, "MN/m"
-    return (1e-3, "kN/m") if largest >= 1e3 else (1.0, "N/m")
+    return STIFFNESS.axis(largest)
 
 
 def scaled(truth: Truth | None, scale: float) -> Truth | None:
-    """Return the true damping, and the true stiffness times `scale`; None if `truth` is None."""
-    return truth and Truth(truth.b, truth.k_surface * scale, truth.k_deepest * scale)
+    """Return the true values in the units of the axes."""
+    return truth and Truth(DAMPING.shown(truth.b), truth.k_surface * scale, truth.k_deepest * scale)
 
 
 def draw_truth(

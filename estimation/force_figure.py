@@ -24,6 +24,7 @@ from estimation.figure_style import (
 )
 from estimation.least_squares import Fit
 from estimation.metrics import predicted_force
+from estimation.quantities import POSITION
 
 MEASURED: dict[str, Any] = {"color": GREY, "linewidth": 1.6, "alpha": 0.5}
 PREDICTED: dict[str, Any] = {"color": ORANGE, "linewidth": 0.9, "linestyle": (0, (4, 2))}
@@ -58,7 +59,7 @@ def force_figure(
     grid = figure.add_gridspec(3, 1, height_ratios=(2.0, 1.0, 2.5))
     over_t, error, over_x = (figure.add_subplot(grid[i]) for i in range(3))
     error.sharex(over_t)
-    x, f = regression.x * 1e3, regression.f
+    x, f = regression.x * POSITION.factor, regression.f
     predicted = predicted_force(regression, estimates)
     predicted = np.where(np.logical_and.accumulate(estimates.held), np.nan, predicted)
     draw(over_t, t, f, label="measured", **MEASURED)
@@ -78,7 +79,7 @@ def force_figure(
     error.set_ylabel("error [N]")
     error.set_xlabel("time [s]")
     over_t.set_xlim(t[0], t[-1])
-    over_x.set_xlabel("displacement [mm]")
+    over_x.set_xlabel(f"displacement [{POSITION.unit}]")
     over_x.set_ylabel("force [N]")
     limits(over_t, [np.repeat((f.min(), f.max()), 50)])
     limits(error, [f - predicted], (0.0,))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from estimation.baseline import BELOW
+from estimation.quantities import STIFFNESS
 from teleop.evaluation.batch.constancy import Change
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, merged
 from teleop.evaluation.batch.phases import Phases
@@ -179,8 +180,8 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
     if local.k + half_k < 0.0:
         return [
             Reason(
-                f"the stiffness is negative ({local.k:.0f} N/m): expected force and position "
-                "positive in compression, and forces of inertia that do not dominate",
+                f"the stiffness is negative ({STIFFNESS.text(local.k)}): expected force and "
+                "position positive in compression, and forces of inertia that do not dominate",
                 "--invert reverses the sign of force or position",
             )
         ]
@@ -200,7 +201,8 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
         return [
             Reason(
                 f"the force does not follow the displacement well enough{where}: stiffness "
-                f"{local.k:.0f} \u00b1 {half_k:.0f} N/m ({why})",
+                f"{STIFFNESS.number(local.k)} \u00b1 "
+                f"{STIFFNESS.text(half_k)} ({why})",
                 hint,
             )
         ]
