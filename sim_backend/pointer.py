@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from sim_backend.hand import Hand
+from sim_backend.operators import Hand
 from sim_backend.plant import Intention
 
 BANDWIDTH = 10.0

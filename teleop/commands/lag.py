@@ -44,13 +44,12 @@ def lag(
     """
     from teleop.errors import InputError
     from teleop.evaluation.online.datum import find_datum
-    from teleop.evaluation.reading.recorded import is_replayed, recorded_signals
-    from teleop.evaluation.reading.samples import NEEDED
+    from teleop.evaluation.reading.recorded import NEEDED, recorded_signals
+    from teleop.evaluation.reading.samples import is_replayed
     from teleop.output import console
     from teleop.output.rig_tables import print_lag
     from teleop.recording.recording import load
-    from teleop.rig.force_lag import MOST_SAMPLES, measure_lag
-    from teleop.rig.reference_spring import measure_simulated_lag
+    from teleop.rig.force_lag import MOST_SAMPLES, measure_lag, measure_simulated_lag
 
     summary: dict[str, Any]
     if file is None:

@@ -89,13 +89,19 @@ def emulate(
     from teleop.interruption import stop_signals
     from teleop.output import console, rig_tables
     from teleop.printable import print_error
-    from teleop.rig.emulation import Palpation, make_emulator, opened, read_fault
-    from teleop.rig.generated_file import is_unchanged, with_checksum
-    from teleop.rig.typed_lines import TypedLines
-    from teleop.trial.ranges import COUNT_IN
+    from teleop.rig.emulation import (
+        Palpation,
+        TypedLines,
+        is_unchanged,
+        make_emulator,
+        opened,
+        read_fault,
+        with_checksum,
+    )
+    from teleop.settings.ranges import COUNT_IN
+    from teleop.settings.rig_loading import load_rig_file
+    from teleop.settings.trial_settings import TrialSettings
     from teleop.trial.realtime import realtime
-    from teleop.trial.rig_loading import load_rig_file
-    from teleop.trial.settings import TrialSettings
 
     rig = load_rig_file(file)
     overwrite = overwrite or is_unchanged(out, WRITER)

@@ -21,6 +21,7 @@ McGraw-Hill, 1968, section 2.3.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,7 +31,34 @@ from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
 from estimation.quantities import STIFFNESS
 from estimation.stiffening import Interval, lagged
+from sim_backend import Cube, Setup, paper_setup
+from teleop.control.excitation_signals import Chirp
 from teleop.errors import InputError
+from teleop.settings.trial_settings import TrialSettings
+from teleop.trial.run import run_trial
+
+SPRING = 5000.0
+"""Stiffness of the reference spring [N/m]."""
+SPRING_DEPTH = 5e-3
+"""Largest compression of the reference spring [m]."""
+
+
+def measure_simulated_lag(seed: int = 0) -> tuple[ForceLag, Setup]:
+    """Measure lag and lost motion of the simulated rig with a simulated reference spring."""
+    spring = Cube(SPRING, 0.0, 1e-9)
+    setup = replace(paper_setup("injector", "soft"), cube=spring, depth=SPRING_DEPTH)
+    columns = run_trial(
+        TrialSettings(
+            condition="autonomous",
+            clock="virtual",
+            seed=seed,
+            signal=Chirp(1.0, 8.0),
+            custom_setup=setup,
+        )
+    ).columns
+    measured = measure_lag(columns["slave_position"], columns["contact_force"], columns["dt"])
+    return measured, setup
+
 
 LONGEST = 0.1
 """Longest lag that can be measured [s]."""

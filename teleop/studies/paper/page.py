@@ -9,7 +9,6 @@ from markupsafe import Markup
 
 from estimation.quantities import FORCE_ERROR
 from sim_backend import CUBES
-from teleop.control.conditions import CONDITIONS
 from teleop.output.effects_table import effect_cells
 from teleop.output.estimate_tables import RMS_RATIO
 from teleop.output.web_page import web_page
@@ -17,7 +16,7 @@ from teleop.studies.anova import Effect
 from teleop.studies.paper.claims import Claim
 from teleop.studies.paper.methods import MethodResult
 from teleop.studies.paper.study import RESPONSES, finding
-from teleop.studies.paper.table1 import ESTIMATORS, TABLE_1, is_calibrated, table1
+from teleop.studies.paper.table1 import CONDITIONS, ESTIMATORS, TABLE_1, is_calibrated, table1
 from teleop.studies.paper.trials import Outcome, SlowTrial
 
 TITLE = "Techniques for environment parameter estimation during telemanipulation, reproduced"
