@@ -27,8 +27,8 @@ from emulated import emulated
 
 from drivers.rig_file import read_rig_file
 from sim_backend import DEPTH, OperatorModel
-from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
+from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.names import FeedbackName
 from teleop.safety import Mode, Request
@@ -63,7 +63,7 @@ def live(law: FeedbackName, rig: Path, seconds: float) -> tuple[str, bool]:
         duration=seconds,
         rig=read_rig_file(rig),
         specimen="soft",
-        depth=DEPTH["free"]["soft"],
+        depth=DEPTH["hand"]["soft"],
     )
     with tempfile.TemporaryDirectory() as folder:
         trial = run_trial(settings, Path(folder) / "trial.mcap", real="try")

@@ -40,9 +40,9 @@ from search_rig import BOUND, LIMITS, PERIOD, Pushing, SearchRig
 
 from drivers import CHANNELS, STANDSTILL, RigError
 from estimation import MatchedFilter, paper_preset
-from sim_backend.channel import ChannelSettings
 from sim_backend.faults import Frozen, Replaced, Reported, RigFault, Runaway, Shifted
 from teleop.control.bilateral import BilateralLink
+from teleop.control.channel import ChannelSettings
 from teleop.control.clock import Tick
 from teleop.control.controller import Controller
 from teleop.control.estimation import Estimation

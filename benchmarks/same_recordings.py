@@ -25,7 +25,7 @@ from feedback_bodies import BODIES
 from estimation import MODELS
 from estimation.registry import BUILT_IN
 from sim_backend import CUBES
-from sim_backend.channel import ChannelSettings
+from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.names import ConditioningName, ConditionName, FeedbackName
 from teleop.safety.tightened_limits import TightenedLimits

@@ -148,7 +148,7 @@ def measure(case: str, seconds: float, rig: str) -> Durations:
         clock="virtual" if case == "virtual" else "real",
         rig=read_rig_file(Path(rig)) if rig else None,
         specimen="soft" if rig else "",
-        depth=DEPTH["autonomous"]["soft"] if rig else None,
+        depth=DEPTH["injector"]["soft"] if rig else None,
     )
     if case == "virtual":  # as in a sweep, of which only the first trials load numba
         with suppress(ImportError):

@@ -183,6 +183,23 @@ def test_rooms_import_only_from_the_rooms_that_the_plan_allows():
             assert not any(room(other) for other in imported_names), name
 
 
+def reached(module: str) -> set[str]:
+    """Return the modules that a module imports at run time, directly or through other modules."""
+    arrows, found, new = imports_between_files(types=False), set(), {module}
+    while new:
+        found |= new
+        new = {other for name in new for other in arrows[name]} - found
+    return found
+
+
+@pytest.mark.parametrize("here", ["safety", "control"])
+def test_the_simulator_is_not_on_the_path_of_a_real_rig(here):
+    inside = [name for name in modules() if room(name) == here]
+    assert inside
+    for name in inside:
+        assert not {other for other in reached(name) if other.startswith("sim_backend")}, name
+
+
 def test_only_the_named_modules_of_teleop_are_outside_the_rooms():
     assert {path.stem for path in (ROOT / "teleop").glob("*.py")} == FLAT
     folders = {path.name for path in (ROOT / "teleop").iterdir() if (path / "__init__.py").exists()}

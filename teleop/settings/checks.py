@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from teleop.control.conditions import CONDITIONS
-from teleop.control.excitation_signals import Sine
 from teleop.errors import InputError
 from teleop.settings import ranges
 
@@ -82,11 +81,19 @@ def inconsistent_values(settings: TrialSettings) -> Iterator[str]:
             f"class {settings.custom_condition.name} of the condition: expected another name than "
             f"{', '.join(CONDITIONS)}"
         )
-    if settings.condition == "mimic" and not isinstance(settings.excitation, Sine):
-        yield f"signal {settings.excitation.kind}: expected a sine, which the operator follows"
+    condition, motion = settings.named_condition, settings.intended_motion
+    if settings.excitation.kind not in condition.signal_kinds:
+        kinds = " or ".join(condition.signal_kinds)
+        yield (
+            f"signal {settings.excitation.kind}: not in {settings.condition}: expected a {kinds}"
+        )
     yield from settings.feedback.problems(settings.condition, None)
-    if settings.operator_model.aim_force and settings.condition != "free":
-        yield f"operator_model.aim_force: not in {settings.condition}: expected condition free"
+    if settings.operator_model.aim_force and not condition.is_free(motion):
+        free = [name for name, one in CONDITIONS.items() if one.is_free(motion)]
+        yield (
+            f"operator_model.aim_force: not in {settings.condition}: expected condition "
+            f"{' or '.join(free)}"
+        )
     try:
         settings.make_conditioner()
         settings.estimation_preset.bank()
@@ -103,15 +110,13 @@ def inconsistent_values(settings: TrialSettings) -> Iterator[str]:
 
 def problems_of_rig(settings: TrialSettings) -> Iterator[str]:
     """Yield a message for each problem that depends on the rig and its limits."""
-    if (
-        settings.condition == "mimic"
-        and settings.rig
-        and isinstance(settings.excitation, Sine)
-        and settings.duration < settings.target.shortest
-    ):
+    condition = settings.named_condition
+    target = condition.target_for(settings.intended_motion)
+    accepted = settings.excitation.kind in condition.signal_kinds
+    if target and accepted and settings.rig and settings.duration < target.shortest:
         yield (
             f"duration {settings.duration:g} s: expected count-in and two periods of the target, "
-            f"{settings.target.shortest:g} s or more"
+            f"{target.shortest:g} s or more"
         )
     yield from settings.feedback.problems(settings.condition, settings.rig)
     if settings.rig and settings.clock != "real":

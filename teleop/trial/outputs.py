@@ -57,7 +57,7 @@ class Outputs:
                 overwrite,
                 switch.hint,
                 "" if switch.explained else switch.instructions,
-                (target.depth, target.count_in) if settings.condition_name == "mimic" else None,
+                (target.depth, target.count_in) if target else None,
             )
         self._memory = None if record else Memory()
         self._box = BlackBox(layout, settings.loop_rate)

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from drivers import Rig
-from sim_backend.channel import ChannelSettings
+from teleop.control.channel import ChannelSettings
 from teleop.control.clock import Clock
 from teleop.control.tare import NO_TARE
 from teleop.errors import InputError

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from sim_backend import DEPTH
+from teleop.control.conditions import CONDITIONS, Condition
 from teleop.errors import InputError
 from teleop.settings.configuration import complete_settings
 from teleop.settings.trial_settings import TrialSettings
@@ -212,7 +213,8 @@ def document_of(plan: Plan, levels: Mapping[str, str]) -> dict[str, Any]:
     if "rig" in document and "cube" in plan.factors and "cube" in document:
         cube = document.pop("cube")
         document.setdefault("specimen", cube)
-        depths = DEPTH.get(document.get("condition", "free"), {})
+        condition = CONDITIONS.get(document.get("condition", "free"), Condition)
+        depths = DEPTH[condition.moved_by]
         if cube in depths:
             document.setdefault("depth_m", depths[cube])
     return document

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from sim_backend import CUBES, OperatorModel, Setup
-from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
+from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.recording.sinks import Memory

@@ -18,7 +18,7 @@ from mcap.writer import CompressionType, Writer
 from estimation.estimate_columns import estimators_in
 from teleop.cli import main
 from teleop.errors import InputError
-from teleop.evaluation.reading.samples import MEASURED, measured
+from teleop.evaluation.reading.recorded import MEASURED, measured
 from teleop.recording import bounded_file, chunks
 from teleop.recording.mcap_checks import message_size, read_event
 from teleop.recording.mcap_reader import read_intact

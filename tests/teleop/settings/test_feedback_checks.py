@@ -12,10 +12,10 @@ import pytest
 
 from drivers import Command
 from sim_backend import CUBES, OperatorModel
-from sim_backend.channel import ChannelSettings
 from sim_backend.plant import Plant, PlantParameters
 from teleop.cli import main
 from teleop.control.admittance import AdmittanceParameters
+from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.errors import InputError

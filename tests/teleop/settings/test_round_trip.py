@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from estimation import MODELS
 from estimation.own_settings import OwnSettings
 from sim_backend import OperatorModel, Sensors
-from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
+from teleop.control.channel import ChannelSettings
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import Chirp, Multisine, Sine
 from teleop.control.feedback.settings import FeedbackSettings

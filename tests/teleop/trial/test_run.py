@@ -26,7 +26,7 @@ from sim_backend import (
 )
 from sim_backend.faults import Disobedient, FaultyRig
 from teleop.control.clock import VirtualClock
-from teleop.control.conditions import Teleoperation
+from teleop.control.conditions import CONDITIONS, Teleoperation
 from teleop.control.tare import NO_TARE, Tare
 from teleop.errors import InputError
 from teleop.recording.recording import Recording, load
@@ -58,7 +58,7 @@ def palpation(condition="free", cube="soft"):
 def test_each_condition_palpates_each_cube_and_finds_its_stiffness(condition, cube):
     columns = palpation(condition, cube).columns
     assert 3000 <= len(columns["time"]) <= 3020
-    depth = DEPTH[condition][cube]
+    depth = DEPTH[CONDITIONS[condition].moved_by][cube]
     assert 0.6 * depth < columns["slave_position"].max() < 1.4 * depth
     assert columns["slave_position"].min() > -0.05 * depth
     body = CUBES[cube]

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_backend import operators
-from sim_backend.channel import ChannelSettings
 from teleop.control import bilateral
+from teleop.control.channel import ChannelSettings
 from teleop.evaluation.teleoperation.loop_oscillation import (
     LEAST_DAMPING,
     MOST_SUSTAINED,

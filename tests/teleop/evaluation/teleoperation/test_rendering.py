@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from sim_backend import Sensors
-from sim_backend.channel import ChannelSettings
+from teleop.control.channel import ChannelSettings
 from teleop.evaluation.teleoperation.rendering import hand
 from teleop.safety.events import ACTIVE
 from teleop.settings.trial_settings import TrialSettings
