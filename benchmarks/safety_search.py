@@ -55,7 +55,7 @@ from teleop.trial.page_requests import PAGE_AGE, PROCESS_SILENCE
 from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
-LAWS = ("none", "position-force", "model-mediated", "passivity")
+LAWS = ("none", "position-force", "model-mediated")
 CHANNELS_BETWEEN = (
     None,
     ChannelSettings(0.025, 5e-3, 0.05),

@@ -61,6 +61,22 @@ class Motion(NamedTuple):
     """Energy that the hand has given to the channel since the drives were armed [J]."""
 
 
+class LawInputs(NamedTuple):
+    """Parts and settings of a trial from which the two halves of a law are created."""
+
+    admittance: Admittance
+    """Virtual mass, whose velocity is the desired velocity of the master."""
+    coupling: Coupling
+    gain: float
+    """Ratio of the displayed force to the contact force."""
+    force_lag: float
+    """Lag of the signal of the contact force sensor [s]."""
+    glued: bool
+    """Whether the specimen is glued to the slave, so that it also pulls."""
+    stiffness: float
+    """Expected slope of the contact force over the position of the slave [N/m]."""
+
+
 class MasterState(NamedTuple):
     """Quantities of the master half of a force-feedback law that are recorded after each tick."""
 
@@ -91,6 +107,16 @@ class Master:
 
     allowance = PASSIVE
     """Energy [J] that the displayed environment may generate before the drives are stopped."""
+    displays_measured_force = False
+    """Whether the hand feels the measured force, so that a delay can make the loop unstable."""
+    displays_prior = False
+    """Whether the hand feels the stiff prior until an estimate of the environment is accepted."""
+
+    @classmethod
+    def halves(cls, given: LawInputs) -> tuple[Master, Slave]:
+        """Create the two halves of the law, for the master and for the slave."""
+        master = cls(given.admittance, given.coupling.scale, given.gain)
+        return master, Slave(given.coupling, given.stiffness)
 
     def __init__(self, admittance: Admittance, scale: float = 1.0, gain: float = 1.0) -> None:
         self.admittance = admittance

@@ -34,7 +34,16 @@ from __future__ import annotations
 from drivers import new_tuple
 from teleop.control.admittance import Admittance, Environment
 from teleop.control.feedback.energy_tank import EnergyTank
-from teleop.control.feedback.law import STIFF_PRIOR, Master, MasterState, Motion, Report
+from teleop.control.feedback.law import (
+    STIFF_PRIOR,
+    LawInputs,
+    Master,
+    MasterState,
+    Motion,
+    Report,
+    Slave,
+)
+from teleop.control.feedback.local_model import LocalModel, ModelMediatedSlave
 
 FORCE_RATE = 50.0
 """Largest rate at which changes of the model may change the displayed force [N/s]."""
@@ -54,6 +63,14 @@ class ModelMediatedMaster(Master):
     glued
         Whether the specimen is glued to the slave, so that the model also pulls.
     """
+
+    displays_prior = True
+
+    @classmethod
+    def halves(cls, given: LawInputs) -> tuple[Master, Slave]:
+        """Create the two halves of the law. The slave half estimates the stiffness."""
+        master = cls(given.admittance, given.coupling.scale, given.gain, given.glued)
+        return master, ModelMediatedSlave(given.coupling, LocalModel(given.force_lag, given.glued))
 
     def __init__(
         self, admittance: Admittance, scale: float = 1.0, gain: float = 1.0, glued: bool = True

@@ -20,6 +20,8 @@ class PositionForceMaster(Master):
     """Energy [J] that the displayed environment may generate before the drives are stopped. It is
     larger than for a passive law, because this law is not passive."""
 
+    displays_measured_force = True
+
     def display(self, report: Report, dt: float) -> float:
         """Return the displayed force alpha f_e [N], which the hand feels.
 
