@@ -34,8 +34,8 @@ from sim_backend.faults import (
 )
 from sim_backend.plant import Intention
 from teleop.safety import Fault
+from teleop.settings.palpation_limits import STOPPING
 from teleop.trial.page_requests import PAGE_AGE, PROCESS_SILENCE
-from teleop.trial.palpation_limits import STOPPING
 
 PERIOD = 1e-3
 RAMP = STOPPING + PERIOD

@@ -22,9 +22,9 @@ from teleop.evaluation.teleoperation.rendering import LEAST_FORCE, SETTLING, han
 from teleop.recording.recording import Recording
 from teleop.safety.events import ACTIVE
 from teleop.safety.tightened_limits import TightenedLimits
-from teleop.trial.feedback_checks import arm_damping, delayed_loop, lag
+from teleop.settings.feedback_checks import arm_damping, delayed_loop, lag
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 AIM = 10.0
 """Force at which the operator reverses the motion [N]."""

@@ -32,10 +32,10 @@ from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.names import FeedbackName
 from teleop.safety import Mode, Request
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial import run as run_module
 from teleop.trial.assembly import make_clock, make_controller, make_rig
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 LAWS: tuple[FeedbackName, ...] = ("none", "position-force", "model-mediated")
 CHANNEL = ChannelSettings(2e-3, 1e-3, 0.01)

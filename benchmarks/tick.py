@@ -36,10 +36,10 @@ from drivers.rig_file import read_rig_file
 from sim_backend import DEPTH
 from teleop.control import controller as controller_module
 from teleop.safety import Mode
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial import run as run_module
 from teleop.trial.loop import Loop
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 CASES = ("virtual", "live, simulated", "live, board")
 WHOLE, REST, MEAN = "whole tick", "rest, and the probes", "processor time"

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 if TYPE_CHECKING:
+    from teleop.settings.trial_settings import TrialSettings
     from teleop.trial.live_link import LiveLink
-    from teleop.trial.settings import TrialSettings
 
 POINTER = "pointer"
 """Value of --operator with which the mouse or a finger in the live page moves the handle."""

@@ -171,11 +171,11 @@ def run(
     from teleop.errors import InputError
     from teleop.files import RECORDING, check_ending, check_outputs, make_folder
     from teleop.printable import print_error
+    from teleop.settings.configuration import read_configuration
+    from teleop.settings.feedback_checks import check_feedback
+    from teleop.settings.rig_loading import load_rig_file
+    from teleop.settings.trial_settings import TrialSettings
     from teleop.trial.arming import arming_text, check_stated, is_armed
-    from teleop.trial.configuration import read_configuration
-    from teleop.trial.feedback_checks import check_feedback
-    from teleop.trial.rig_loading import load_rig_file
-    from teleop.trial.settings import TrialSettings
 
     settings = read_configuration(config) if config else TrialSettings()
     rig_file = load_rig_file(rig) if rig else None

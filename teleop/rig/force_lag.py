@@ -33,8 +33,8 @@ from estimation.stiffening import Interval, lagged
 from sim_backend import Cube, Setup, paper_setup
 from teleop.control.excitation_signals import Chirp
 from teleop.errors import InputError
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 SPRING = 5000.0
 """Stiffness of the reference spring [N/m]."""

@@ -27,9 +27,9 @@ from teleop.control.link import DirectLink, Link
 from teleop.errors import InputError
 from teleop.recording.message import Layout
 from teleop.recording.tick_columns import FEEDBACK_COLUMNS
-from teleop.trial.custom_class import create_condition
-from teleop.trial.feedback_checks import expected_stiffness
-from teleop.trial.settings import TrialSettings
+from teleop.settings.custom_class import create_condition
+from teleop.settings.feedback_checks import expected_stiffness
+from teleop.settings.trial_settings import TrialSettings
 
 LINK_GAIN = 20.0
 """Gain from the position error of the slave to the velocity of the slave [1/s].

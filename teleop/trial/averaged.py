@@ -6,8 +6,8 @@ from teleop.errors import InputError
 from teleop.evaluation.settings import WHOLE, AveragedPart
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
-from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_json import from_document
+from teleop.settings.documents import from_document
+from teleop.settings.trial_settings import TrialSettings
 
 
 def averaged_part(recording: Recording | RecordingFile, settings: TrialSettings) -> AveragedPart:

@@ -13,8 +13,8 @@ from teleop.errors import InputError
 from teleop.recording.message import DROPPED, POINTER
 from teleop.recording.recording import Recording
 from teleop.recording.tick_columns import COLUMNS
-from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_json import from_document
+from teleop.settings.documents import from_document
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.true_values import recorded_truth, truth
 
 MEANINGS = {column.name: column.meaning for column in COLUMNS} | {

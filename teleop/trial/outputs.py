@@ -15,10 +15,10 @@ from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import Recording, from_messages
 from teleop.recording.recording_file import RecordingFile, recorded_ticks
 from teleop.recording.sinks import Memory, Outcome, Sink
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.later_estimates import LaterEstimates
 from teleop.trial.live_link import LiveLink
 from teleop.trial.metadata import session_metadata
-from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 

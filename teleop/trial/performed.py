@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from teleop.errors import InputError
 from teleop.recording.recording import Recording
-from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_json import from_document
+from teleop.settings.documents import from_document
+from teleop.settings.trial_settings import TrialSettings
 
 
 def performed(settings: TrialSettings) -> dict[str, str]:

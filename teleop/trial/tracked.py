@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from teleop.errors import InputError
-from teleop.evaluation.reading.samples import Last
+from teleop.evaluation.reading.recorded import Last
 from teleop.evaluation.teleoperation.tracking import Tracking, tracking
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
-from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_json import from_document
+from teleop.settings.documents import from_document
+from teleop.settings.trial_settings import TrialSettings
 
 
 def tracking_of(recording: Recording, settings: TrialSettings) -> Tracking | None:

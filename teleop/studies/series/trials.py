@@ -15,6 +15,8 @@ from typing import Any
 from sim_backend import DEPTH
 from teleop.control.conditions import CONDITIONS, Condition
 from teleop.errors import InputError
+from teleop.settings.configuration import complete_settings
+from teleop.settings.trial_settings import TrialSettings
 from teleop.studies.series.order import ordered
 from teleop.studies.series.plan import (
     MOST_TRIALS,
@@ -24,8 +26,6 @@ from teleop.studies.series.plan import (
     on_rig,
     plan_document,
 )
-from teleop.trial.configuration import complete_settings
-from teleop.trial.settings import TrialSettings
 
 PLACES = "[settings] or [levels]"
 """Parts of a plan in which a setting can be stated; used in error messages."""

@@ -33,14 +33,14 @@ from teleop.recording.recording import Recording, load
 from teleop.recording.timing import PARTS, RunningTiming
 from teleop.safety import Mode, Request
 from teleop.safety.checks import REST
+from teleop.settings.configuration import read_configuration
+from teleop.settings.documents import to_document
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial import later_estimates
 from teleop.trial.assembly import make_clock
-from teleop.trial.configuration import read_configuration
 from teleop.trial.loop import Loop
 from teleop.trial.rehearsal import check_wire, tick_cost
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_json import to_document
 from teleop.trial.stop_switch import StopSwitch
 
 RIGS = Path(__file__).parents[3] / "rigs"
@@ -359,7 +359,7 @@ def test_the_rehearsal_is_active_for_any_tare_and_limits(monkeypatch, tare):
 
 def test_a_rehearsal_with_a_safety_stop_is_refused(monkeypatch):
     limits = replace(QUICK.raw_limits, soft_force=0.1, hard_force=0.2)
-    monkeypatch.setattr("teleop.trial.settings.palpation_limits", lambda *_: limits)
+    monkeypatch.setattr("teleop.settings.trial_settings.palpation_limits", lambda *_: limits)
     with pytest.raises(InputError, match="rehearsal on the simulated rig: stopped .* force limit"):
         tick_cost(TrialSettings(condition="autonomous", duration=1.0))
 

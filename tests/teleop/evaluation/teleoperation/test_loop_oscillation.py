@@ -21,7 +21,7 @@ from teleop.evaluation.teleoperation.loop_oscillation import (
 )
 from teleop.evaluation.teleoperation.rendering import hand
 from teleop.safety.events import ACTIVE
-from teleop.trial.feedback_checks import arm_damping
+from teleop.settings.feedback_checks import arm_damping
 from teleop.trial.run import run_trial
 
 STEP = 1e-3

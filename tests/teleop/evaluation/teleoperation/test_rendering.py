@@ -10,8 +10,8 @@ from sim_backend import Sensors
 from teleop.control.channel import ChannelSettings
 from teleop.evaluation.teleoperation.rendering import hand
 from teleop.safety.events import ACTIVE
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 
 def test_stiffness_at_hand_and_slave_is_that_of_the_same_motion(feedback_settings):

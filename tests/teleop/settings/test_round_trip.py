@@ -21,9 +21,9 @@ from teleop.control.feedback.settings import FeedbackSettings
 from teleop.control.tare import Tare
 from teleop.recording.recording import load
 from teleop.safety.tightened_limits import TightenedLimits
-from teleop.trial.configuration import read_configuration, write_configuration
+from teleop.settings.configuration import read_configuration, write_configuration
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 VARIED = {
     "cube": st.sampled_from(["soft", "medium", "hard"]),

@@ -28,10 +28,10 @@ from teleop.names import ClockName, ConditioningName, ConditionName, CubeName
 from teleop.safety import Limits
 from teleop.safety.rig_limits import rig_limits
 from teleop.safety.tightened_limits import NOT_TIGHTENED, TightenedLimits
-from teleop.trial import ranges
-from teleop.trial.custom_class import CustomClass
-from teleop.trial.palpation_limits import palpation_limits
-from teleop.trial.settings_checks import check_settings
+from teleop.settings import ranges
+from teleop.settings.checks import check_settings
+from teleop.settings.custom_class import CustomClass
+from teleop.settings.palpation_limits import palpation_limits
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,10 @@ from teleop.control.conditions import CONDITIONS
 from teleop.errors import InputError
 from teleop.names import ClockName
 from teleop.printable import is_unicode
-from teleop.trial import ranges
+from teleop.settings import ranges
 
 if TYPE_CHECKING:
-    from teleop.trial.settings import TrialSettings
+    from teleop.settings.trial_settings import TrialSettings
 
 RIG_FIELDS = frozenset(("condition", "cube", "depth", "rig", "signal", "tare"))
 """Names of the settings that `problems_of_rig` needs to check the limits of the rig."""

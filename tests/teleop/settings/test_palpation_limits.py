@@ -8,7 +8,7 @@ import pytest
 
 from sim_backend import CUBES, DEPTH, TRANSMISSION, Setup, Transmission
 from teleop.safety import Limits
-from teleop.trial.palpation_limits import palpation_limits
+from teleop.settings.palpation_limits import palpation_limits
 
 CASES = [(moved_by, cube) for moved_by in DEPTH for cube in CUBES]
 COMPLIANCE = 2e-6
