@@ -14,7 +14,7 @@ from drivers import Command, Measurement, new_tuple
 from teleop.control.admittance import Admittance
 from teleop.control.channel import ChannelSettings, Direction
 from teleop.control.coupling import Coupling
-from teleop.control.feedback.law import Master, Motion, Report, Slave
+from teleop.control.feedback.law import MasterHalf, MasterMotion, Report, SlaveHalf
 from teleop.control.feedback.oscillation import MOST_SHARE, SLOWEST, Oscillation
 from teleop.control.feedback.port_energy import PortEnergy
 from teleop.control.link import Link
@@ -68,8 +68,8 @@ class BilateralLink(Link):
         self,
         admittance: Admittance,
         coupling: Coupling,
-        master: Master,
-        slave: Slave,
+        master: MasterHalf,
+        slave: SlaveHalf,
         channel: ChannelSettings,
         seed: int = 0,
         closed: bool = True,
@@ -79,7 +79,7 @@ class BilateralLink(Link):
         self._master, self._slave = master, slave
         self._max_silence = channel.max_silence
         self.reports = Direction(channel, f"reports {seed}", Report())
-        self.motions = Direction(channel, f"motions {seed}", Motion(0.0))
+        self.motions = Direction(channel, f"motions {seed}", MasterMotion(0.0))
         self._energy = PortEnergy(admittance)
         self._oscillation = Oscillation() if closed else None
         self.values = NO_VALUES
@@ -102,7 +102,7 @@ class BilateralLink(Link):
             self._oscillation.reset(self._admittance.position)
         now = measurement.time
         self.reports.reset(now, Report())
-        self.motions.reset(now, Motion(self._admittance.position))
+        self.motions.reset(now, MasterMotion(self._admittance.position))
         self._start = self._admittance.position
         self._started = self._force = self._dt = 0.0
         self.faults, self.values = (), NO_VALUES

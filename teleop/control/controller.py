@@ -11,7 +11,7 @@ from drivers.rig import STOPPING as LONGEST_STOP
 from teleop.control.alignment import Alignment, Pair
 from teleop.control.clock import Tick
 from teleop.control.conditions import Condition
-from teleop.control.estimation import Estimation
+from teleop.control.estimates import Estimation
 from teleop.control.failures import failure
 from teleop.control.link import Link
 from teleop.control.rig_values import command_of, measurement_of

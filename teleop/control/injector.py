@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from teleop.control.admittance import AdmittanceParameters
-from teleop.control.excitation_signals import Motion, Signal
+from teleop.control.excitation_signals import Derivatives, Signal
 
 RAMP = 0.5
 """Duration of the ramp at the start and of the ramp at the end of a trial [s]. On the ramps, the
@@ -94,7 +94,7 @@ class Injector:
         self._duration = duration
         self._ramp = ramp_time(duration, ramp)
 
-    def motion(self, t: float) -> Motion:
+    def motion(self, t: float) -> Derivatives:
         """Return the motion that the master must have, so that the slave follows the signal.
 
         Parameters
@@ -114,7 +114,7 @@ class Injector:
         ramp_acceleration = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / self._ramp**2
         signal = self._signal.at(t)
         offset = self._mean + self._half * signal.value
-        return Motion(
+        return Derivatives(
             ramp * offset,
             ramp_rate * offset + ramp * self._half * signal.rate,
             ramp_acceleration * offset

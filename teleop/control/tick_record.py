@@ -7,7 +7,7 @@ from typing import NamedTuple
 from drivers import Command, Measurement
 from teleop.control.alignment import Pair
 from teleop.control.clock import Tick
-from teleop.control.estimation import Estimated
+from teleop.control.estimates import Estimated
 from teleop.safety import Event, Mode
 
 

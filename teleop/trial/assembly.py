@@ -21,7 +21,7 @@ from teleop.control.channel import ChannelSettings
 from teleop.control.clock import Clock, RealClock, VirtualClock
 from teleop.control.conditions import Condition
 from teleop.control.controller import Controller
-from teleop.control.estimation import Estimation
+from teleop.control.estimates import Estimation
 from teleop.control.feedback.law import LawInputs
 from teleop.control.link import DirectLink, Link
 from teleop.errors import InputError

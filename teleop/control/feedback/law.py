@@ -6,11 +6,11 @@ tick (period of the control loop):
 
 - The slave half computes a `Report` from the measurements and sends it to the master half.
 - The master half computes the motion of the virtual mass from the force of the hand and the newest
-  `Report`. It sends this motion to the slave half as a `Motion`.
-- The slave half computes the desired velocity of the slave from the newest `Motion`.
+  `Report`. It sends this motion to the slave half as a `MasterMotion`.
+- The slave half computes the desired velocity of the slave from the newest `MasterMotion`.
 
-The classes `Master` and `Slave` are also the law `none`, for which the displayed force is zero. The
-hand then feels only the virtual mass.
+The classes `MasterHalf` and `SlaveHalf` are also the law `none`, for which the displayed force is
+zero. The hand then feels only the virtual mass.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Report(NamedTuple):
     """Energy that the environment has given to the channel since the drives were armed [J]."""
 
 
-class Motion(NamedTuple):
+class MasterMotion(NamedTuple):
     """Packet that the master half of a force-feedback law sends to the slave half."""
 
     position: float
@@ -89,7 +89,7 @@ class MasterState(NamedTuple):
     """Energy in the energy tank [J]; NaN if the law has no energy tank."""
 
 
-class Master:
+class MasterHalf:
     """Base class of the part of a force-feedback law that runs at the master.
 
     The class is also the master half of the law `none`, for which the displayed force is zero. The
@@ -113,10 +113,10 @@ class Master:
     """Whether the hand feels the stiff prior until an estimate of the environment is accepted."""
 
     @classmethod
-    def halves(cls, given: LawInputs) -> tuple[Master, Slave]:
+    def halves(cls, given: LawInputs) -> tuple[MasterHalf, SlaveHalf]:
         """Create the two halves of the law, for the master and for the slave."""
         master = cls(given.admittance, given.coupling.scale, given.gain)
-        return master, Slave(given.coupling, given.stiffness)
+        return master, SlaveHalf(given.coupling, given.stiffness)
 
     def __init__(self, admittance: Admittance, scale: float = 1.0, gain: float = 1.0) -> None:
         self.admittance = admittance
@@ -132,7 +132,7 @@ class Master:
         """Reset the law to its initial state. This is done each time the drives are armed."""
         self.state = MasterState()
 
-    def step(self, force: float, report: Report, dt: float) -> Motion:
+    def step(self, force: float, report: Report, dt: float) -> MasterMotion:
         """Move the virtual mass under the force of the hand minus the displayed force.
 
         Parameters
@@ -152,7 +152,7 @@ class Master:
         displayed = self.started = self.display(report, dt)
         self.admittance.step(force - displayed, dt)
         self.state = new_tuple(MasterState, (displayed, NO_BODY, math.nan))
-        return new_tuple(Motion, (self.admittance.position, self.admittance.velocity, 0.0))
+        return new_tuple(MasterMotion, (self.admittance.position, self.admittance.velocity, 0.0))
 
     def display(self, report: Report, dt: float) -> float:
         """Return the displayed force [N]: the force that the hand feels from the environment.
@@ -169,7 +169,7 @@ class Master:
         return 0.0
 
 
-class Slave:
+class SlaveHalf:
     """Base class of the part of a force-feedback law that runs at the slave.
 
     The class is also the slave half of the law `none`, without force feedback.
@@ -212,7 +212,7 @@ class Slave:
         """
         return new_tuple(Report, (measurement.contact_force, PRIOR, 0.0))
 
-    def velocity(self, motion: Motion, measurement: Measurement, dt: float) -> float:
+    def velocity(self, motion: MasterMotion, measurement: Measurement, dt: float) -> float:
         """Return the desired velocity of the slave [m/s].
 
         Parameters

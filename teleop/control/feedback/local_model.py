@@ -27,7 +27,7 @@ from estimation.model import STIFFENING
 from teleop.control.admittance import Environment
 from teleop.control.alignment import Pair
 from teleop.control.coupling import Coupling
-from teleop.control.feedback.law import STIFF_PRIOR, Report, Slave
+from teleop.control.feedback.law import STIFF_PRIOR, Report, SlaveHalf
 
 WIDEST = 0.1
 """Largest half width of the 95 % interval of the predicted force for which an estimate is accepted,
@@ -157,7 +157,7 @@ class LocalModel:
         return LEVEL_95 * math.sqrt(max(self._noise_gain * state.noise * variance, 0.0))
 
 
-class ModelMediatedSlave(Slave):
+class ModelMediatedSlave(SlaveHalf):
     """Slave half of model-mediated feedback: estimates the environment and sends the estimate.
 
     Parameters

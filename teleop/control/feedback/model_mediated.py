@@ -37,11 +37,11 @@ from teleop.control.feedback.energy_tank import EnergyTank
 from teleop.control.feedback.law import (
     STIFF_PRIOR,
     LawInputs,
-    Master,
+    MasterHalf,
+    MasterMotion,
     MasterState,
-    Motion,
     Report,
-    Slave,
+    SlaveHalf,
 )
 from teleop.control.feedback.local_model import LocalModel, ModelMediatedSlave
 
@@ -49,7 +49,7 @@ FORCE_RATE = 50.0
 """Largest rate at which changes of the model may change the displayed force [N/s]."""
 
 
-class ModelMediatedMaster(Master):
+class ModelMediatedMaster(MasterHalf):
     """Master half of model-mediated feedback: the hand feels a model of the environment.
 
     Parameters
@@ -67,7 +67,7 @@ class ModelMediatedMaster(Master):
     displays_prior = True
 
     @classmethod
-    def halves(cls, given: LawInputs) -> tuple[Master, Slave]:
+    def halves(cls, given: LawInputs) -> tuple[MasterHalf, SlaveHalf]:
         """Create the two halves of the law. The slave half estimates the stiffness."""
         master = cls(given.admittance, given.coupling.scale, given.gain, given.glued)
         return master, ModelMediatedSlave(given.coupling, LocalModel(given.force_lag, given.glued))
@@ -93,7 +93,7 @@ class ModelMediatedMaster(Master):
         self._model = Environment(self.gain * self.scale * STIFF_PRIOR, 0.0, 0.0, self._glued)
         self.state = MasterState(0.0, self._model, self._tank.energy)
 
-    def step(self, force: float, report: Report, dt: float) -> Motion:
+    def step(self, force: float, report: Report, dt: float) -> MasterMotion:
         """Change the model towards the estimate of the slave, and move the virtual mass.
 
         The force of the hand and the force of the model act on the virtual mass.
@@ -128,7 +128,7 @@ class ModelMediatedMaster(Master):
         self.reserve = tank = self._tank.energy
         displayed = model.force(position, velocity)
         self.state = new_tuple(MasterState, (displayed, model, tank))
-        return new_tuple(Motion, (position, velocity, 0.0))
+        return new_tuple(MasterMotion, (position, velocity, 0.0))
 
     def _approach(self, estimate: Environment, x: float, dt: float) -> None:
         """Change the model that the hand feels towards the estimate of the slave.

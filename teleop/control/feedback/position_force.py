@@ -10,10 +10,10 @@ of the environment. See `stability`.
 from __future__ import annotations
 
 from teleop.control.feedback.energy_tank import TANK_MAX
-from teleop.control.feedback.law import Master, Report
+from teleop.control.feedback.law import MasterHalf, Report
 
 
-class PositionForceMaster(Master):
+class PositionForceMaster(MasterHalf):
     """Master half of position-force feedback: the hand feels the delayed contact force."""
 
     allowance = TANK_MAX

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 from drivers.rig_file import RigFile
 from teleop.control.conditions import BY_HAND
-from teleop.control.feedback.law import Master
+from teleop.control.feedback.law import MasterHalf
 from teleop.control.feedback.model_mediated import ModelMediatedMaster
 from teleop.control.feedback.position_force import PositionForceMaster
 from teleop.errors import InputError
 from teleop.names import ConditionName, FeedbackName, RemovedFeedbackName
 
-LAWS: dict[str, type[Master]] = {
-    "none": Master,
+LAWS: dict[str, type[MasterHalf]] = {
+    "none": MasterHalf,
     "position-force": PositionForceMaster,
     "model-mediated": ModelMediatedMaster,
 }
@@ -69,7 +69,7 @@ class FeedbackSettings:
             )
 
     @property
-    def law_type(self) -> type[Master]:
+    def law_type(self) -> type[MasterHalf]:
         """Master half of the law, which states the properties of the law.
 
         Raises
