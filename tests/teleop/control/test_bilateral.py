@@ -18,7 +18,7 @@ from teleop.recording.sinks import Memory
 from teleop.safety import Fault, Mode
 from teleop.safety.tightened_limits import TightenedLimits
 from teleop.settings.trial_settings import TrialSettings
-from teleop.trial import run as run_module
+from teleop.trial import outputs
 from teleop.trial.assembly import make_clock, make_controller, make_layout, make_rig
 from teleop.trial.run import run_trial
 
@@ -190,7 +190,7 @@ def test_without_feedback_and_channel_the_recording_is_that_of_before(condition,
             super().__init__()
             memories.append(self)
 
-    monkeypatch.setattr(run_module, "Memory", Kept)
+    monkeypatch.setattr(outputs, "Memory", Kept)
     trial = run_trial(TrialSettings(condition=condition, clock="virtual", duration=5.0, seed=3))
     messages, ticks = bytes(memories[0].messages), len(trial.recording)
     later = np.flatnonzero(trial.recording["mode"] == Mode.IDLE)
