@@ -21,6 +21,7 @@ from teleop.settings.trial_settings import TrialSettings
 from teleop.trial import outputs
 from teleop.trial.assembly import make_clock, make_controller, make_layout, make_rig
 from teleop.trial.run import run_trial
+from teleop.trial.stop_switch import StopSwitch
 
 SETTINGS = TrialSettings(
     clock="virtual",
@@ -134,7 +135,7 @@ def test_a_silent_channel_ramps_to_a_stop_with_its_name(direction):
         for n in range(1500):
             if n == 800:
                 getattr(controller._link, direction).cut = True
-            record = controller.tick(clock.wait(), run_module.StopSwitch().request(n < 300, ""))
+            record = controller.tick(clock.wait(), StopSwitch().request(n < 300, ""))
             events += record.events
     faults = [event for event in events if event.fault]
     assert [event.fault for event in faults] == [Fault.CHANNEL_SILENT]
