@@ -2,7 +2,7 @@
 
 A force-feedback law computes the displayed force, which is the force that the hand feels from the
 environment. The law consists of a master half and a slave half, which share no variable. At each
-tick (period of the control loop):
+tick:
 
 - The slave half computes a `Report` from the measurements and sends it to the master half.
 - The master half computes the motion of the virtual mass from the force of the hand and the newest
@@ -92,17 +92,9 @@ class MasterState(NamedTuple):
 class MasterHalf:
     """Base class of the part of a force-feedback law that runs at the master.
 
-    The class is also the master half of the law `none`, for which the displayed force is zero. The
-    displayed force is the force that the hand feels from the environment.
-
-    Parameters
-    ----------
-    admittance
-        Virtual mass, whose velocity is the desired velocity of the master.
-    scale
-        Ratio of the motion of the slave to the motion of the master.
-    gain
-        Ratio alpha of the displayed force to the contact force.
+    It is also the master half of the law `none`, for which the displayed force is zero. `scale` is
+    the ratio of the motion of the slave to that of the master, and `gain` the ratio alpha of the
+    displayed force to the contact force.
     """
 
     allowance = PASSIVE
@@ -135,19 +127,7 @@ class MasterHalf:
     def step(self, force: float, report: Report, dt: float) -> MasterMotion:
         """Move the virtual mass under the force of the hand minus the displayed force.
 
-        Parameters
-        ----------
-        force
-            Force of the hand [N].
-        report
-            Newest packet that has arrived from the slave half.
-        dt
-            Duration for which the force acts: the time since the previous tick [s].
-
-        Returns
-        -------
-        motion
-            Packet for the slave half, with the motion of the virtual mass.
+        `dt` is the time since the previous tick, for which the force acts.
         """
         displayed = self.started = self.display(report, dt)
         self.admittance.step(force - displayed, dt)
@@ -158,13 +138,6 @@ class MasterHalf:
         """Return the displayed force [N]: the force that the hand feels from the environment.
 
         It is subtracted from the force of the hand on the virtual mass. In this class, it is zero.
-
-        Parameters
-        ----------
-        report
-            Newest packet that has arrived from the slave half.
-        dt
-            Time since the previous tick [s].
         """
         return 0.0
 
@@ -172,15 +145,9 @@ class MasterHalf:
 class SlaveHalf:
     """Base class of the part of a force-feedback law that runs at the slave.
 
-    The class is also the slave half of the law `none`, without force feedback.
-
-    Parameters
-    ----------
-    coupling
-        Computes the desired velocity of the slave from the motion of the virtual mass.
-    stiffness
-        Expected slope of the contact force over the position of the slave [N/m]. The safety
-        supervisor uses it to limit the speed of the slave.
+    It is also the slave half of the law `none`. `stiffness` is the expected slope of the contact
+    force over the position of the slave [N/m]. The supervisor uses it to limit the speed of the
+    slave.
     """
 
     def __init__(self, coupling: Coupling, stiffness: float = STIFF_PRIOR) -> None:
@@ -201,37 +168,16 @@ class SlaveHalf:
         """
 
     def report(self, measurement: Measurement, dt: float) -> Report:
-        """Return the packet that the slave half sends to the master half at this tick.
-
-        Parameters
-        ----------
-        measurement
-            Measurement of this tick.
-        dt
-            Time since the previous tick [s].
-        """
+        """Return the packet that the slave half sends to the master half at this tick."""
         return new_tuple(Report, (measurement.contact_force, PRIOR, 0.0))
 
     def velocity(self, motion: MasterMotion, measurement: Measurement, dt: float) -> float:
-        """Return the desired velocity of the slave [m/s].
-
-        Parameters
-        ----------
-        motion
-            Newest packet that has arrived from the master half.
-        measurement
-            Measurement of this tick.
-        dt
-            Time since the previous tick [s].
-        """
+        """Return the desired velocity of the slave [m/s]."""
         return self._coupling.slave_velocity(motion, measurement)
 
     def stiffness(self, position: float) -> float:
         """Return the expected slope of the contact force over the position of the slave [N/m].
 
-        Parameters
-        ----------
-        position
-            Position of the slave [m]. In this class, the slope does not depend on it.
+        In this class, the slope does not depend on the position.
         """
         return self._stiffness

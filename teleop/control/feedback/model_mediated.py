@@ -18,7 +18,7 @@ that the damping d dissipates fills the tank. A change to a stiffer model needs 
 to a softer model does not. For this reason, the model begins with a large stiffness, the stiff
 prior.
 
-At each tick (period of the control loop), the parameters change by a fraction of the difference
+At each tick, the parameters change by a fraction of the difference
 between the estimated parameters and the parameters of the model. The fraction is limited for two
 reasons: dU must not exceed the energy in the tank, and the displayed force must not change too
 fast. The limits are easy to compute, because dU and the change of the force,
@@ -50,19 +50,7 @@ FORCE_RATE = 50.0
 
 
 class ModelMediatedMaster(MasterHalf):
-    """Master half of model-mediated feedback: the hand feels a model of the environment.
-
-    Parameters
-    ----------
-    admittance
-        Virtual mass, whose velocity is the desired velocity of the master.
-    scale
-        Ratio of the motion of the slave to the motion of the master.
-    gain
-        Ratio of the force that the hand feels to the force of the environment.
-    glued
-        Whether the specimen is glued to the slave, so that the model also pulls.
-    """
+    """Master half of model-mediated feedback: the hand feels a model of the environment."""
 
     displays_prior = True
 
@@ -97,20 +85,6 @@ class ModelMediatedMaster(MasterHalf):
         """Change the model towards the estimate of the slave, and move the virtual mass.
 
         The force of the hand and the force of the model act on the virtual mass.
-
-        Parameters
-        ----------
-        force
-            Force of the hand [N].
-        report
-            Newest packet that has arrived from the slave half. It contains the estimate.
-        dt
-            Duration for which the forces act: the time since the previous tick [s].
-
-        Returns
-        -------
-        motion
-            Packet for the slave half, with the motion of the virtual mass.
         """
         admittance = self.admittance
         start, before = admittance.position, admittance.velocity

@@ -23,15 +23,5 @@ class PositionForceMaster(MasterHalf):
     displays_measured_force = True
 
     def display(self, report: Report, dt: float) -> float:
-        """Return the displayed force alpha f_e [N], which the hand feels.
-
-        alpha is the force gain. f_e is the newest contact force that has arrived at the master.
-
-        Parameters
-        ----------
-        report
-            Newest packet that has arrived from the slave half. It contains f_e.
-        dt
-            Time since the previous tick [s]. It is not used.
-        """
+        """Return the displayed force alpha f_e [N]; f_e is the newest that has arrived."""
         return self.gain * report.force

@@ -70,13 +70,7 @@ class FeedbackSettings:
 
     @property
     def law_type(self) -> type[MasterHalf]:
-        """Master half of the law, which states the properties of the law.
-
-        Raises
-        ------
-        InputError
-            The law was removed from this version.
-        """
+        """Master half of the law, which states the properties of the law."""
         if self.law in LAWS:
             return LAWS[self.law]
         raise InputError(
