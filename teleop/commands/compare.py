@@ -117,7 +117,7 @@ def compare(
     from teleop.printable import print_error
     from teleop.studies.anova import check_available
     from teleop.studies.recordings import known_factors, planned_levels, sources, usual_factors
-    from teleop.trial.tracked import recorded_tracking
+    from teleop.trial.recorded_trial import recorded_tracking
 
     if anova:
         check_available()

@@ -254,7 +254,7 @@ def chosen(recording: Recording | None, datum: str, given: Mapping[str, Any]) ->
     settings = EstimateSettings()
     if recording:
         from teleop.evaluation.reading.recorded import recorded_settings
-        from teleop.trial.averaged import recorded_part
+        from teleop.trial.recorded_trial import recorded_part
 
         settings = replace(recorded_settings(recording), averaged=recorded_part(recording))
     if datum != "auto":

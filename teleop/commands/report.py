@@ -73,8 +73,7 @@ def report(
     from teleop.files import check_ending, check_outputs, write_text
     from teleop.output import console
     from teleop.output.report_page import report_page
-    from teleop.trial.performed import recorded_motion
-    from teleop.trial.tracked import recorded_tracking
+    from teleop.trial.recorded_trial import recorded_motion, recorded_tracking
 
     page = out or file.with_suffix(".html")
     check_ending(page, ".html")

@@ -19,8 +19,7 @@ from estimation import (
     paper_preset,
     scaled_preset,
 )
-from estimation.conditioner_choice import make_conditioner
-from estimation.conditioning import BANDWIDTH
+from estimation.conditioning import BANDWIDTH, make_conditioner
 from estimation.excitation import dominant_frequency
 from estimation.least_squares import no_fit
 from estimation.model import KELVIN_VOIGT

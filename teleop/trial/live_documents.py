@@ -9,13 +9,11 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from teleop.errors import InputError
 from teleop.recording.message import DROPPED, POINTER
 from teleop.recording.recording import Recording
 from teleop.recording.tick_columns import COLUMNS
-from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_json import from_document
-from teleop.trial.true_values import recorded_truth, truth
+from teleop.settings.trial_settings import TrialSettings
+from teleop.trial.recorded_trial import recorded_truth, trial_settings, truth
 
 MEANINGS = {column.name: column.meaning for column in COLUMNS} | {
     column.name: column.meaning for column in (DROPPED, *POINTER)
@@ -56,6 +54,7 @@ def trial_document(
         "type": "trial",
         "number": number,
         "condition": settings.condition_name,
+        "instruction": settings.condition_type.instruction,
         "specimen": settings.palpated,
         "duration": settings.duration,
         "choice": {
@@ -80,7 +79,7 @@ def trial_document(
             "low": target.position(0.0),
             "count_in": target.count_in,
         }
-        if settings.condition_name == "mimic"
+        if target
         else None,
         "feedback": None,
         "operator": settings.operator,
@@ -93,12 +92,11 @@ def recorded_document(recording: Recording) -> dict[str, Any]:
 
     The result is an empty dictionary if the settings in the recording are not valid.
     """
-    try:
-        document = trial_document(from_document(recording.settings))
-    except InputError:
+    settings = trial_settings(recording)
+    if not settings:
         return {}
     true = recorded_truth(recording)
-    return document | {"truth": true and shown_truth(true)}
+    return trial_document(settings) | {"truth": true and shown_truth(true)}
 
 
 def shown_truth(true: dict[str, Any]) -> dict[str, float]:

@@ -22,9 +22,9 @@ from teleop.evaluation.settings import EstimateSettings
 from teleop.recording.gaps import GapFinder, missing_text, missing_ticks
 from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import load
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.later_estimates import LaterEstimates
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 
 def ticks_without(lost, count=200, skipped=()):
