@@ -15,7 +15,7 @@ from pydantic_core import to_jsonable_python
 from drivers.problems import given, value_problem
 from drivers.rig_file import RigFile, RigFileError, parse_rig_file
 from estimation import Axis, Grid, Model, Preset
-from estimation.own_settings import OwnSettings
+from estimation.method_settings import OwnSettings
 from sim_backend import (
     Changing,
     Cube,
