@@ -18,27 +18,3 @@ ModelName = Literal["kelvin-voigt", "datum", "inertia", "stiffening", "sls"]
 PresetName = Literal["scaled", "paper"]
 RealtimeName = Literal["require", "try", "off"]
 WidthName = Literal["screen", "single", "double", "a4"]
-ESTIMATOR_NAMES = (
-    "rls",
-    "ai",
-    "me",
-    "rls_conditional",
-    "rls_directional",
-    "rls_sift",
-    "rls_trace",
-    "kalman",
-    "observer",
-    "passive",
-    "window",
-    "ai_normalised",
-    "indirect",
-    "reference",
-    "composite",
-    "spectral",
-    "hc_double",
-    "hc_log",
-    "me_switching",
-    "me_moving",
-    "segments",
-)
-"""Names of all estimators of this package."""
