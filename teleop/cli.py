@@ -10,7 +10,7 @@ import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
-from cyclopts import App, CycloptsError, UnusedCliTokensError
+from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
 from drivers import NotStoppedError, RigError
 from teleop.commands.compare import compare
@@ -19,7 +19,6 @@ from teleop.commands.estimate import estimate
 from teleop.commands.export import export
 from teleop.commands.lag import lag
 from teleop.commands.live import live
-from teleop.commands.option_groups import grouped
 from teleop.commands.recover import recover
 from teleop.commands.report import report
 from teleop.commands.reproduce import reproduce
@@ -47,16 +46,25 @@ app = App(
         "environment.\n\nExample: teleop run --condition mimic --cube hard"
     ),
     version=installed_version,
-    help_format="plaintext",
+    help_format="markdown",
+    default_parameter=Parameter(negative=""),  # no --no-json, no --empty-fault
 )
-for command in (run, estimate, compare, report, export, recover, lag):
-    app.command(grouped(command), help_format="markdown")
-app.command(reproduce, help_format="markdown")
-app.command(config)
-app.command(series, help_format="markdown")
-app.command(sweep, help_format="markdown")
-app.command(live, help_format="markdown")
-app.command(rig)
+for command in (
+    run,
+    estimate,
+    compare,
+    report,
+    export,
+    recover,
+    lag,
+    reproduce,
+    config,
+    series,
+    sweep,
+    live,
+    rig,
+):
+    app.command(command)
 app.register_install_completion_command(
     help="Install the completion of commands and options for this shell (bash, zsh or fish)."
 )
@@ -154,8 +162,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(error.__context__, BrokenPipeError):  # rich has converted it
             discard_output(error.__context__)
             return 1
-        if isinstance(error.__context__, KeyboardInterrupt):  # cyclopts converts it
-            raise
         frame = traceback.extract_tb(error.__traceback__)[-1]
         print_error(f"{frame.filename}, line {frame.lineno}: ended the program: {error!r}")
         return 1

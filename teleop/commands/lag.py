@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from cyclopts import Parameter
-
-from teleop.commands.recording import BY_NAME, ColumnOptions
+from teleop.commands.column_options import BY_USUAL_NAMES, Columns
+from teleop.commands.options import Json
 
 
 def lag(
     file: Path | None = None,
     /,
     *,
-    columns: ColumnOptions = BY_NAME,
+    columns: Columns = BY_USUAL_NAMES,
     seed: int = 0,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    json: Json = False,
 ) -> int:
     """Measure the lag of the force channel and lost motion with a spring that has no damping.
 
@@ -35,12 +34,8 @@ def lag(
     file
         Data measured on the spring, in any format that `teleop estimate` reads: at most 1 000 000
         samples.
-    columns
-        Columns to read, and the zeros of position and force.
     seed
         Without a file: seed of the sensor noise.
-    json
-        Print one JSON document instead of text.
     """
     from teleop.errors import InputError
     from teleop.evaluation.online.datum import find_datum

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from teleop.commands.options import LIVE
+
 if TYPE_CHECKING:
     from teleop.trial.live_link import LiveLink
     from teleop.trial.settings import TrialSettings
@@ -28,19 +30,19 @@ DURATIONS = (5.0, 10.0, 20.0, 30.0, 60.0)
 class LiveOptions:
     """Options of the live page, a web page that shows a running trial and can control it."""
 
-    live: Annotated[bool, Parameter(negative="")] = False
+    live: bool = False
     """Show the trial in a page of the browser, and print the address of the page. On the simulated
     rig, a person starts the trials in the page (UNLOCK, then START), unless --yes is given."""
-    live_arm: Annotated[bool, Parameter(negative="")] = False
+    live_arm: bool = False
     """Let the live page arm the drives of a hardware rig."""
-    open: Annotated[bool, Parameter(negative="")] = False
+    open: bool = False
     """Open the live page in the browser."""
     host: str = "127.0.0.1"
     """Network address of the live page. With an address other than the default, other machines
     can connect, without encryption."""
     port: int = 0
     """Port of the live page; 0 for any free port."""
-    foxglove: Annotated[bool, Parameter(negative="")] = False
+    foxglove: bool = False
     """Also send the data of each tick to the viewers Foxglove, Lichtblick and PlotJuggler on this
     machine, at port 8765, or at any free port if port 8765 is used. These viewers cannot control
     the trial."""
@@ -142,12 +144,7 @@ class LiveOptions:
 
 
 NOT_LIVE = LiveOptions()
-"""Default options, with which no live page is served."""
-Live = Annotated[LiveOptions, Parameter(name="*")]
-"""Type of the parameter with which a command receives `LiveOptions`.
-
-Each field of `LiveOptions` is an option with the name of the field, for example --live-arm.
-"""
+Live = Annotated[LiveOptions, Parameter(name="*", group=LIVE)]
 NO_CHOICES: dict[str, list[Any]] = {"condition": [], "specimen": [], "duration": []}
 """Replacement for the result of `choices_of` if a person can choose no settings in the page."""
 

@@ -12,7 +12,6 @@ from teleop.commands.rig_tare import tare
 rig = App(
     name="rig",
     help="Set up a rig: list ports, check or emulate its devices, measure its zero offsets.",
-    help_format="markdown",
 )
 rig.command(list_, name="list")
 for command in (check, emulate, tare):

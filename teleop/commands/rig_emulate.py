@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import Parameter
-
-from teleop.commands.overwriting import Overwrite
+from teleop.commands.options import IN_OUTPUT, Json, Overwrite
 from teleop.commands.quantities import Hertz, Length
 from teleop.names import CubeName, PalpationName, RealtimeName
 
@@ -22,21 +20,21 @@ def emulate(
     file: Path,
     /,
     *,
-    out: Path = Path("run.toml"),
+    out: Annotated[Path, IN_OUTPUT] = Path("run.toml"),
     cube: CubeName = "soft",
     condition: PalpationName = "any",
     depth: Length | None = None,
     frequency: Hertz | None = None,
     seed: int = 0,
-    fault: Annotated[tuple[str, ...], Parameter(negative="")] = (),
+    fault: tuple[str, ...] = (),
     overwrite: Overwrite = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    json: Json = False,
 ) -> int:
     """Emulate the devices of a rig, connected to the simulated plant, until stopped.
 
     Pseudo-terminals replace the serial ports and slcan adapters. If the rig uses a SocketCAN bus,
-    this bus must exist. The command prints a `teleop run` command, which you enter in another
-    terminal. A little more than one second after the drives are disabled, the simulated plant
+    this bus must exist. When the devices are ready, the command prints a `teleop run`
+    command, which you enter in another terminal. A little more than one second after the drives are disabled, the simulated plant
     returns to its initial state.
 
     The simulated operator presses to the depth that is given to this command, not to the depth that
@@ -73,8 +71,6 @@ def emulate(
         enabling of the drives and the fault. The option may be repeated. Kinds: drop, double,
         reorder, delay, truncate, corrupt, length, burst, noise, baud, silence, error-frames,
         bus-off, unplug, replug; and reset, with the name of a device instead of a bus.
-    json
-        Print one JSON document instead of text when the emulator is ready.
     """
     import os
     import shutil
@@ -83,7 +79,7 @@ def emulate(
     from sim_backend import AttentiveOperator, MimickedSine
     from sim_backend.wire.emulator import host_file, host_ports
     from sim_backend.wire.mechanism import PUT_BACK
-    from teleop.commands.choices import make_signal
+    from teleop.commands.trial_options import make_signal
     from teleop.errors import InputError
     from teleop.files import check_outputs, write_text
     from teleop.interruption import stop_signals

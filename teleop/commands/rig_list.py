@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from cyclopts import Parameter
+from teleop.commands.options import Json
 
 
-def list_(*, json: Annotated[bool, Parameter(negative="")] = False) -> int:
+def list_(*, json: Json = False) -> int:
     """List the serial ports and CAN buses of this machine.
 
     Example: `teleop rig list`
-
-    Parameters
-    ----------
-    json
-        Print one JSON document instead of a table.
     """
     from drivers.ports import available_ports
     from teleop.output import console, rig_tables

@@ -6,22 +6,20 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter
-
-from teleop.commands.overwriting import Overwrite
+from teleop.commands.options import IN_OUTPUT, Json, Overwrite
 from teleop.names import CubeName
 
 
 def tare(
     *,
     rig: Path | None = None,
-    out: Path = Path("tare.json"),
+    out: Annotated[Path, IN_OUTPUT] = Path("tare.json"),
     contact: str = "keep",
-    yes: Annotated[bool, Parameter(negative="")] = False,
+    yes: bool = False,
     cube: CubeName = "soft",
     seed: int = 0,
     overwrite: Overwrite = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    json: Json = False,
 ) -> int:
     """Measure the zero offsets of force and position, and store them with the date.
 
@@ -51,8 +49,6 @@ def tare(
         Cube on the simulated rig.
     seed
         Seed of the noise of the simulated sensors.
-    json
-        Print one JSON document instead of text.
     """
     from drivers import Rig
     from drivers.wired_rig import WiredRig

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from teleop.commands.live_options import NOT_LIVE, Live
+from teleop.commands.options import Json, OutputFile
 from teleop.names import RealtimeName
 
 if TYPE_CHECKING:
@@ -28,11 +29,11 @@ def series(
     *,
     rig: Path | None = None,
     tare: Path | None = None,
-    out: Path | None = None,
-    ask: bool | None = None,
-    yes: Annotated[bool, Parameter(negative="")] = False,
-    dry_run: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    out: OutputFile = None,
+    ask: Annotated[bool | None, Parameter(negative="--no-ask")] = None,
+    yes: bool = False,
+    dry_run: bool = False,
+    json: Json = False,
     live: Live = NOT_LIVE,
 ) -> int:
     """Run the trials of a plan in random or balanced order, and write a table of the results.
@@ -64,8 +65,6 @@ def series(
         Arm the drives of a hardware rig without asking.
     dry_run
         Print the order of the trials, and run none.
-    json
-        Print one JSON document instead of lines.
     """
     from teleop.commands.live_trials import PageOfSeries
     from teleop.commands.series_end import print_end, resuming_command

@@ -4,29 +4,26 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
-from cyclopts import Parameter
-
-from teleop.commands.overwriting import Overwrite
-from teleop.names import WidthName
+from teleop.commands.options import Json, OutputFile, Overwrite, Width
 
 
 def sweep(
     plan: Path,
     /,
     *,
-    out: Path | None = None,
+    out: OutputFile = None,
     seeds: int | None = None,
     workers: int | None = None,
     dask: str | None = None,
-    plot: Path | None = None,
-    plot_map: Path | None = None,
+    plot: OutputFile = None,
+    plot_map: OutputFile = None,
     map_factors: str | None = None,
     response: Literal["k", "b", "k_end", "b_end", "e_f", "one_step_rms", "rise_time_s"] = "k",
-    width: WidthName = "screen",
+    width: Width = "screen",
     overwrite: Overwrite = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    json: Json = False,
 ) -> int:
     """Run trials with many settings and seeds, in parallel, and write one table of the results.
 
@@ -63,11 +60,6 @@ def sweep(
         Result that the figures show: average stiffness (k) or damping (b), stiffness or damping at
         the end (k_end, b_end), force error (e_f), one-step force error (one_step_rms), or rise
         time (rise_time_s).
-    width
-        Width of the figures: for a screen (screen), one column (single) or two columns (double) of
-        an IEEE paper, or an A4 page (a4).
-    json
-        Print one JSON document instead of lines.
     """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn

@@ -8,7 +8,7 @@ from estimation.conditioner_choice import CONDITIONERS
 from estimation.model import MODELS
 from estimation.registry import named_estimators
 from sim_backend import CUBES, DEPTH
-from teleop.commands.choices import make_coupling, make_signal
+from teleop.commands.trial_options import make_coupling, make_signal
 from teleop.names import (
     ESTIMATOR_NAMES,
     ConditioningName,
