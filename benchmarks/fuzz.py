@@ -24,7 +24,7 @@ from drivers.codecs.board import MessageReader
 from drivers.codecs.bota import BotaParser
 from drivers.codecs.ft300 import Ft300Parser
 from drivers.rig_file import read_rig_file
-from drivers.transports.slcan_frames import decode
+from drivers.transports.slcan import decode
 from sim_backend.wire.slcan_adapter import SlcanAdapter
 
 ROOT = Path(__file__).parents[1]

@@ -31,8 +31,7 @@ from teleop.live.trial_feed import TrialFeed
 from teleop.recording.message import Layout
 from teleop.trial import live_link
 from teleop.trial.live_link import EVENT_SIZE, EVENT_SLOTS, LiveLink
-from teleop.trial.page_pointer import PagePointer
-from teleop.trial.page_requests import PAGE_AGE, PageRequests
+from teleop.trial.page_requests import PAGE_AGE, PagePointer, PageRequests
 from teleop.trial.settings import TrialSettings
 
 BEAT = 0.05

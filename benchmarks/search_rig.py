@@ -9,7 +9,7 @@ from typing import Any
 from drivers import Command, Measurement, Rig, RigError
 from sim_backend import CUBES, SimulatedRig
 from sim_backend.faults import FaultyRig
-from sim_backend.hand import Hand
+from sim_backend.operators import Hand
 from teleop.control.conditions import Condition
 from teleop.safety import Limits
 from teleop.safety.palpation_limits import palpation_limits

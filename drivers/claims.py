@@ -20,25 +20,11 @@ LONGEST_COMMAND = 100
 def claim(name: str) -> socket.socket | None:
     """Claim a name, so that no other process of this machine can claim it.
 
+    The result is None if the name is already claimed.
+
     The claim ends when the returned socket is closed or when the process ends, even if it is
     killed. The socket is an abstract Unix socket with this name. All users of the machine share the
     names of such sockets, and no file is created.
-
-    Parameters
-    ----------
-    name
-        The name to claim.
-
-    Returns
-    -------
-    The socket that holds the claim; None if the name is already claimed.
-
-    Raises
-    ------
-    AttributeError
-        The system has no Unix sockets.
-    OSError
-        The system has no abstract Unix sockets.
     """
     held = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:

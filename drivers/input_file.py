@@ -24,11 +24,6 @@ def open_input(path: Path) -> BinaryIO:
     """Open a regular file for reading in binary mode.
 
     FIFOs and device files are rejected at once, without waiting for their data.
-
-    Raises
-    ------
-    OSError
-        The file cannot be opened, or is not a regular file.
     """
     check_regular(path.stat().st_mode)  # before opening, because opening a device can have effects
     file: BinaryIO = open(path, "rb", opener=without_waiting)  # noqa: SIM115
@@ -41,13 +36,7 @@ def open_input(path: Path) -> BinaryIO:
 
 
 def read_input(path: Path, largest: int = LARGEST) -> bytes:
-    """Return the content of a regular file.
-
-    Raises
-    ------
-    OSError
-        The file cannot be read, is not a regular file, or is larger than `largest` [bytes].
-    """
+    """Return the content of a regular file."""
     with open_input(path) as file:
         content = file.read(largest + 1)
     if len(content) > largest:

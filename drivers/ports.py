@@ -48,13 +48,7 @@ If the library of an interface is not installed, no buses of this interface are 
 
 
 def description(config: can.typechecking.AutoDetectedConfig) -> str:
-    """Return a text that lists properties of a CAN bus, except its interface and channel.
-
-    Parameters
-    ----------
-    config
-        All properties of the bus that python-can found, by name.
-    """
+    """Return a text that lists properties of a CAN bus, except its interface and channel."""
     known = {k: v for k, v in config.items() if k not in ("interface", "channel")}
     return ", ".join(f"{name} {value}" for name, value in known.items())
 

@@ -26,15 +26,7 @@ EXPECTED = {
 
 
 def syntax_problem(error: Exception, text: str) -> str:
-    """Return a text that describes a syntax error of a TOML file, with the line of the error.
-
-    Parameters
-    ----------
-    error
-        Error of `tomllib`.
-    text
-        Content of the file.
-    """
+    """Return a text that describes a syntax error of a TOML file, with the line of the error."""
     message = str(error)
     place = PLACE.search(message)
     if place is None:
@@ -50,11 +42,6 @@ def value_problem(part: Mapping[str, Any]) -> str:
     """Return a text that describes a problem which pydantic found in a value.
 
     The text contains the invalid value, if there is one. It does not contain the key of the value.
-
-    Parameters
-    ----------
-    part
-        One of the errors of pydantic's ValidationError.
     """
     kind, context = part["type"], part.get("ctx", {})
     if kind == "missing":
@@ -83,11 +70,6 @@ def tag_name(part: Mapping[str, Any]) -> str:
     """Return the name of the key whose value determines which keys a TOML table can have.
 
     For example, the key `kind` distinguishes serial ports and CAN buses.
-
-    Parameters
-    ----------
-    part
-        One of the errors of pydantic's ValidationError.
     """
     return str(part["ctx"]["discriminator"]).strip("'")
 

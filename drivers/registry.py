@@ -38,27 +38,7 @@ def kinds() -> list[str]:
 
 
 def loaded_class(group: str, kind: str, built_in: Mapping[str, str]) -> Any:
-    """Return the class for a kind of device, of this package or of another installed package.
-
-    Parameters
-    ----------
-    group
-        Group of the entry points of other packages.
-    kind
-        Name of the kind.
-    built_in
-        Module and class name for each kind of this package.
-
-    Raises
-    ------
-    KeyError
-        The kind is unknown.
-    ImportError
-        A package that the class needs is not installed.
-    ValueError
-        The name is invalid or ambiguous, or the package raises another exception when it is
-        imported. SystemExit is such an exception. It would end the program without a message.
-    """
+    """Return the class for a kind of device, of this package or of another installed package."""
     points = tuple(entry_points(group=group, name=kind))
     if points and (kind in built_in or len(points) > 1 or not NAME.fullmatch(kind)):
         names = ", ".join(map(package, points))
@@ -88,21 +68,6 @@ def package(point: EntryPoint) -> str:
 
 
 def device_class(kind: str) -> type[Device]:
-    """Return the Python class for a kind of device.
-
-    Parameters
-    ----------
-    kind
-        Name of the kind, for example `bota`.
-
-    Raises
-    ------
-    KeyError
-        The kind is unknown.
-    ImportError
-        A package that the class needs is not installed.
-    ValueError
-        The package of the class is not usable (see `loaded_class`).
-    """
+    """Return the Python class for a kind of device."""
     found: type[Device] = loaded_class(GROUP, kind, BUILT_IN)
     return found

@@ -65,15 +65,7 @@ class RigFile:
 
 
 def read_rig_file(path: Path) -> RigFile:
-    """Read and check a rig file, and return its content.
-
-    Raises
-    ------
-    OSError
-        The file cannot be read.
-    RigFileError
-        The file is invalid.
-    """
+    """Read and check a rig file, and return its content."""
     raw = read_input(path)
     try:
         text = raw.decode()
@@ -83,20 +75,7 @@ def read_rig_file(path: Path) -> RigFile:
 
 
 def parse_rig_file(path: Path, text: str) -> RigFile:
-    """Check the text of a rig file, and return its content.
-
-    Parameters
-    ----------
-    path
-        Path of the rig file. Paths in the rig file are relative to the folder of the rig file.
-    text
-        Text of the rig file.
-
-    Raises
-    ------
-    RigFileError
-        The file is invalid.
-    """
+    """Check the text of a rig file, and return its content."""
     try:
         tree = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
@@ -144,17 +123,7 @@ def device_validator(settings: type[DeviceSettings]) -> TypeAdapter[DeviceSettin
 def checked_devices(
     tree: Any, folder: Path, problems: list[str]
 ) -> Iterator[tuple[str, DeviceSettings]]:
-    """Yield the name and the settings of each device whose section is valid.
-
-    Parameters
-    ----------
-    tree
-        The section `[devices]` of the rig file.
-    folder
-        Folder of the rig file.
-    problems
-        List to which the problems of invalid sections are appended.
-    """
+    """Yield the name and the settings of each device whose section is valid."""
     if not isinstance(tree, Mapping) or not tree:
         problems.append("devices: expected a section [devices.NAME] for each device")
         return
@@ -175,15 +144,7 @@ def checked_devices(
 
 
 def validation_problems(error: ValidationError, where: tuple[str, ...]) -> list[str]:
-    """Return one line of text per problem that pydantic found, with the key and the given value.
-
-    Parameters
-    ----------
-    error
-        Error of pydantic.
-    where
-        Path of the checked section, for example `("devices", NAME)`; empty for the whole file.
-    """
+    """Return one line of text per problem that pydantic found, with the key and the given value."""
     return [
         f"{'.'.join(map(str, where + part['loc']))}: {value_problem(part)}"
         for part in error.errors()
@@ -196,14 +157,6 @@ def reference_problems(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
     A reference is the name of a bus, device, signal or drive. Examples of problems are an unknown
     name, and a drive or CAN identifier that is used twice. Another problem is a missing scale: a
     channel needs a scale if its signal is not in the SI unit of the channel.
-
-    Parameters
-    ----------
-    rig
-        The rig file. Its invalid sections are None.
-    declared
-        Names of all devices in the file, including devices with an invalid section. References to
-        such a device are not reported, because its section has already been reported.
     """
     try:
         devices = rig.make_devices()

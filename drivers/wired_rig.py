@@ -63,15 +63,7 @@ class WiredDrive(NamedTuple):
 
 
 class WiredRig(Rig):
-    """A telemanipulator that consists of real devices.
-
-    Parameters
-    ----------
-    file
-        The rig file.
-    now
-        Function that returns the time of the controller's clock [s].
-    """
+    """A telemanipulator that consists of real devices."""
 
     def __init__(self, file: RigFile, now: Callable[[], float]) -> None:
         self.file = file
@@ -114,13 +106,7 @@ class WiredRig(Rig):
         return {name: device.rejected for name, device in self.devices.items() if device.rejected}
 
     def open(self) -> None:
-        """Connect to every device, and wait for a sample of every channel (measured quantity).
-
-        Raises
-        ------
-        RigError
-            A port cannot be opened, a device does not answer, or a channel has no sample after 2 s.
-        """
+        """Connect to every device, and wait for a sample of every channel (measured quantity)."""
         for bus in self.buses.values():
             bus.open()
             bus.pump = self._poll
@@ -191,13 +177,7 @@ class WiredRig(Rig):
             raise error
 
     def read(self) -> Measurement:
-        """Read every bus, and return the latest sample of every channel (measured quantity).
-
-        Raises
-        ------
-        RigError
-            A bus cannot be read.
-        """
+        """Read every bus, and return the latest sample of every channel (measured quantity)."""
         self._poll()
         now = self._now()
         values, ages = [], []
@@ -222,13 +202,7 @@ class WiredRig(Rig):
             device.rearm()
 
     def enable(self) -> bool:
-        """Request that all drives go into operation; return whether all drives are in operation.
-
-        Raises
-        ------
-        RigError
-            A drive is not in operation 2 s after the first call, or cannot be commanded.
-        """
+        """Request that all drives go into operation; return whether all drives are in operation."""
         if math.isnan(self._enabling):
             self._enabling, self._stopping = self._now(), math.nan
             self._operating = True
@@ -243,23 +217,6 @@ class WiredRig(Rig):
         """Limit velocities to the range of each drive, and send them to the drives.
 
         Until all drives are in operation, zero velocity is sent instead.
-
-        Parameters
-        ----------
-        command
-            Wanted velocities [m/s].
-
-        Returns
-        -------
-        Command
-            Velocities that the drives receive [m/s]; zero for a drive that the rig does not have.
-
-        Raises
-        ------
-        ValueError
-            A velocity is not finite. In this case no command was sent.
-        RigError
-            A message cannot be sent to a device.
         """
         if not all(map(math.isfinite, command)):
             raise ValueError(f"a velocity command must be finite, got {command}")
@@ -278,13 +235,6 @@ class WiredRig(Rig):
 
         If this fails for one drive, the other drives are still taken out of operation. Then the
         error is raised.
-
-        Raises
-        ------
-        NotStoppedError
-            A drive has not confirmed within 0.5 s of the first call.
-        RigError
-            A drive cannot be commanded.
         """
         self._enabled, self._enabling = False, math.nan
         if math.isnan(self._stopping):
@@ -314,11 +264,6 @@ class WiredRig(Rig):
 
         If a drive was in operation and has not confirmed that it has left operation, the request
         is first repeated for up to 0.5 s.
-
-        Raises
-        ------
-        NotStoppedError
-            A drive does not confirm that it has left operation.
         """
         with ExitStack() as stack:
             for bus in self.buses.values():

@@ -63,13 +63,6 @@ class Law:
 
         y is the solution of x = y + c f(y, 0). The function f(y, 0) is the force of the body at
         displacement y and zero velocity.
-
-        Parameters
-        ----------
-        x
-            Displacement of body and spring together [m].
-        compliance
-            Compliance c of the spring [m/N], >= 0.
         """
         if not (self.glued or x > self.rest):
             return x

@@ -24,13 +24,7 @@ EXAMPLE = "expected a text such as delay=100ms,jitter=20ms,loss=5%"
 
 @dataclass(frozen=True)
 class ChannelSettings:
-    """Settings of a communication channel. They are the same in both directions.
-
-    Raises
-    ------
-    ValueError
-        A value is out of its range.
-    """
+    """Settings of a communication channel. They are the same in both directions."""
 
     delay: float = 0.0
     """One-way delay of each direction [s]. The jitter is added to this delay."""
@@ -64,14 +58,7 @@ class ChannelSettings:
 
 
 def parse_channel(text: str) -> ChannelSettings:
-    """Return the settings in a text such as `delay=100ms,jitter=20ms,loss=5%`.
-
-    Raises
-    ------
-    ValueError
-        A part of the text is not a known name with a number and its unit, or a value is out of
-        range.
-    """
+    """Return the settings in a text such as `delay=100ms,jitter=20ms,loss=5%`."""
     known = [field.name for field in fields(ChannelSettings)]
     values: dict[str, float] = {}
     for part in text.split(","):
@@ -97,17 +84,7 @@ def parse_channel(text: str) -> ChannelSettings:
 
 
 class Direction(Generic[T]):
-    """One direction of the communication channel.
-
-    Parameters
-    ----------
-    settings
-        Delay, jitter and loss.
-    seed
-        Seed of the random numbers that determine jitter and loss.
-    initial
-        Value that the receiver uses until the first packet arrives.
-    """
+    """One direction of the communication channel."""
 
     def __init__(self, settings: ChannelSettings, seed: str, initial: T) -> None:
         self._delay, self._jitter, self._loss = settings.delay, settings.jitter, settings.loss

@@ -77,17 +77,7 @@ class Shifted(RigFault):
 
 
 class Frozen(RigFault):
-    """Fault: the value of a channel (measured quantity) does not change after the fault began.
-
-    Parameters
-    ----------
-    channel
-        Name of the channel.
-    ageing
-        Whether the age of the value (time since its measurement) increases, as after a cable was
-        disconnected. If False, the age is that of a new value at each reading. This simulates a
-        sensor that sends the same value again and again.
-    """
+    """Fault: the value of a channel (measured quantity) does not change after the fault began."""
 
     def __init__(self, channel: str, ageing: bool) -> None:
         self._channel, self._ageing = channel, ageing

@@ -22,13 +22,42 @@ from __future__ import annotations
 
 import math
 import random
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from math import cos, sin
 from typing import NamedTuple
 
 from drivers import new_tuple
-from sim_backend.hand import Hand
-from sim_backend.plant import Arm, Intention
+from sim_backend.plant import Arm, Handle, Intention
+
+
+class Hand(ABC):
+    """Base class of simulated hands, which move the handle of the simulated rig.
+
+    The hand is that of a simulated operator, or it follows a pointer such as a mouse.
+
+    Attributes
+    ----------
+    handle
+        The handle of the simulated rig; None before the rig is created.
+    """
+
+    handle: Handle | None = None
+
+    @abstractmethod
+    def intention(self, t: float) -> Intention | None:
+        """Return the intended motion of the hand at t [s] after the drives were enabled.
+
+        The result is None if the hand does not hold the handle. t increases from one call to the
+        next. When the drives are enabled again, t starts again at 0.
+        """
+
+    def feel(self, t: float, position: float, force: float) -> None:  # noqa: B027
+        """Process the handle position [m] and the force [N] that the hand feels at t [s].
+
+        t is the time since the drives were enabled. In this base class, the method does nothing. A
+        subclass can override it, so that the intended motion depends on the felt force.
+        """
+
 
 ARM = Arm(stiffness=400.0, damping=12.0)
 """Default impedance of the arm."""
@@ -75,20 +104,7 @@ class Stroke(NamedTuple):
 
 
 class Operator(Hand):
-    """Base class of simulated operators who palpate to a given depth.
-
-    Parameters
-    ----------
-    depth
-        Intended depth of the handle [m], > 0.
-    seed
-        Seed of the random variations of the motion.
-
-    Raises
-    ------
-    ValueError
-        The depth is not positive.
-    """
+    """Base class of simulated operators who palpate to a given depth."""
 
     def __init__(self, depth: float, seed: int) -> None:
         if not 0.0 < depth < math.inf:

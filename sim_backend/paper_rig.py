@@ -62,13 +62,7 @@ DEPTH = {
 
 @dataclass(frozen=True)
 class Setup:
-    """Properties of the simulated rig, and of the palpated body, in one trial.
-
-    Raises
-    ------
-    ValueError
-        The depth or the time constant of the force channel is not positive.
-    """
+    """Properties of the simulated rig, and of the palpated body, in one trial."""
 
     cube: AnyBody
     """Palpated body: a cube, a body whose force relaxes, or a body that changes to another body."""

@@ -22,11 +22,6 @@ class PlantParameters:
     """Parameters of the drives and of the force channels (force sensors with amplifier).
 
     The defaults are typical laboratory values.
-
-    Raises
-    ------
-    ValueError
-        A value is not positive.
     """
 
     handle_bandwidth: float = 40.0

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from sim_backend.hand import Hand
+from sim_backend.operators import Hand
 from sim_backend.plant import Intention
 
 BANDWIDTH = 10.0
@@ -26,12 +26,6 @@ class PointerOperator(Hand):
 
     When the hand grips the handle, the intended motion begins at the position and with the velocity
     of the handle, so that the force begins at zero.
-
-    Parameters
-    ----------
-    pointer
-        Function that returns the position of the pointer [m], and whether the hand holds the
-        handle. It is called once per control period while the drives are enabled.
 
     Attributes
     ----------

@@ -8,8 +8,7 @@ from collections.abc import Callable
 
 from drivers import CHANNELS, STANDSTILL, Ages, Command, Measurement, Rig, new_tuple
 from sim_backend.body import Body
-from sim_backend.hand import Hand
-from sim_backend.operators import ARM
+from sim_backend.operators import ARM, Hand
 from sim_backend.plant import UNATTENDED, Arm, Plant, PlantParameters
 from sim_backend.sensors import Sensors
 

@@ -43,11 +43,6 @@ class Transmission:
     """Elastic transmission from the slave's motor to the tip, with dry friction at the tip.
 
     With the default values, the transmission is rigid and has no friction.
-
-    Raises
-    ------
-    ValueError
-        A value is negative or not finite, or `lost_motion` is positive and `compliance` is zero.
     """
 
     lost_motion: float = 0.0
@@ -75,13 +70,6 @@ class Transmission:
 
         The output is `p` while |x - p| is at most `lost_motion`. Otherwise it is the value nearest
         to `p` whose distance from `x` is `lost_motion`.
-
-        Parameters
-        ----------
-        p
-            Last output of the play operator [m].
-        x
-            New input of the play operator: the position of the motor [m].
         """
         low, high = x - self.lost_motion, x + self.lost_motion
         return low if p < low else high if p > high else p
@@ -90,16 +78,6 @@ class Transmission:
         """Return the load [N] on the motor at position x [m] and velocity v [m/s].
 
         The load is the force of the body (the specimen) on the tip plus the friction at the tip.
-
-        Parameters
-        ----------
-        law
-            Force of the body as a function of displacement and velocity.
-        played
-            Output of the method `play` at an earlier position of the motor [m]. The motor must have
-            moved from there to `x` without reversal.
-        x, v
-            Position [m] and velocity [m/s] of the motor.
         """
         compliance = self.compliance
         if compliance == 0.0:
@@ -108,17 +86,7 @@ class Transmission:
         return self.tip_force(law, played, x, v) + (x - played) / compliance
 
     def tip_force(self, law: Law, played: float, x: float, v: float) -> float:
-        """Return the force of the body (the specimen) on the tip [N].
-
-        Parameters
-        ----------
-        law
-            Force of the body as a function of displacement and velocity.
-        played
-            Output of the method `play` at the position `x` [m].
-        x, v
-            Position [m] and velocity [m/s] of the motor.
-        """
+        """Return the force of the body (the specimen) on the tip [N]."""
         compliance, lost = self.compliance, self.lost_motion
         tip = law.compressed(played, compliance)
         slips = played <= x - lost if v > 0.0 else played >= x + lost

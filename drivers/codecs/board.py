@@ -46,7 +46,7 @@ CONFIGURED_FRAME = struct.Struct("<BHIHH")
 SAMPLE_FRAME = struct.Struct(f"<BHIBBBHH{FORCES + 2 * AXES + ANALOGUES}i")
 
 
-class State(IntEnum):
+class BoardState(IntEnum):
     """State of the board, which is part of each sample.
 
     The board leaves the states WATCHDOG, EMERGENCY_STOP and DRIVE_FAULT only when it receives the
@@ -110,7 +110,7 @@ class Sample(NamedTuple):
     time: int
     """Time of the measurements on the board's clock [us]."""
     state: int
-    """One of `State`."""
+    """One of `BoardState`."""
     axes: int
     """Bit mask of the enabled axes."""
     inputs: int
@@ -130,15 +130,6 @@ def frame(kind: int, sequence: int, payload: bytes = b"") -> bytes:
     """Return the bytes of a message as sent on the serial line.
 
     The message and its checksum are encoded by COBS. The last byte is the delimiter, a zero byte.
-
-    Parameters
-    ----------
-    kind
-        Type of the message, for example `HELLO`.
-    sequence
-        Sequence number of the message.
-    payload
-        Content of the message.
     """
     body = HEAD.pack(kind, sequence) + payload
     return cobs.encode(body + CHECKSUM.pack(crc16_x25(body))) + cobs.DELIMITER
@@ -166,13 +157,6 @@ def to_counts(value: float, scale: float) -> int:
     """Return a value in counts, which are the integers in the messages of the board.
 
     The result is `value / scale`, rounded and limited to +-`GREATEST`.
-
-    Parameters
-    ----------
-    value
-        The value, in SI units.
-    scale
-        Value of one count, in SI units.
     """
     return round(min(max(value / scale, -GREATEST), GREATEST))
 
@@ -181,12 +165,6 @@ def decode(body: bytes) -> Message | None:
     """Return the message that a frame contains.
 
     The result is None if the type of the message is unknown, or if its length is wrong.
-
-    Parameters
-    ----------
-    body
-        Bytes of the frame after COBS decoding, without the checksum. The caller must have checked
-        the checksum.
     """
     kind, length = body[0], len(body)
     if kind == SAMPLE and length == SAMPLE_FRAME.size:
@@ -211,15 +189,7 @@ def decode(body: bytes) -> Message | None:
 
 
 class MessageReader:
-    """Finds and decodes the messages of a board in a stream of bytes.
-
-    Parameters
-    ----------
-    rejected
-        Counter of rejected frames. Its keys are the reasons: `length` (too long or too short),
-        `framing` (invalid COBS code), `checksum` (wrong checksum) and `message` (unknown type, or
-        wrong length for this type). The reader increases the counts.
-    """
+    """Finds and decodes the messages of a board in a stream of bytes."""
 
     def __init__(self, rejected: Counter[str] | None = None) -> None:
         self.rejected: Counter[str] = Counter() if rejected is None else rejected

@@ -54,11 +54,6 @@ def fault(status: int) -> str:
     """Return the reason why the measurements of a frame are invalid.
 
     The text is empty if the measurements are valid.
-
-    Parameters
-    ----------
-    status
-        Status bits of the frame.
     """
     return ", ".join(words for bit, words in FAULTS.items() if status & bit)
 

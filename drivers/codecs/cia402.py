@@ -59,7 +59,7 @@ class NmtState(IntEnum):
         return self.name.lower().replace("_", "-")
 
 
-class State(Enum):
+class DriveState(Enum):
     """States of a drive, CiA 402-2 table 30.
 
     Each member is a pair of numbers: a mask and a pattern. The drive is in this state if
@@ -92,12 +92,12 @@ class Control(IntEnum):
     FAULT_RESET = 0x80
 
 
-TOWARDS_OPERATION: dict[State | None, Control] = {
-    State.SWITCH_ON_DISABLED: Control.SHUTDOWN,
-    State.READY_TO_SWITCH_ON: Control.SWITCH_ON,
-    State.SWITCHED_ON: Control.ENABLE_OPERATION,
-    State.OPERATION_ENABLED: Control.ENABLE_OPERATION,
-    State.FAULT: Control.FAULT_RESET,
+TOWARDS_OPERATION: dict[DriveState | None, Control] = {
+    DriveState.SWITCH_ON_DISABLED: Control.SHUTDOWN,
+    DriveState.READY_TO_SWITCH_ON: Control.SWITCH_ON,
+    DriveState.SWITCHED_ON: Control.ENABLE_OPERATION,
+    DriveState.OPERATION_ENABLED: Control.ENABLE_OPERATION,
+    DriveState.FAULT: Control.FAULT_RESET,
 }
 """Controlword to send in each state of a drive, so that the drive starts and remains in operation.
 
@@ -111,9 +111,9 @@ def nmt(command: NmtCommand, node: int) -> bytes:
     return bytes((command, node))
 
 
-def state_of(statusword: int) -> State | None:
+def state_of(statusword: int) -> DriveState | None:
     """Return the state of a drive from its statusword; None if CiA 402-2 has no such state."""
-    return next((s for s in State if statusword & s.value[0] == s.value[1]), None)
+    return next((s for s in DriveState if statusword & s.value[0] == s.value[1]), None)
 
 
 @dataclass(frozen=True)

@@ -152,15 +152,7 @@ class Version(NamedTuple):
 
 
 def identifier(node: int, command: Command) -> int:
-    """Return the 11-bit CAN identifier of a frame.
-
-    Parameters
-    ----------
-    node
-        Node id of the axis that receives or sends the frame.
-    command
-        Command in the frame.
-    """
+    """Return the 11-bit CAN identifier of a frame."""
     return node << 5 | command
 
 
@@ -170,15 +162,7 @@ def set_axis_state(state: AxisState) -> bytes:
 
 
 def set_controller_mode(control: int, inputs: int) -> bytes:
-    """Return the data of the message Set_Controller_Mode.
-
-    Parameters
-    ----------
-    control
-        Number of the control mode, for example `VELOCITY_CONTROL`.
-    inputs
-        Number of the input mode, for example `PASSTHROUGH`.
-    """
+    """Return the data of the message Set_Controller_Mode."""
     return TWO_INTEGERS.pack(control, inputs)
 
 
@@ -205,13 +189,7 @@ def clear_errors(firmware: Firmware) -> bytes:
 
 
 def heartbeat(firmware: Firmware, data: bytes) -> Heartbeat:
-    """Return the state and the errors of an axis in the data of its heartbeat message.
-
-    Raises
-    ------
-    struct.error
-        The data do not have 8 bytes.
-    """
+    """Return the state and the errors of an axis in the data of its heartbeat message."""
     if firmware == "0.5":
         errors, state, motor, encoder, controller = HEARTBEAT_05.unpack(data)
         flags = {"MOTOR_ERROR": motor, "ENCODER_ERROR": encoder, "CONTROLLER_ERROR": controller}
@@ -225,11 +203,6 @@ def encoder_estimates(data: bytes) -> tuple[float, float]:
     """Return the position [rev] and the velocity [rev/s] of the motor.
 
     `data` are the data of the message Get_Encoder_Estimates.
-
-    Raises
-    ------
-    struct.error
-        The data do not have 8 bytes.
     """
     position, velocity = TWO_FLOATS.unpack(data)
     return position, velocity
@@ -239,11 +212,6 @@ def iq(data: bytes) -> tuple[float, float]:
     """Return the setpoint and the measured value of the motor current Iq [A].
 
     Iq is the current that produces the torque. `data` are the data of the message Get_Iq.
-
-    Raises
-    ------
-    struct.error
-        The data do not have 8 bytes.
     """
     setpoint, measured = TWO_FLOATS.unpack(data)
     return setpoint, measured
@@ -253,24 +221,13 @@ def torques(data: bytes) -> tuple[float, float]:
     """Return the setpoint and the estimated value of the motor torque [N m].
 
     `data` are the data of the message Get_Torques.
-
-    Raises
-    ------
-    struct.error
-        The data do not have 8 bytes.
     """
     target, estimate = TWO_FLOATS.unpack(data)
     return target, estimate
 
 
 def version(data: bytes) -> Version:
-    """Return the firmware version in the data of the message Get_Version.
-
-    Raises
-    ------
-    struct.error
-        The data do not have 8 bytes.
-    """
+    """Return the firmware version in the data of the message Get_Version."""
     return Version(*struct.unpack("<4x3Bx", data))
 
 

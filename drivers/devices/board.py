@@ -9,7 +9,7 @@ import contextlib
 from collections.abc import Callable
 
 from drivers.codecs import board as codec
-from drivers.codecs.board import Configured, Identity, Input, MessageReader, State
+from drivers.codecs.board import BoardState, Configured, Identity, Input, MessageReader
 from drivers.device import Sample, SerialDevice, VelocityDrive
 from drivers.device_clock import DeviceClock
 from drivers.devices.board_settings import QUANTITIES, BoardSettings, gains
@@ -22,8 +22,8 @@ ASKING = 0.25
 """If a request has no answer after this time [s], the request is repeated."""
 WATCHDOG = "watchdog: no command arrived in time: the loop was late, or the line is disturbed"
 STOPPED: dict[int, str] = {
-    State.WATCHDOG: WATCHDOG,
-    State.DRIVE_FAULT: "drive fault input",
+    BoardState.WATCHDOG: WATCHDOG,
+    BoardState.DRIVE_FAULT: "drive fault input",
 }
 
 
@@ -223,24 +223,29 @@ class Board(SerialDevice):
 
         While operation is requested, an error remains in `error` after its cause has ended.
         """
-        stopped = sample.state == State.EMERGENCY_STOP
+        stopped = sample.state == BoardState.EMERGENCY_STOP
         self.emergency_stop = stopped or bool(sample.inputs & Input.EMERGENCY_STOP)
-        self._enabled = sample.axes if sample.state == State.ENABLED else 0
+        self._enabled = sample.axes if sample.state == BoardState.ENABLED else 0
         self._ping_answered |= signed(sample.acknowledged - self._pinged, 16) >= 0
         if sample.rejected:
             self.rejected["by the board"] = sample.rejected
-        error = STOPPED[State.DRIVE_FAULT] if sample.inputs & Input.DRIVE_FAULT else ""
+        error = STOPPED[BoardState.DRIVE_FAULT] if sample.inputs & Input.DRIVE_FAULT else ""
         if self._wanted:
             self._acknowledged |= signed(sample.acknowledged - self._asked, 16) >= 0
             if self._acknowledged:
-                if self._running and sample.state not in (State.ENABLED, State.EMERGENCY_STOP):
+                if self._running and sample.state not in (
+                    BoardState.ENABLED,
+                    BoardState.EMERGENCY_STOP,
+                ):
                     error = "the board left operation by itself"
                 error = STOPPED.get(sample.state, error)
-                self._running = self._running or sample.state == State.ENABLED
+                self._running = self._running or sample.state == BoardState.ENABLED
             self._latched = self._latched or error
-        elif sample.state == State.ENABLED:
+        elif sample.state == BoardState.ENABLED:
             self._disabled = False
-        elif sample.state != State.IDLE or signed(sample.acknowledged - self._released, 16) >= 0:
+        elif (
+            sample.state != BoardState.IDLE or signed(sample.acknowledged - self._released, 16) >= 0
+        ):
             # a stopped board, unlike an idle one, does not obey an earlier ENABLE that comes late
             self._disabled = True
         self.error = self._reset or self._latched or error

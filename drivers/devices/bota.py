@@ -66,11 +66,6 @@ class Bota(SerialDevice):
 
         A sensor in configuration mode sends no frames. If no frame arrives, this method sends the
         command that ends the configuration mode, and waits again.
-
-        Raises
-        ------
-        RigError
-            No frame arrives after this command.
         """
         self._line_time = port.line_time(FRAME.size)
         self._started, self._restarted, self._seen = False, "", None
@@ -114,15 +109,7 @@ class Bota(SerialDevice):
             self.samples[signal] = Sample(getattr(frame, signal), time)
 
     def _watch_clock(self, stamp: int, now: float) -> None:
-        """Detect a restart of the sensor, which causes a jump of its clock.
-
-        Parameters
-        ----------
-        stamp
-            Time stamp of the newest frame, on the sensor's clock [us].
-        now
-            Time of arrival of the newest frame, on the controller's clock [s].
-        """
+        """Detect a restart of the sensor: a jump of its clock, whose time stamps are in us."""
         if self._seen:
             before, then = self._seen
             passed = (stamp - before) % WRAP * MICROSECOND

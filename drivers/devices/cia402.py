@@ -20,9 +20,9 @@ from drivers.codecs.cia402 import (
     TPDO1,
     TPDO2,
     Control,
+    DriveState,
     NmtCommand,
     NmtState,
-    State,
     Units,
     command,
     emergency,
@@ -31,13 +31,13 @@ from drivers.codecs.cia402 import (
     statusword,
 )
 from drivers.device import NO_SAMPLE, CanDevice, Sample, VelocityDrive
-from drivers.devices.cia402_master import Master, master_of
+from drivers.devices.cia402_master import CanopenMaster, master_of
 from drivers.devices.cia402_settings import Cia402Settings
 from drivers.rig import RigError
 from drivers.transports.can_bus import CanBus
 
 if TYPE_CHECKING:
-    from drivers.devices.cia402_setup import Setup
+    from drivers.devices.cia402_setup import DriveSetup
 
 BOOTING = 5.0
 """Longest time from a reset of the drive to its boot-up message [s]."""
@@ -45,7 +45,7 @@ STARTING = 1.0
 """Longest wait for the NMT state operational [s], and also for the first samples."""
 RESETTING = 0.5
 """Longest time that the drive may take to reset a fault [s]."""
-FAULTS = (State.FAULT, State.FAULT_REACTION_ACTIVE)
+FAULTS = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 CONFIRMING = 2
 """Number of statuswords that confirm a stop. One can have been sent before the drive's reaction."""
 
@@ -76,13 +76,13 @@ class Cia402(CanDevice, VelocityDrive):
             HEARTBEAT + node: self._process_heartbeat,
         }
         self._bus: CanBus | None = None
-        self._setup: Setup | None = None
-        self._master = Master()
+        self._setup: DriveSetup | None = None
+        self._master = CanopenMaster()
         self._running = False
         self._lost = ""
         self._heard = self._updated = -math.inf
         self._nmt: NmtState | None = None
-        self._state: State | None = None
+        self._state: DriveState | None = None
         self._armed = self._enabled = self._answered = self._booted = False
         self._control, self._target = Control.QUICK_STOP, 0
         self._resetting_until = math.inf
@@ -105,13 +105,8 @@ class Cia402(CanDevice, VelocityDrive):
         """Reset the CANopen communication of the drive, and configure the drive.
 
         The drive remains out of operation.
-
-        Raises
-        ------
-        RigError
-            The drive does not answer, is not the expected drive, or refuses a setting.
         """
-        from drivers.devices.cia402_setup import Setup
+        from drivers.devices.cia402_setup import DriveSetup
 
         node = self.settings.node_id
         where = f"{self.name}: node {node} on {bus.name}"
@@ -124,7 +119,7 @@ class Cia402(CanDevice, VelocityDrive):
                 f"{where}: no boot-up message within {BOOTING:g} s of a reset: expected a CANopen "
                 "drive with this node id at the bus's bit rate"
             )
-        self._setup = Setup(where, bus, self.settings)
+        self._setup = DriveSetup(where, bus, self.settings)
         try:
             self._units = self._units_with(self._setup.run())
         finally:
@@ -168,10 +163,10 @@ class Cia402(CanDevice, VelocityDrive):
             self.rejected["statusword"] += 1
             return
         before, self._state = self._state, state
-        self._stopped = 0 if state is State.OPERATION_ENABLED else self._stopped + 1
+        self._stopped = 0 if state is DriveState.OPERATION_ENABLED else self._stopped + 1
         if state in FAULTS and before not in (None, *FAULTS):
             self._fail(f"statusword 0x{word:04X}: {state.words}")
-        elif self._enabled and state is not State.OPERATION_ENABLED:
+        elif self._enabled and state is not DriveState.OPERATION_ENABLED:
             self._fail(f"left operation by itself: statusword 0x{word:04X}, {state.words}")
 
     def _process_motion(self, data: bytes, time: float) -> None:
@@ -226,7 +221,7 @@ class Cia402(CanDevice, VelocityDrive):
         self._updated = now
         if now - self._heard > self._watchdog:
             self._fail(f"no heartbeat for {self.settings.watchdog_ms} ms")
-        if now > self._resetting_until and self._state is State.FAULT:
+        if now > self._resetting_until and self._state is DriveState.FAULT:
             self._fail("the fault is not cleared by a reset")
 
     def ping(self) -> bool:
@@ -248,11 +243,6 @@ class Cia402(CanDevice, VelocityDrive):
         """Request one state change towards operation; return whether the drive is in operation.
 
         The first call after `idle` clears the error. A fault of the drive is reset.
-
-        Raises
-        ------
-        RigError
-            The drive has lost its configuration, for example by a reset.
         """
         assert self._bus
         if self._lost:
@@ -264,7 +254,7 @@ class Cia402(CanDevice, VelocityDrive):
             self._resetting_until = self._bus.now() + RESETTING
         if not self.error and not self._enabled:
             self._control = TOWARDS_OPERATION.get(self._state, Control.QUICK_STOP)
-            self._enabled = self._state is State.OPERATION_ENABLED
+            self._enabled = self._state is DriveState.OPERATION_ENABLED
         return self._enabled
 
     def command(self, velocity: float) -> float:

@@ -14,7 +14,7 @@ LONGEST = 8e-3
 """`keep_sampling` sends a SYNC if there was no SYNC during this time [s]."""
 
 
-class Master:
+class CanopenMaster:
     """CANopen master. All drives on a bus share one master.
 
     At each tick (cycle of the control loop), each drive object sends its command, in the order in
@@ -39,15 +39,7 @@ class Master:
         self._period = math.inf
 
     def join(self, drive: str, heartbeat_period: float) -> None:
-        """Add a drive. Drives are added in the order in which their commands are sent.
-
-        Parameters
-        ----------
-        drive
-            Name of the drive's device in the rig file.
-        heartbeat_period
-            Longest period of the controller's heartbeat that the drive permits [s].
-        """
+        """Add a drive. Drives are added in the order in which their commands are sent."""
         self._last, self.armed = drive, False
         self._period = min(self._period, heartbeat_period)
 
@@ -56,13 +48,6 @@ class Master:
 
         Also send the controller's heartbeat, if a drive has been enabled and the period of the
         heartbeat has elapsed. If `drive` is not the last drive, do nothing.
-
-        Parameters
-        ----------
-        drive
-            Name of the drive to which the latest command was sent.
-        bus
-            The CAN bus.
         """
         if drive != self._last:
             return
@@ -87,9 +72,9 @@ class Master:
         bus.send(SYNC, b"")
 
 
-_masters: WeakKeyDictionary[CanBus, Master] = WeakKeyDictionary()
+_masters: WeakKeyDictionary[CanBus, CanopenMaster] = WeakKeyDictionary()
 
 
-def master_of(bus: CanBus) -> Master:
+def master_of(bus: CanBus) -> CanopenMaster:
     """Return the CANopen master of a bus. The first call for a bus creates the master."""
-    return _masters.setdefault(bus, Master())
+    return _masters.setdefault(bus, CanopenMaster())

@@ -112,19 +112,10 @@ def variable(index: int, sub: int, kind: int) -> ODVariable:
     return entry
 
 
-class Setup:
+class DriveSetup:
     """Checks and configures one CiA 402 drive with CANopen service data objects (SDO).
 
     The package `canopen` implements the SDO protocol. A `CanBus` sends the frames.
-
-    Parameters
-    ----------
-    where
-        Text that names the drive in error messages.
-    bus
-        The CAN bus. While `Setup` waits for an answer, it reads the bus.
-    settings
-        The drive's section of the rig file.
     """
 
     def __init__(self, where: str, bus: CanBus, settings: Cia402Settings) -> None:
@@ -140,13 +131,7 @@ class Setup:
         self._network.notify(frame.arbitration_id, frame.data, time)
 
     def run(self) -> float:
-        """Check and configure the drive; return its rated torque [N m], or NaN if it is unknown.
-
-        Raises
-        ------
-        RigError
-            The drive does not answer, is not the expected drive, or refuses a setting.
-        """
+        """Check and configure the drive; return its rated torque [N m], or NaN if it is unknown."""
         self._identify()
         self._monitor()
         self._choose_mode()
@@ -297,15 +282,7 @@ class PumpedSdo(SdoClient):
         self._carrier = bus
 
     def read_response(self) -> bytes:
-        """Wait for the answer of the drive to an SDO request, and return its data.
-
-        Raises
-        ------
-        SdoCommunicationError
-            There is no answer within `RESPONSE_TIMEOUT`.
-        SdoAbortedError
-            The drive refuses the request.
-        """
+        """Wait for the answer of the drive to an SDO request, and return its data."""
         if not self._carrier.wait_for(lambda: not self.responses.empty(), self.RESPONSE_TIMEOUT):
             raise SdoCommunicationError(f"no answer within {self.RESPONSE_TIMEOUT:g} s")
         answer: bytes = super().read_response()  # type: ignore[no-untyped-call]

@@ -47,14 +47,7 @@ class DbcSettings(DeviceSettings):
         return self
 
     def read(self) -> list[Message]:
-        """Read the DBC file, and return the descriptions of the messages that the device sends.
-
-        Raises
-        ------
-        ValueError
-            The file cannot be read or is not a DBC file. The file contains no message, or a message
-            in the settings is not in the file. A signal has the scale 0.
-        """
+        """Read the DBC file, and return the descriptions of the messages that the device sends."""
         try:
             logging.getLogger("cantools").setLevel(logging.ERROR)
             text = read_input(self.file).decode("cp1252", "replace").replace("\r\n", "\n")
@@ -122,11 +115,6 @@ class DbcDevice(CanDevice):
         """Wait for one frame of each message that is listed in the settings.
 
         If the settings list no message, wait for any frame of the device.
-
-        Raises
-        ------
-        RigError
-            A frame is not received in time.
         """
         self._heard.clear()
         named = set(self.settings.messages)

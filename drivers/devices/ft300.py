@@ -49,13 +49,7 @@ class Ft300(SerialDevice):
         return dict.fromkeys(("fx", "fy", "fz"), "N") | dict.fromkeys(("mx", "my", "mz"), "N m")
 
     def start(self, port: SerialPort) -> None:
-        """Start the data stream of the sensor, unless frames already arrive.
-
-        Raises
-        ------
-        RigError
-            No frame is received.
-        """
+        """Start the data stream of the sensor, unless frames already arrive."""
         self._port = port
         self._line_time = port.line_time(FRAME.size)
         self.samples = dict.fromkeys(self.signals(), NO_SAMPLE)

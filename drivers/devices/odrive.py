@@ -72,13 +72,6 @@ class ODrive(CanDevice, VelocityDrive):
     commands reset the watchdog timer. With firmware 0.5, every frame to the axis resets this timer.
     Therefore, from a stop until a heartbeat reports the state IDLE, only the request for this state
     is sent. The pauses between these requests increase to twice the watchdog time.
-
-    Parameters
-    ----------
-    name
-        Name of the device in the rig file.
-    settings
-        Section of the device in the rig file.
     """
 
     Settings = ODriveSettings
@@ -142,14 +135,7 @@ class ODrive(CanDevice, VelocityDrive):
             yield codec.identifier(self.settings.node, command)
 
     def start(self, bus: CanBus) -> None:
-        """Take the axis out of operation, and check the firmware version.
-
-        Raises
-        ------
-        RigError
-            There is no heartbeat, the axis does not leave operation, or the firmware does not have
-            the expected version.
-        """
+        """Take the axis out of operation, and check the firmware version."""
         self._bus = bus
         self._wanted = self._idle = False
         wanted = self.settings.firmware

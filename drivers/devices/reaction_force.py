@@ -87,11 +87,6 @@ class ReactionForceObserver(DerivedDevice):
         """Find the device that measures the force and the velocity of the drive.
 
         The setting `drive` gives the name of this device.
-
-        Raises
-        ------
-        RigError
-            There is no device of this name with the signals `force` [N] and `velocity` [m/s].
         """
         fitting = [
             name for name, device in devices.items() if NEEDED.items() <= device.signals().items()

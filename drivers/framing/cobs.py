@@ -40,11 +40,6 @@ def decode(encoded: bytes) -> bytes:
     The value of each code byte is the distance to the next code byte. The code bytes are replaced
     by zero bytes, with two exceptions. The first code byte is removed. Each code byte that follows
     254 non-zero bytes is also removed.
-
-    Raises
-    ------
-    ValueError
-        A code byte is zero, or its distance ends beyond the end of the frame.
     """
     data = bytearray(encoded)
     at, end = 0, len(data)
@@ -63,17 +58,7 @@ def decode(encoded: bytes) -> bytes:
 
 
 class CobsReader:
-    """Separates a stream of bytes into COBS frames, and decodes them.
-
-    Parameters
-    ----------
-    longest
-        Largest length of an encoded frame, without the zero byte at its end [bytes]. Longer frames
-        are rejected.
-    rejected
-        Counter to which rejected frames are added. Its key `length` counts frames that are too
-        long. Its key `framing` counts frames that cannot be decoded.
-    """
+    """Separates a stream of bytes into COBS frames, and decodes them."""
 
     def __init__(self, longest: int, rejected: Counter[str]) -> None:
         self.longest = longest

@@ -13,12 +13,6 @@ class FixedFrameParser(ABC, Generic[Frame]):
     """Base class of the parsers that find frames of fixed length in a stream of bytes.
 
     Bytes that do not belong to a frame are skipped.
-
-    Parameters
-    ----------
-    rejected
-        Counter to which rejected data are added. Its key `checksum` counts the frames with a wrong
-        checksum. Its key `noise` counts the skipped bytes.
     """
 
     header: ClassVar[bytes]
@@ -32,13 +26,7 @@ class FixedFrameParser(ABC, Generic[Frame]):
 
     @abstractmethod
     def decode(self, frame: bytes) -> Frame | None:
-        """Return the content of a frame, or None if the checksum of the frame is wrong.
-
-        Parameters
-        ----------
-        frame
-            All bytes of the frame. Their number is the attribute `size` of the class.
-        """
+        """Return the content of a frame, or None if the checksum of the frame is wrong."""
 
     def feed(self, data: bytes) -> list[Frame]:
         """Process the next bytes of the stream, and return the frames that end in these bytes.

@@ -39,16 +39,7 @@ class PortablePort:
     def read(self, timeout: float | None) -> bytes:
         """Return all bytes that have arrived. If there are none, wait for the first byte.
 
-        Parameters
-        ----------
-        timeout
-            Longest wait [s]; None for no limit. If no byte arrives in this time, the result is
-            empty.
-
-        Raises
-        ------
-        OSError, ValueError
-            The port is disconnected or closed.
+        `timeout`: None for no limit.
         """
         deadline = None if timeout is None else time.monotonic() + timeout
         while not (waiting := self._port.in_waiting):
@@ -58,21 +49,7 @@ class PortablePort:
         return bytes(self._port.read(waiting))
 
     def write(self, data: bytes, timeout: float) -> int:
-        """Write as many bytes as the port accepts, and return the number of written bytes.
-
-        Parameters
-        ----------
-        data
-            Bytes to write.
-        timeout
-            Longest wait for space in the transmit buffer of the port [s]. If there is
-            not enough space in this time, only a part of `data` is written.
-
-        Raises
-        ------
-        OSError, ValueError
-            The port is disconnected or closed.
-        """
+        """Write as many bytes as the port accepts, and return the number of written bytes."""
         taken = self._write_some(data)
         if taken < len(data):
             deadline = time.monotonic() + timeout
@@ -142,20 +119,6 @@ def open_port(channel: str, baud: int) -> PortablePort:
 
     The result is a `DescriptorPort` if the operating system is POSIX and the port has a file
     descriptor, otherwise a `PortablePort`.
-
-    Parameters
-    ----------
-    channel
-        Device file, COM port, or a pyserial URL.
-    baud
-        Bit rate of the port [bit/s].
-
-    Raises
-    ------
-    BusyPortError
-        Another process has opened the port for exclusive use.
-    OSError, ValueError
-        The port cannot be opened.
     """
     try:
         port = serial.serial_for_url(channel, baud, timeout=0, write_timeout=0, exclusive=True)

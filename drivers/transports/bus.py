@@ -11,15 +11,7 @@ POLL_PERIOD = 0.5e-3
 
 
 class Bus(ABC):
-    """A serial port or CAN bus.
-
-    Parameters
-    ----------
-    name
-        Name of the bus in the rig file.
-    now
-        Function that returns the time of the controller's clock [s].
-    """
+    """A serial port or CAN bus."""
 
     def __init__(self, name: str, now: Callable[[], float]) -> None:
         self.name = name
@@ -31,23 +23,11 @@ class Bus(ABC):
 
     @abstractmethod
     def open(self) -> None:
-        """Connect to the port or the CAN adapter.
-
-        Raises
-        ------
-        RigError
-            The connection failed.
-        """
+        """Connect to the port or the CAN adapter."""
 
     @abstractmethod
     def poll(self) -> None:
-        """Pass all received data to the devices, without waiting.
-
-        Raises
-        ------
-        RigError
-            The port or adapter is disconnected, or the CAN controller is in the state bus-off.
-        """
+        """Pass all received data to the devices, without waiting."""
 
     @abstractmethod
     def close(self) -> None:
@@ -57,23 +37,6 @@ class Bus(ABC):
         """Read the bus repeatedly until a condition is true, or until the longest wait has passed.
 
         This method waits. Call it only to set up devices, before the control loop starts.
-
-        Parameters
-        ----------
-        condition
-            Function that returns a true value when the wait must end.
-        seconds
-            Longest wait [s].
-
-        Returns
-        -------
-        bool
-            Whether the condition became true.
-
-        Raises
-        ------
-        RigError
-            The bus cannot be read.
         """
         end = self.now() + seconds
         while not condition():

@@ -44,20 +44,7 @@ in one process."""
 class CanBus(Bus):
     """A CAN bus. Each received frame is passed to the function registered for its identifier.
 
-    Parameters
-    ----------
-    name
-        Name of the bus in the rig file.
-    now
-        Function that returns the time of the controller's clock [s].
-    interface
-        Name of the adapter's interface in python-can. For `slcan`, `SlcanBus` is used.
-    channel
-        Name of the bus in the interface, for example `can0` or `/dev/ttyACM0`.
-    bitrate
-        Bit rate [bit/s]; None to leave the bit rate unchanged.
-    options
-        Further arguments for the interface of python-can.
+    `bitrate`: None to leave the bit rate unchanged.
     """
 
     def __init__(
@@ -88,15 +75,7 @@ class CanBus(Bus):
     def attach(
         self, identifiers: Iterable[int], receive: Callable[[can.Message, float], object]
     ) -> None:
-        """Register the function that receives the frames with the given identifiers.
-
-        Parameters
-        ----------
-        identifiers
-            Identifiers of the frames. In an identifier of 29 bits, bit 31 is set.
-        receive
-            Function that `poll` calls with each of these frames and its arrival time [s].
-        """
+        """Register the function that receives the frames with the given identifiers."""
         self._routes.update(dict.fromkeys(identifiers, receive))
 
     def open(self) -> None:
@@ -105,12 +84,6 @@ class CanBus(Bus):
         Before, the bus is claimed, because several processes can open the same SocketCAN interface:
         they would send commands to the same drives. Only Linux has such claims. The devices on the
         bus, also emulated ones, do not claim it.
-
-        Raises
-        ------
-        RigError
-            The adapter cannot be opened, an entry of `options` is invalid, or another process of
-            this machine has claimed the bus.
         """
         if self.interface not in UNSHARED:
             self._claim_bus()
@@ -164,11 +137,6 @@ class CanBus(Bus):
         The arrival time is the time stamp that the interface gives. If the time stamp is not within
         the last second, or if the adapter is an slcan adapter, the arrival time is estimated. The
         estimate is the mean of the time of this reading and the time of the previous reading.
-
-        Raises
-        ------
-        RigError
-            The adapter is disconnected, or the CAN controller is in the state bus-off.
         """
         try:
             frames = self._drain()
@@ -196,13 +164,7 @@ class CanBus(Bus):
                 receive(frame, now - age if stamped else middle)
 
     def _watch_adapter(self, bus: SlcanBus) -> None:
-        """Check the status flags of an slcan adapter, which sends no error frames.
-
-        Raises
-        ------
-        RigError
-            The adapter reports a bus error.
-        """
+        """Check the status flags of an slcan adapter, which sends no error frames."""
         flags = bus.status()
         if flags and flags & StatusFlags.BUS_ERROR:
             raise RigError(
@@ -212,41 +174,13 @@ class CanBus(Bus):
             self.errors += 1
 
     def send(self, identifier: int, data: bytes, extended: bool = False) -> None:
-        """Send a data frame without waiting.
-
-        Parameters
-        ----------
-        identifier
-            Identifier of the frame.
-        data
-            Content of the frame, at most 8 bytes.
-        extended
-            Whether the identifier has 29 bits and not 11 bits.
-
-        Raises
-        ------
-        RigError
-            The adapter is disconnected or its buffer is full.
-        """
+        """Send a data frame without waiting."""
         self._put(
             can.Message(arbitration_id=identifier, data=data, is_extended_id=extended, check=False)
         )
 
     def request(self, identifier: int, length: int = 8) -> None:
-        """Send a remote frame, which is a request for the data frame with the same identifier.
-
-        Parameters
-        ----------
-        identifier
-            Identifier of both frames (11 bits).
-        length
-            Length of the requested data [bytes].
-
-        Raises
-        ------
-        RigError
-            The adapter is disconnected or its buffer is full.
-        """
+        """Send a remote frame, which is a request for the data frame with the same identifier."""
         self._put(
             can.Message(
                 arbitration_id=identifier, dlc=length, is_remote_frame=True, is_extended_id=False

@@ -14,19 +14,7 @@ BITS = 10
 
 
 class SerialPort(Bus):
-    """A serial port. The received bytes are passed to the function given to `attach`.
-
-    Parameters
-    ----------
-    name
-        Name of the port in the rig file.
-    now
-        Function that returns the time of the controller's clock [s].
-    port
-        Device file, COM port, or a pyserial URL.
-    baud
-        Bit rate of the port [bit/s].
-    """
+    """A serial port. The received bytes are passed to the function given to `attach`."""
 
     def __init__(self, name: str, now: Callable[[], float], port: str, baud: int) -> None:
         super().__init__(name, now)
@@ -43,13 +31,7 @@ class SerialPort(Bus):
         self._receive = receive
 
     def open(self) -> None:
-        """Open the port, and discard the bytes that have already arrived.
-
-        Raises
-        ------
-        RigError
-            The port cannot be opened, for example because another process uses it.
-        """
+        """Open the port, and discard the bytes that have already arrived."""
         try:
             self._opened = open_port(self.port, self.baud)
             self._opened.discard_input()
@@ -68,11 +50,6 @@ class SerialPort(Bus):
 
         The arrival time of the bytes is estimated as the mean of the time of this reading and the
         time of the previous reading.
-
-        Raises
-        ------
-        RigError
-            The port is disconnected.
         """
         data, now = self.drain(), self.now()
         if data and self._receive:
@@ -81,13 +58,7 @@ class SerialPort(Bus):
         self._polled = now
 
     def drain(self) -> bytes:
-        """Return all bytes that have arrived, without waiting.
-
-        Raises
-        ------
-        RigError
-            The port is disconnected.
-        """
+        """Return all bytes that have arrived, without waiting."""
         assert self._opened
         try:
             return self._opened.read(0.0)
@@ -95,13 +66,7 @@ class SerialPort(Bus):
             raise self._gone(error) from error
 
     def write(self, data: bytes) -> None:
-        """Send bytes without waiting.
-
-        Raises
-        ------
-        RigError
-            The port is disconnected, or its transmit buffer is full.
-        """
+        """Send bytes without waiting."""
         assert self._opened
         try:
             written = self._opened.write(data, 0.0)
@@ -115,17 +80,7 @@ class SerialPort(Bus):
         return BITS * size / self.baud
 
     def no_frame_message(self, seconds: float, device: str, baud: int) -> str:
-        """Return the error message for a device that sent no valid frame.
-
-        Parameters
-        ----------
-        seconds
-            Time without a valid frame [s].
-        device
-            Name of the expected device, with an article, for example `a Bota sensor`.
-        baud
-            Bit rate of the expected device [bit/s].
-        """
+        """Return the error message for a device that sent no valid frame."""
         where = f"no valid frame in {seconds:g} s on {self.name} ({self.port})"
         if not self.received:
             return f"{where}, and no other byte: expected {device} with power on"

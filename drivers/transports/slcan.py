@@ -13,14 +13,54 @@ from __future__ import annotations
 import contextlib
 import re
 import time
-from binascii import unhexlify
+from binascii import hexlify, unhexlify
 from collections import deque
 from enum import IntFlag
 
 import can
 
 from drivers.transports.bulk_port import open_port
-from drivers.transports.slcan_frames import decode, encode
+
+
+def encode(msg: can.Message) -> bytes:
+    """Return a CAN frame as a line of the slcan protocol, with the CR at the end."""
+    length = 0 if msg.is_remote_frame else msg.dlc
+    limit = 1 << 29 if msg.is_extended_id else 1 << 11
+    if (
+        msg.is_fd
+        or msg.is_error_frame
+        or msg.dlc > 8
+        or len(msg.data) != length
+        or not 0 <= msg.arbitration_id < limit
+    ):
+        raise ValueError(f"slcan frame {msg!r}: expected a classical data or remote frame")
+    kind = "r" if msg.is_remote_frame else "t"
+    if msg.is_extended_id:
+        head = f"{kind.upper()}{msg.arbitration_id:08X}{msg.dlc}"
+    else:
+        head = f"{kind}{msg.arbitration_id:03X}{msg.dlc}"
+    return head.encode() + hexlify(msg.data).upper() + b"\r"
+
+
+def decode(line: bytes, timestamp: float) -> can.Message:
+    """Return the CAN frame that a line of the slcan protocol contains."""
+    extended, remote = line[:1] in b"TR", line[:1] in b"rR"
+    place = 9 if extended else 4
+    identifier = int.from_bytes(unhexlify(line[1:9] if extended else b"0" + line[1:4]), "big")
+    length = b"012345678".index(line[place : place + 1])
+    stop = place + 1 + (0 if remote else 2 * length)
+    if len(line) not in (stop, stop + 4) or identifier >= 1 << (29 if extended else 11):
+        raise ValueError("invalid frame")
+    data = unhexlify(line[place + 1 :])
+    return can.Message(
+        timestamp=timestamp,
+        arbitration_id=identifier,
+        is_extended_id=extended,
+        is_remote_frame=remote,
+        dlc=length,
+        data=data[:length],
+    )
+
 
 CR, BEL = b"\r", b"\a"
 ACKNOWLEDGEMENTS = (b"", b"z", b"Z")
@@ -59,6 +99,8 @@ class StatusFlags(IntFlag):
 class SlcanBus(can.BusABC):
     """A CAN bus with an slcan adapter, as an interface of python-can.
 
+    `bitrate`: None to keep the present setting of the adapter.
+
     `recv` and `drain` read all waiting bytes of the port. Invalid lines, for example frames
     changed by noise, are counted and skipped. `send` does not wait for the adapter's answer. If the
     adapter refuses a frame, a later call of `recv` or `drain` reads the refusal and raises
@@ -67,24 +109,6 @@ class SlcanBus(can.BusABC):
     not read. This class has no method `fileno`, because waiting for the file descriptor of the port
     would not detect frames that were already read from the port and stored in this object.
     Therefore, python-can's Notifier reads this bus in a thread.
-
-    Parameters
-    ----------
-    channel
-        Serial port, for example `/dev/ttyACM0` or `COM8`, or a pyserial URL.
-    bitrate
-        Bit rate of the bus [bit/s]; None to keep the present setting of the adapter.
-    tty_baudrate
-        Bit rate of the serial port [bit/s]. USB adapters ignore it. 115200 allows 500 frames/s.
-    can_filters
-        Filters of received frames, as python-can defines them.
-
-    Raises
-    ------
-    ValueError
-        The protocol does not support the bit rate.
-    can.CanInitializationError
-        The port cannot be opened, or the adapter does not acknowledge a command.
     """
 
     def __init__(
@@ -132,13 +156,7 @@ class SlcanBus(can.BusABC):
         return len(self._in_flight)
 
     def drain(self) -> list[can.Message]:
-        """Return all received frames, without waiting.
-
-        Raises
-        ------
-        can.CanOperationError
-            The adapter refused a frame, or its port is disconnected.
-        """
+        """Return all received frames, without waiting."""
         self._fetch(0.0)
         frames = list(self._received)
         self._received.clear()
@@ -147,34 +165,14 @@ class SlcanBus(can.BusABC):
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a frame to the adapter, without waiting for its answer.
 
-        Parameters
-        ----------
-        msg
-            Data frame or remote frame of classical CAN (not CAN FD).
-        timeout
-            Longest wait for space in the port's buffer [s]; None for no wait.
-
-        Raises
-        ------
-        ValueError
-            The frame is not of classical CAN, or its identifier or length is invalid.
-        can.CanOperationError
-            The port's buffer is full or the port is disconnected. The frame is lost.
+        `timeout`: None for no wait.
         """
         self._write(encode(msg), timeout or 0.0)
 
     def status(self) -> StatusFlags | None:
         """Request the status flags of the adapter, without waiting for the answer.
 
-        Returns
-        -------
-        StatusFlags or None
-            Flags of the latest answer to an earlier request; None if there is no answer yet.
-
-        Raises
-        ------
-        can.CanOperationError
-            The port's buffer is full or the port is disconnected.
+        The result is None if there is no answer yet.
         """
         self._write(b"F\r", 0.0)
         return self.flags

@@ -27,13 +27,7 @@ ERROR_WARNING, BUS_ERROR = 0x04, 0x80
 
 
 class CanWire(Wire):
-    """Base class of the connections between emulated CAN devices and the host.
-
-    Parameters
-    ----------
-    devices
-        All emulated devices on the bus.
-    """
+    """Base class of the connections between emulated CAN devices and the host."""
 
     def __init__(self, devices: Sequence[EmulatedCanDevice]) -> None:
         self.devices = list(devices)
@@ -61,11 +55,6 @@ class CanWire(Wire):
 
         Each device receives the frames of the host and of the other devices. The host receives the
         frames of all devices. A fault changes the frames from and to the host.
-
-        Parameters
-        ----------
-        now
-            Present time [s].
         """
         sent = self.from_host()
         if self.to_devices:
@@ -93,13 +82,6 @@ class SlcanWire(CanWire):
     """A CAN bus to which the host is connected by an emulated slcan adapter.
 
     An slcan adapter is a CAN adapter on a serial port. Here the serial port is a pseudo-terminal.
-
-    Parameters
-    ----------
-    path
-        Path of the pseudo-terminal.
-    devices
-        All emulated devices on the bus.
     """
 
     def __init__(self, path: Path, devices: Sequence[EmulatedCanDevice]) -> None:
@@ -150,13 +132,6 @@ class InterfaceWire(CanWire):
     """A real or virtual CAN bus that the library python-can opens, for example with SocketCAN.
 
     The host opens the same bus.
-
-    Parameters
-    ----------
-    interface, channel
-        Names of the interface and the channel, as in the function `can.Bus` of python-can.
-    devices
-        All emulated devices on the bus.
     """
 
     def __init__(self, interface: str, channel: str, devices: Sequence[EmulatedCanDevice]) -> None:

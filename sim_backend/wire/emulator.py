@@ -49,24 +49,6 @@ class Emulator:
     the devices on the bus to the host. The emulator is a context manager. It opens the wires at the
     start and closes them at the end. Serial ports, and the serial ports of slcan adapters, are
     pseudo-terminals. Other CAN buses are opened with python-can.
-
-    Parameters
-    ----------
-    file
-        The rig file.
-    make_rig
-        Function that returns a new simulated telemanipulator, with which the devices are connected.
-    folder
-        Folder of the pseudo-terminals. Each pseudo-terminal has the name of its bus.
-    faults
-        Planned faults.
-    now
-        Function that returns the time of the clock [s].
-
-    Raises
-    ------
-    ValueError
-        The rig file contains a device of a kind that cannot be emulated.
     """
 
     def __init__(
@@ -140,12 +122,9 @@ class Emulator:
     def step(self, wires: Iterable[Wire] | None = None) -> None:
         """Advance the simulated telemanipulator and the emulated devices to the present time.
 
-        Planned faults whose time is reached are applied before the devices are advanced.
+        `wires`: None for all wires of the emulator.
 
-        Parameters
-        ----------
-        wires
-            Wires whose devices are advanced; None for all wires of the emulator.
+        Planned faults whose time is reached are applied before the devices are advanced.
         """
         self.mechanism.advance()
         now = self._now()
@@ -164,13 +143,6 @@ class Emulator:
         The data of a wire (serial line or CAN bus) are passed when one of its devices must send a
         frame, or when the host has sent data. The data of all wires are also passed periodically,
         at the sample rate in the rig file, so that watchdogs of the devices can expire.
-
-        Parameters
-        ----------
-        stopped
-            Function that returns True when this method must end.
-        each_period
-            Function that is called once per sample period. It must not block.
         """
         period = 1.0 / self.file.sections.rate_hz
         wires = list(self.wires.values())
@@ -208,20 +180,7 @@ class Emulator:
 
 
 def host_ports(file: RigFile, folder: Path) -> dict[str, str]:
-    """Return the serial ports and CAN channels that a host must open to connect to the emulator.
-
-    Parameters
-    ----------
-    file
-        The rig file that the emulator uses.
-    folder
-        Folder of the pseudo-terminals, as for the `Emulator`.
-
-    Returns
-    -------
-    dict
-        Serial port or CAN channel of each bus, by the name of the bus in the rig file.
-    """
+    """Return the serial ports and CAN channels that a host must open to connect to the emulator."""
     return {
         name: bus.channel
         if isinstance(bus, CanSettings) and bus.interface != "slcan"
@@ -235,13 +194,6 @@ def host_file(file: RigFile, folder: Path) -> str:
 
     The text is that of `file`, with two changes. The serial ports and CAN channels are those of the
     emulator (see `host_ports`), and the paths of files are absolute.
-
-    Parameters
-    ----------
-    file
-        The rig file that the emulator uses.
-    folder
-        Folder of the pseudo-terminals, as for the `Emulator`.
     """
     import tomlkit
 

@@ -15,11 +15,6 @@ class PseudoTerminal:
 
     The host opens one end of the pseudo-terminal like a serial port. The emulated device uses the
     other end with the methods of this class.
-
-    Parameters
-    ----------
-    path
-        Path that the host opens. `open` creates a symbolic link to the pseudo-terminal there.
     """
 
     def __init__(self, path: Path) -> None:
@@ -27,13 +22,7 @@ class PseudoTerminal:
         self._ends: tuple[int, ...] = ()
 
     def open(self) -> None:
-        """Create the pseudo-terminal, and a symbolic link to it at the path `self.path`.
-
-        Raises
-        ------
-        NotImplementedError
-            The system does not support pseudo-terminals.
-        """
+        """Create the pseudo-terminal, and a symbolic link to it at the path `self.path`."""
         try:
             import pty
             import tty

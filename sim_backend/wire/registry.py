@@ -22,21 +22,6 @@ BUILT_IN = {
 
 
 def emulated_class(kind: str) -> type[EmulatedDevice]:
-    """Return the class that emulates devices of a kind.
-
-    Parameters
-    ----------
-    kind
-        Kind of the device in the rig file, for example `odrive`.
-
-    Raises
-    ------
-    KeyError
-        There is no class for this kind.
-    ImportError
-        A package that the class needs is not installed.
-    ValueError
-        The package of the class is not usable (see `drivers.registry.loaded_class`).
-    """
+    """Return the class that emulates devices of a kind."""
     found: type[EmulatedDevice] = loaded_class(GROUP, kind, BUILT_IN)
     return found

@@ -19,15 +19,6 @@ class SerialWire(Wire):
 
     The host receives a frame of the device only when the time has passed that the transmission of
     the frame takes on a real serial line.
-
-    Parameters
-    ----------
-    path
-        Path of the pseudo-terminal, which the host opens like a serial port.
-    device
-        The emulated device.
-    baud
-        Bit rate of the serial line [bit/s].
     """
 
     def __init__(self, path: Path, device: EmulatedSerialDevice, baud: int) -> None:
@@ -47,11 +38,6 @@ class SerialWire(Wire):
 
         A frame of the device is stored until its transmission ends, and is then passed to the host.
         For a fault, all bytes of the host since the last call are one frame.
-
-        Parameters
-        ----------
-        now
-            Present time [s].
         """
         data = self.port.read()
         if fault := self.to_devices:

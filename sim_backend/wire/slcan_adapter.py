@@ -118,12 +118,7 @@ class SlcanAdapter:
     def _reply(self, line: str, frame: can.Message | None) -> str:
         """Execute the command in a line of the host, and return the answer to the line.
 
-        Parameters
-        ----------
-        line
-            The line without its end.
-        frame
-            CAN frame in the line; None if the line is a command, or if the frame is refused.
+        `frame`: None if the line is a command, or if the frame is refused.
         """
         if frame:
             return "Z\r" if frame.is_extended_id else "z\r"

@@ -26,13 +26,7 @@ class Wire(ABC):
     to_devices: WireFault | None = None
 
     def distort(self, make_fault: Callable[[], WireFault]) -> None:
-        """Apply a fault to both directions from now on. It replaces the faults before.
-
-        Parameters
-        ----------
-        make_fault
-            Function that returns a new object of the fault. It is called once per direction.
-        """
+        """Apply a fault to both directions from now on. It replaces the faults before."""
         self.to_host, self.to_devices = make_fault(), make_fault()
 
     @abstractmethod
@@ -45,11 +39,6 @@ class Wire(ABC):
 
         Data that reach the host only later, for example because their transmission takes time, are
         stored. A later call passes them to the host.
-
-        Parameters
-        ----------
-        now
-            Present time [s].
         """
 
     @abstractmethod

@@ -22,15 +22,7 @@ class WireFault:
     """
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """Return the frames that are received now.
-
-        Parameters
-        ----------
-        frames
-            Frames that are sent now.
-        now
-            Present time [s].
-        """
+        """Return the frames that are received now."""
         return frames
 
     def octets(self, data: bytes) -> bytes:
@@ -47,15 +39,7 @@ class WireFault:
 
 
 class Random(WireFault):
-    """Base class of faults that affect frames chosen at random.
-
-    Parameters
-    ----------
-    share
-        Probability that the fault affects a frame, from 0 to 1.
-    seed
-        Seed of the random choice.
-    """
+    """Base class of faults that affect frames chosen at random."""
 
     def __init__(self, share: float = 1.0, seed: int = 0) -> None:
         self._share = share
@@ -75,15 +59,7 @@ class Dropped(Random):
 
 
 class Gaps(WireFault):
-    """Fault: all frames are lost for a short time, periodically.
-
-    Parameters
-    ----------
-    every
-        Time between the beginnings of two gaps [s].
-    length
-        Duration of a gap [s].
-    """
+    """Fault: all frames are lost for a short time, periodically."""
 
     def __init__(self, every: float, length: float) -> None:
         self._every, self._length = every, length
@@ -126,13 +102,7 @@ class Reordered(Random):
 
 
 class Delayed(WireFault):
-    """Fault: all frames are received with a constant delay.
-
-    Parameters
-    ----------
-    delay
-        Delay [s].
-    """
+    """Fault: all frames are received with a constant delay."""
 
     def __init__(self, delay: float) -> None:
         self._delay = delay
@@ -148,13 +118,7 @@ class Delayed(WireFault):
 
 
 class Burst(WireFault):
-    """Fault: frames are stored, and then all stored frames are received at once (a burst).
-
-    Parameters
-    ----------
-    every
-        Shortest time between two bursts [s].
-    """
+    """Fault: frames are stored, and then all stored frames are received at once (a burst)."""
 
     def __init__(self, every: float) -> None:
         self._every = every
@@ -251,12 +215,6 @@ class ErrorFrames(WireFault):
     """Fault: the host receives error frames besides the frames of the devices.
 
     An error frame is a message in which the CAN controller reports an error of the bus.
-
-    Parameters
-    ----------
-    identifier
-        Identifier of the error frames: the sum of one or more error flags of Linux (SocketCAN), for
-        example 0x40 for bus-off and 0x4 for a problem of the CAN controller.
     """
 
     def __init__(self, identifier: int) -> None:

@@ -44,8 +44,7 @@ def lag(
     from teleop.output import console
     from teleop.output.rig_tables import print_lag
     from teleop.recording.recording import load
-    from teleop.rig.force_lag import MOST_SAMPLES, measure_lag
-    from teleop.rig.reference_spring import measure_simulated_lag
+    from teleop.rig.force_lag import MOST_SAMPLES, measure_lag, measure_simulated_lag
 
     summary: dict[str, Any]
     if file is None:

@@ -85,9 +85,15 @@ def emulate(
     from teleop.interruption import stop_signals
     from teleop.output import console, rig_tables
     from teleop.printable import print_error
-    from teleop.rig.emulation import Palpation, make_emulator, opened, read_fault
-    from teleop.rig.generated_file import is_unchanged, with_checksum
-    from teleop.rig.typed_lines import TypedLines
+    from teleop.rig.emulation import (
+        Palpation,
+        TypedLines,
+        is_unchanged,
+        make_emulator,
+        opened,
+        read_fault,
+        with_checksum,
+    )
     from teleop.trial.ranges import COUNT_IN
     from teleop.trial.realtime import realtime
     from teleop.trial.rig_loading import load_rig_file

@@ -66,19 +66,7 @@ def list_problems(channels: Sequence[ChannelReport], drives: Sequence[DriveRepor
 def listen(
     rig: WiredRig, clock: Clock, seconds: float, show: Callable[[list[ChannelReport]], None]
 ) -> list[ChannelReport]:
-    """Read an open rig for some time, and return statistics of the samples of each sensor channel.
-
-    Parameters
-    ----------
-    rig
-        The rig, which has been opened. The drives remain disabled.
-    clock
-        Clock of the loop; the rig is read once per tick.
-    seconds
-        Duration of the measurement [s].
-    show
-        Function that shows the statistics so far. It is called repeatedly while the rig is read.
-    """
+    """Read an open rig for some time, and return statistics of each sensor channel."""
     limits = rig_limits(rig.file.sections).channels
     logs = {name: ChannelLog() for name, _ in rig.file.sections.channels.items()}
     sources = [(log, CHANNELS.index(name)) for name, log in logs.items()]
@@ -105,18 +93,9 @@ class ChannelLog:
         self._ages: list[float] = []
 
     def add(self, now: float, value: float, age: float) -> None:
-        """Store the latest sample of the sensor at one tick (period of the control loop).
+        """Store the latest sample of the sensor at one tick.
 
         If this sample was already stored at an earlier tick, only its age is stored.
-
-        Parameters
-        ----------
-        now
-            Time of the tick [s].
-        value
-            Value of the sample, in SI units.
-        age
-            Time from the measurement of the sample to `now` [s].
         """
         self._ages.append(age)
         if not self._times or now - age - self._times[-1] > 1e-6:
@@ -124,17 +103,7 @@ class ChannelLog:
             self._values.append(value)
 
     def report(self, name: str, rig: RigFile, limits: ChannelLimits) -> ChannelReport:
-        """Return the statistics of the samples that have been stored so far.
-
-        Parameters
-        ----------
-        name
-            Name of the channel.
-        rig
-            Content of the rig file, which states the device and the signal of the channel.
-        limits
-            Limits of the samples, for example the range of the sensor.
-        """
+        """Return the statistics of the samples that have been stored so far."""
         values, intervals = np.array(self._values), np.diff(self._times)
         channel = dict(rig.sections.channels.items())[name]
         middle, half = 0.5 * (limits.low + limits.high), 0.5 * (limits.high - limits.low)
@@ -162,17 +131,6 @@ def channel_problem(
     """Return a text that describes the problem of a sensor channel; empty if there is no problem.
 
     The rig must be at rest while the samples are taken.
-
-    Parameters
-    ----------
-    values
-        Samples in SI units, shape (n,).
-    oldest
-        Maximum over all ticks of the age of the latest sample [s].
-    saturated
-        Fraction of the samples that are near or beyond the ends of the sensor's range.
-    limits
-        Limits of the samples, for example the largest allowed age.
     """
     if oldest > limits.max_age:
         return f"{oldest * 1e3:.1f} ms old, limit {limits.max_age * 1e3:g} ms"

@@ -8,28 +8,146 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from drivers import AXES, Measurement, RigError
 from drivers.rig_file import RigFile
+from drivers.rig_sections import ChannelsSettings
 from drivers.wired_rig import WiredRig
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.clock import Clock
 from teleop.control.conditions import Condition
 from teleop.control.tare import Tare
+from teleop.errors import InputError
 from teleop.recording.black_box import BlackBox
 from teleop.recording.message import Layout
-from teleop.rig.drive_check_limits import narrow_forces, narrow_limits
 from teleop.rig.drive_report import DriveReport, Stroke, drive_report
-from teleop.rig.drive_travel import DriveTravel
 from teleop.rig.pausable_rig import PausableRig
-from teleop.rig.zeroing import force_zero
+from teleop.rig.zeroing import ForceZero, force_zero
+from teleop.safety import Limits
 from teleop.safety.rig_limits import rig_limits
 from teleop.trial.arming import motion_text
 from teleop.trial.assembly import make_controller
 from teleop.trial.loop import Loop
 from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
+
+BAND = 0.25
+"""Allowed difference between measured and commanded travel, as a fraction of the commanded
+travel."""
+SLACK = 50e-6
+"""Additional allowed difference, for backlash and for the lag of a small motion [m]."""
+
+
+class DriveTravel:
+    """Commanded and measured travel (distance moved) of a drive during a stroke.
+
+    A stroke is a small motion in one direction. It is a part of the check of the drives.
+    """
+
+    def __init__(self, name: str, channels: ChannelsSettings, compliance: float) -> None:
+        encoder = channels.master_position if name == "master" else channels.slave_position
+        self.commanded = 0.0
+        """Commanded travel since the beginning of the stroke [m]."""
+        self._name = name
+        self._compliance = compliance if name == "slave" else 0.0
+        self._resolution = encoder.resolution_um * 1e-6 if encoder else 0.0
+        self._position = self._force = self._start = self._start_force = math.nan
+        self._integral = 0.0
+
+    def begin(self) -> None:
+        """Begin a stroke (a motion in one direction): set commanded and measured travel to zero."""
+        self.commanded = self._integral = 0.0
+        self._start, self._start_force = self._position, self._force
+
+    def advance(self, velocity: float, measurement: Measurement, dt: float) -> None:
+        """Update the commanded and the measured travel with the data of one tick."""
+        self.commanded += velocity * dt
+        slave = self._name == "slave"
+        self._position = measurement.slave_position if slave else measurement.master_position
+        self._integral += (measurement.slave_velocity if slave else math.nan) * dt
+        self._force = measurement.contact_force
+
+    @property
+    def moved(self) -> float:
+        """Travel since the beginning of the stroke, measured by the encoder [m].
+
+        A stroke is a motion in one direction. The value is NaN if the drive has no encoder.
+        """
+        return self._position - self._start
+
+    @property
+    def explained(self) -> float:
+        """Difference of commanded and measured travel that two known effects can cause [m].
+
+        The effects are the resolution of the encoder, and the displacement of the drive by a change
+        of the contact force (compliance times change of force).
+        """
+        return self._resolution + self._compliance * abs(self._force - self._start_force)
+
+    def problem(self, settled: bool) -> str:
+        """Return a text that describes an error of the measured travel; empty if there is no error.
+
+        The measured travel is compared with the commanded travel. A travel that is too large or in
+        the opposite direction is always an error.
+        """
+        slack = SLACK + self.explained
+        band = BAND * abs(self.commanded) + slack
+        shown = {f"{self._name}_position": self.moved}
+        if settled:
+            shown[f"{self._name}_velocity"] = self._integral
+        for channel, moved in shown.items():
+            along = math.copysign(1.0, self.commanded) * moved
+            behind = abs(self.commanded) - along
+            if behind < -band or (behind > band if settled else along < -slack):
+                part = "sign" if along < 0.0 else "scale"
+                return (
+                    f"commanded {self.commanded * 1e3:+.3f} mm, {channel} shows "
+                    f"{moved * 1e3:+.3f} mm: expected a difference of at most {BAND:.0%} and "
+                    f"{slack * 1e3:.2f} mm: check the {part} of drives.{self._name} and of "
+                    f"channels.{channel}"
+                )
+        return ""
+
+
+REACH = 1e-3
+"""Largest distance of the slave from its position at the start of the check [m]."""
+SOFT_FORCE, HARD_FORCE = 0.025, 0.05
+"""Soft and hard limit of the change of the contact force since the start of the check, as fractions
+of the hard force limit of the rig."""
+
+
+def narrow_limits(limits: Limits, zero: ForceZero) -> Limits:
+    """Return narrow limits for the check of the drives, which permit only a small motion.
+
+    The position limits are relative to the present position of the slave.
+    """
+    low, high = (end - zero.position for end in limits.hard_position)
+    if not low <= 0.0 <= high:
+        raise InputError(
+            f"slave_position is {zero.position * 1e3:g} mm: expected it within "
+            f"hard_position_mm, {limits.hard_position[0] * 1e3:g} to "
+            f"{limits.hard_position[1] * 1e3:g} mm"
+        )
+    hard = max(low, -REACH), min(high, REACH)
+    soft_force, hard_force = narrow_forces(limits)
+    return replace(
+        limits,
+        soft_position=(0.8 * hard[0], 0.8 * hard[1]),
+        hard_position=hard,
+        soft_force=soft_force,
+        hard_force=hard_force,
+    )
+
+
+def narrow_forces(limits: Limits) -> tuple[float, float]:
+    """Return the soft and the hard limit of the contact force for the check of the drives [N].
+
+    The contact force is zero at the start of the check. `limits` are the limits of the rig.
+    """
+    return min(SOFT_FORCE * limits.hard_force, limits.soft_force), HARD_FORCE * limits.hard_force
+
 
 STROKES = (50e-6, 100e-6, 200e-6, 400e-6)
 """Lengths of the strokes [m]. Each stroke is a motion in one direction and back."""
@@ -69,19 +187,6 @@ class DriveCheck(Condition):
 
     The drives move in strokes of increasing length. A stroke is a motion in one direction and back.
     Then no commands are sent until the watchdogs have stopped the drives.
-
-    Parameters
-    ----------
-    rig
-        The rig. The sending of commands to it can be paused.
-    drives
-        Objects that measure the travel of the drives, by the name of the drive.
-    damping
-        Damping of the admittance, which converts a force to the velocity of the drives [N s/m]. A
-        constant force F leads to the velocity F / damping.
-    direction
-        Direction of the first half of each stroke: 1 towards the specimen, -1 away from it. If 0,
-        the drives do not move, and only the watchdogs are tested.
     """
 
     def __init__(
@@ -105,13 +210,6 @@ class DriveCheck(Condition):
 
         The force acts on the virtual mass of the admittance. The method also updates the measured
         travel of the drives.
-
-        Parameters
-        ----------
-        t
-            Time since the drives were armed [s].
-        measurement
-            Measurement of this tick.
         """
         dt, self._time = t - self._time, t
         for name, drive in self._drives.items():
@@ -218,26 +316,6 @@ def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
     A watchdog stops a drive that receives no commands. The drives are enabled at standstill, and
     are disabled at the end. To check sign and scale, the drives make small motions back and forth.
     To test the watchdogs, no commands are then sent until the watchdogs have stopped the drives.
-
-    Parameters
-    ----------
-    rig
-        The rig, which has been opened.
-    clock
-        Clock of the loop.
-    move
-        Whether to move the drives.
-
-    Raises
-    ------
-    InputError
-        The rig is not at rest, a force sensor is loaded, or the slave is beyond a hard position
-        limit.
-    RigError
-        The drives were not ready within `LONGEST`.
-    Exception
-        Any exception that occurred in a tick of the control loop, except RigError. A RigError in a
-        tick stops the drives, and is reported in `fault` of the result.
     """
     sections = rig.file.sections
     limits, zero = rig_limits(sections), force_zero(rig, clock)

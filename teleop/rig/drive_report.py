@@ -62,20 +62,7 @@ class DriveReport(NamedTuple):
 def drive_report(
     name: str, watchdog: float, strokes: Sequence[Stroke], problem: str
 ) -> DriveReport:
-    """Return the result of the check of one drive.
-
-    Parameters
-    ----------
-    name
-        Name of the drive, `master` or `slave`.
-    watchdog
-        Time from the last command until the watchdog stopped the drive [s]; NaN if the watchdog did
-        not stop the drive.
-    strokes
-        Travel of the drive in each test motion (stroke), from the shortest to the longest stroke.
-    problem
-        Text that describes the problem of the drive; empty if there is no problem.
-    """
+    """Return the result of the check of one drive."""
     longest = strokes[-1] if strokes else Stroke(math.nan, math.nan, math.nan)
     return DriveReport(
         name,
@@ -95,13 +82,6 @@ def remark(name: str, strokes: Sequence[Stroke]) -> str:
     it, the loss (commanded minus measured travel) is compared for the two longest strokes. If the
     loss is almost equal in both, the likely cause is lost motion or friction. In all other cases,
     for example if the loss increases with the length of the stroke, it is a wrong scale.
-
-    Parameters
-    ----------
-    name
-        Name of the drive, `master` or `slave`.
-    strokes
-        Travel of the drive in each test motion (stroke), from the shortest to the longest stroke.
     """
     if not strokes or not abs(strokes[-1].lost) > (
         LARGEST_DEVIATION * strokes[-1].commanded + strokes[-1].explained

@@ -21,6 +21,7 @@ McGraw-Hill, 1968, section 2.3.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,7 +30,34 @@ from numpy.typing import NDArray
 from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
 from estimation.stiffening import Interval, lagged
+from sim_backend import Cube, Setup, paper_setup
+from teleop.control.excitation_signals import Chirp
 from teleop.errors import InputError
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
+
+SPRING = 5000.0
+"""Stiffness of the reference spring [N/m]."""
+SPRING_DEPTH = 5e-3
+"""Largest compression of the reference spring [m]."""
+
+
+def measure_simulated_lag(seed: int = 0) -> tuple[ForceLag, Setup]:
+    """Measure lag and lost motion of the simulated rig with a simulated reference spring."""
+    spring = Cube(SPRING, 0.0, 1e-9)
+    setup = replace(paper_setup("autonomous", "soft"), cube=spring, depth=SPRING_DEPTH)
+    columns = run_trial(
+        TrialSettings(
+            condition="autonomous",
+            clock="virtual",
+            seed=seed,
+            signal=Chirp(1.0, 8.0),
+            custom_setup=setup,
+        )
+    ).columns
+    measured = measure_lag(columns["slave_position"], columns["contact_force"], columns["dt"])
+    return measured, setup
+
 
 LONGEST = 0.1
 """Longest lag that can be measured [s]."""
@@ -102,13 +130,7 @@ class SpringFit(NamedTuple):
 
 
 class SpringRecord:
-    """Position and force that were recorded with a reference spring, to fit its stiffness.
-
-    Parameters
-    ----------
-    position, force, dt
-        Displacement [m], force [N] and time since the previous sample [s], each of shape (n,).
-    """
+    """Position and force that were recorded with a reference spring, to fit its stiffness."""
 
     def __init__(self, position: Floats, force: Floats, dt: Floats) -> None:
         self.position, self.dt = position, dt
@@ -116,16 +138,7 @@ class SpringRecord:
         self.force = force[self.settled]
 
     def fit(self, lag: float, lost_motion: float) -> SpringFit:
-        """Return the stiffness and the residuals of a fit with an offset, for given lag and play.
-
-        Parameters
-        ----------
-        lag
-            Time constant of the first-order lag of the force channel [s].
-        lost_motion
-            Distance by which the tip is behind the encoder position in each direction [m].
-            Negative values are not physical, but are permitted during a numerical search.
-        """
+        """Return the stiffness and the residuals of a fit with given lag and play."""
         tip = play(self.position, abs(lost_motion))
         if lost_motion < 0.0:
             tip = 2.0 * self.position - tip
@@ -183,19 +196,6 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
     """Estimate lag and lost motion (backlash) from the position and force of a reference spring.
 
     The damping of the reference spring must be negligible, as for a steel spring.
-
-    Parameters
-    ----------
-    position, force
-        Displacement of the spring from its unloaded length [m] and force [N], each of shape (n,).
-    dt
-        Time since the previous sample [s], shape (n,).
-
-    Raises
-    ------
-    InputError
-        All positions or all forces are zero. The estimated stiffness is not positive. The estimated
-        lag, if the lost motion is assumed to be zero, is close to zero or to `LONGEST`.
     """
     from scipy.optimize import least_squares, minimize_scalar
 
@@ -257,16 +257,6 @@ def not_separated(record: SpringRecord, alone: float, equal: float) -> ForceLag:
 
     Lag and lost motion (backlash) both delay the force. The upper bound of the lag is computed with
     zero lost motion, and that of the lost motion with zero lag. The lower bounds are zero.
-
-    Parameters
-    ----------
-    record
-        Position and force that were recorded with the reference spring.
-    alone
-        Lag that is estimated if the lost motion is assumed to be zero [s].
-    equal
-        Lost motion that delays the force about as much as the lag `alone` [m]. It is 0 if the
-        recording has no complete stroke (motion from one turning point to the next).
     """
     from scipy.optimize import minimize_scalar
 
@@ -285,15 +275,7 @@ def not_separated(record: SpringRecord, alone: float, equal: float) -> ForceLag:
 
 
 def half_widths(fit: SpringFit, slopes: list[Floats]) -> list[float]:
-    """Return the half width of the 95 % confidence interval of each estimated parameter.
-
-    Parameters
-    ----------
-    fit
-        Fit with the estimated values of the parameters.
-    slopes
-        For each parameter, the derivative of `fit.residual` with respect to it.
-    """
+    """Return the half width of the 95 % confidence interval of each estimated parameter."""
     jacobian = np.stack(slopes, axis=1)
     variance = fit.squared * len(fit.residual) / max(fit.independent, 1.0)
     covariance = variance * np.linalg.pinv(jacobian.T @ jacobian)

@@ -16,11 +16,6 @@ class PausableRig(Rig):
 
     A watchdog is a timer in a drive. It stops the drive if no commands arrive. While the attribute
     `paused` is True, no commands are sent.
-
-    Parameters
-    ----------
-    rig
-        The rig, which must be open already.
     """
 
     def __init__(self, rig: WiredRig) -> None:

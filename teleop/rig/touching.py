@@ -47,18 +47,7 @@ deviation is used instead.
 
 
 class Touch(Condition):
-    """Control condition: the slave moves forward at a constant speed until contact, then backward.
-
-    Parameters
-    ----------
-    force
-        Force that moves the slave at the wanted speed [N]. It acts on the virtual mass of the
-        master (the handle), whose motion the slave follows.
-    threshold
-        Smallest contact force at which the slave is treated as in contact with the body [N].
-    retreat
-        Distance by which the slave moves backward after contact [m].
-    """
+    """Control condition: the slave moves forward at constant speed until contact, then back."""
 
     def __init__(self, force: float, threshold: float, retreat: float) -> None:
         self._force, self._threshold, self._retreat = force, threshold, retreat
@@ -69,13 +58,6 @@ class Touch(Condition):
 
         The force acts on the virtual mass of the master (the handle), whose motion the slave
         follows. The force is zero after the backward motion.
-
-        Parameters
-        ----------
-        t
-            Time since the drives were armed [s]; not used.
-        measurement
-            Measurement of this tick.
         """
         if math.isnan(self._touched):
             if measurement.contact_force < self._threshold:
@@ -95,29 +77,7 @@ def touch(
 ) -> float:
     """Move the slave forward until contact; return the encoder reading at which contact begins [m].
 
-    Parameters
-    ----------
-    zero
-        Readings of the sensors at rest and without load.
-    rig
-        Rig file of a hardware rig; None for the simulated rig.
-    cube
-        Name of the cube (specimen) on the simulated rig.
-    sensors
-        Imperfections of the sensors of the simulated rig.
-    seed
-        Seed of the sensor noise of the simulated rig.
-    record
-        MCAP file to which the motion is recorded; None for no recording.
-
-    Raises
-    ------
-    InputError
-        The slave moved forward by `REACH`, the largest permitted distance, without contact.
-    SafetyStop
-        The safety supervisor stopped the motion because of a fault.
-    KeyboardInterrupt
-        A person stopped the motion.
+    `rig`: None for the simulated rig. `record`: None for no recording.
     """
     settings = TrialSettings(
         condition="autonomous",
@@ -167,11 +127,6 @@ def touch_limits(limits: Limits) -> Limits:
     limit of the rig is smaller, the limit of the rig is used. The position limits of the rig are
     not used, because they are relative to the contact datum (slave position at which contact
     begins), which is not yet known. The new position limits are relative to the start position.
-
-    Parameters
-    ----------
-    limits
-        Limits of the rig.
     """
     return replace(
         limits,
@@ -185,19 +140,7 @@ def touch_limits(limits: Limits) -> Limits:
 def rig_away_from_cube(
     cube: CubeName, now: Callable[[], float], sensors: Sensors, seed: int
 ) -> SimulatedRig:
-    """Return a simulated rig without operator, whose slave does not touch the cube at the start.
-
-    Parameters
-    ----------
-    cube
-        Name of the cube (specimen).
-    now
-        Function that returns the time of the clock [s].
-    sensors
-        Imperfections of the sensors.
-    seed
-        Seed of the sensor noise.
-    """
+    """Return a simulated rig without operator, whose slave does not touch the cube at the start."""
     body = replace(CUBES[cube], glued=False)
     return SimulatedRig(body, now, sensors=sensors, seed=seed, start=-AWAY)
 
@@ -208,11 +151,6 @@ def contact_position(recording: Recording) -> float:
     In the recording, the slave moves forward until contact. The position is estimated by a
     least-squares fit. The fitted force is zero before contact. After the beginning of contact, it
     is proportional to the displacement.
-
-    Raises
-    ------
-    InputError
-        The recording is empty, or the contact force is too small for a contact.
     """
     deepest = int(np.argmax(recording["slave_position"])) if len(recording) else -1
     x, f = (recording[name][: deepest + 1] for name in ("slave_position", "contact_force"))
@@ -228,13 +166,6 @@ def squared_residuals(x: Floats, f: Floats, start: float) -> float:
     """Return the sum of the squared residuals of the force, if contact begins at `start` [N^2].
 
     The model of the force is k max(x - start, 0). The stiffness k is fitted by least squares.
-
-    Parameters
-    ----------
-    x, f
-        Position [m] and contact force [N], each of shape (n,).
-    start
-        Position at which contact begins [m].
     """
     pressed = np.maximum(x - start, 0.0)
     power = float(pressed @ pressed)
@@ -243,16 +174,6 @@ def squared_residuals(x: Floats, f: Floats, start: float) -> float:
 
 
 def dated_tare(zero: ForceZero, position: float, rig: str) -> Tare:
-    """Return the tare (zero offsets of the sensors) of a rig, with the present date and time.
-
-    Parameters
-    ----------
-    zero
-        Readings of the force sensors without load.
-    position
-        Reading of the slave's encoder at which contact begins [m].
-    rig
-        Name of the rig.
-    """
+    """Return the tare (zero offsets of the sensors) of a rig, with the present date and time."""
     now = datetime.now().astimezone().isoformat(timespec="seconds")
     return Tare(zero.master, zero.contact, position, now, rig)

@@ -85,20 +85,6 @@ def force_zero(rig: Rig, clock: Clock) -> ForceZero:
     A zero offset is the mean reading without load over the time `LISTENING`. If the slave moves or
     a force changes during this time, for example because a hand releases the handle, the
     measurement is repeated.
-
-    Parameters
-    ----------
-    rig
-        The rig, which must be open already, with disabled drives.
-    clock
-        Clock of the control loop. The rig is read once per period of the clock.
-
-    Raises
-    ------
-    InputError
-        All measurements within the time `PATIENCE` failed. In the last measurement, the slave
-        moved, a force changed, or the mean or the standard deviation of a force was too large for
-        a sensor without load.
     """
     ticks = round(LISTENING * clock.rate)
     for _ in range(round(PATIENCE / LISTENING)):
@@ -130,27 +116,11 @@ def confirmed_zero(
 ) -> ForceZero | None:
     """Measure the zero offsets; measure again after a person has confirmed a large offset.
 
+    The result is None if `confirm` returned False.
+
     A constant load looks like a zero offset. An offset that is larger than usual is therefore
     accepted only if a person confirms that nothing loads the sensor, and if a second measurement
     gives the same offset, or an offset of the usual size.
-
-    Parameters
-    ----------
-    measure
-        Function that measures the zero offsets, see `force_zero`.
-    limits
-        Limits of the rig.
-    confirm
-        Function that asks whether no sensor is loaded. Its argument states what was measured.
-
-    Returns
-    -------
-    The zero offsets; None if `confirm` returned False.
-
-    Raises
-    ------
-    InputError
-        A zero offset is too large for the rig, or differs between the two measurements.
     """
     first = measure()
     check_possible(first, limits)
@@ -228,13 +198,6 @@ def load_problem(name: str, force: Floats) -> str:
     range. A load is therefore detected if the range is much larger than the moving range.
 
     A constant load cannot be distinguished from a zero offset, see `confirmed_zero`.
-
-    Parameters
-    ----------
-    name
-        Name of the sensor, `master` or `contact`.
-    force
-        Measured force [N], shape (n,).
     """
     if not abs(force.mean()) <= LARGEST_ZERO:
         return (

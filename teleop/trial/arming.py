@@ -1,4 +1,4 @@
-"""Check the required settings, and ask a person before the drives are armed (enabled)."""
+"""Check the required settings, and ask a person before the drives are armed."""
 
 from __future__ import annotations
 
@@ -10,18 +10,11 @@ from teleop.errors import InputError
 from teleop.output.console import terminal_width, wrapped
 from teleop.printable import print_error
 from teleop.trial.settings import TrialSettings
-from teleop.trial.stop_key import is_foreground
-from teleop.trial.stop_switch import StopSwitch
+from teleop.trial.stop_switch import StopSwitch, is_foreground
 
 
 def check_stated(settings: TrialSettings) -> None:
-    """Check that the settings of a trial on a hardware rig contain a specimen and a depth.
-
-    Raises
-    ------
-    InputError
-        The settings contain a hardware rig, but no specimen or no depth.
-    """
+    """Check that the settings of a trial on a hardware rig contain a specimen and a depth."""
     missing = []
     if not settings.specimen:
         missing.append("a specimen (--specimen NAME, or specimen in the configuration)")
@@ -32,21 +25,7 @@ def check_stated(settings: TrialSettings) -> None:
 
 
 def check_person(rig: RigFile, action: str = "arm the drives") -> None:
-    """Check that a person can answer a question at the terminal of this process.
-
-    Parameters
-    ----------
-    rig
-        Content of the rig file. The error message contains the name of the rig.
-    action
-        What the person would do, for the error message.
-
-    Raises
-    ------
-    InputError
-        Standard input is not a terminal from which this process may read. It is for example a pipe
-        or a file, or the process is in the background.
-    """
+    """Check that a person can answer a question at the terminal of this process."""
     if not is_foreground():
         raise InputError(
             f"rig {rig.sections.name!r}: standard input is not a terminal, so that nobody can "
@@ -57,12 +36,9 @@ def check_person(rig: RigFile, action: str = "arm the drives") -> None:
 def answer(text: str) -> str | None:
     """Show a question on standard error, and return the line that a person types.
 
-    All keys that were typed before the question is shown are discarded: they are not an answer.
+    The result is None if standard input has ended, for example because the terminal was closed.
 
-    Returns
-    -------
-    The line without its line break; None if standard input has ended, for example because the
-    terminal was closed.
+    All keys that were typed before the question is shown are discarded: they are not an answer.
     """
     discard_typed_ahead()
     try:
@@ -85,24 +61,9 @@ def discard_typed_ahead() -> None:
 
 
 def is_armed(rig: RigFile, text: str, yes: bool = False) -> bool:
-    """Ask the person at the terminal whether to arm (enable) the drives, and return the answer.
+    """Ask the person at the terminal whether to arm the drives, and return the answer.
 
     The result is True if the person presses only Enter. This function does not arm the drives.
-
-    Parameters
-    ----------
-    rig
-        Content of the rig file. An error message contains the name of the rig.
-    text
-        Text that is shown to the person: how the rig will move, and how to stop it, see
-        `motion_text`.
-    yes
-        Whether to return True without asking.
-
-    Raises
-    ------
-    InputError
-        `yes` is False, and nobody can answer, see `check_person`.
     """
     if yes:
         return True
@@ -128,13 +89,6 @@ def motion_text(rig: str, motion: str) -> str:
     """Return a text for the person who arms the drives: how the rig will move, and how to stop it.
 
     The lines of the text are not wider than the terminal.
-
-    Parameters
-    ----------
-    rig
-        Name of the rig.
-    motion
-        Description of the motion, such as the control condition, the depth and the force limit.
     """
     text = f"{rig}: {motion}.\nWhile it runs: {StopSwitch(key=True).instructions}."
     return wrapped(text, terminal_width())

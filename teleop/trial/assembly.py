@@ -54,16 +54,7 @@ def make_rig(
 ) -> Rig:
     """Return a new hardware rig, or a new simulated rig if the settings have no rig file.
 
-    Parameters
-    ----------
-    settings
-        Settings of the trial.
-    now
-        Function that returns the time of the clock [s].
-    pointer
-        Simulated operator whose hand follows the mouse pointer of the live page (the web page that
-        shows the trial). None for the simulated operator of the control condition. Not used on a
-        hardware rig.
+    `pointer`: None for the simulated operator of the control condition.
     """
     if settings.custom_rig:
         raise InputError(
@@ -86,19 +77,7 @@ def make_simulated_rig(
 ) -> SimulatedRig:
     """Return a new simulated rig, with a simulated operator if the control condition needs one.
 
-    Parameters
-    ----------
-    settings
-        Settings of the trial.
-    now
-        Function that returns the time of the clock [s].
-    watchdog
-        Time without a command after which the drives are disabled [s].
-    mimic
-        Class of the simulated operator that is created in the control condition `mimic`.
-    pointer
-        Simulated operator whose hand follows the mouse pointer of the live page (the web page that
-        shows the trial). None for the simulated operator of the control condition.
+    `pointer`: None for the simulated operator of the control condition.
     """
     return SimulatedRig(
         settings.setup.cube,
@@ -115,15 +94,7 @@ def make_simulated_rig(
 def make_operator(
     settings: TrialSettings, mimic: type[MimickedSine] = MimickedSine
 ) -> Operator | None:
-    """Return a new simulated operator for the control condition; None for `autonomous`.
-
-    Parameters
-    ----------
-    settings
-        Settings of the trial.
-    mimic
-        Class of the simulated operator that is created in the control condition `mimic`.
-    """
+    """Return a new simulated operator for the control condition; None for `autonomous`."""
     depth = settings.setup.depth / settings.coupling.scale
     seed, model = settings.seed, settings.operator_model
     if settings.condition == "free" and model.aim_force:
@@ -140,12 +111,7 @@ def make_condition(settings: TrialSettings) -> Condition:
     """Return a new object for the control condition that the settings state.
 
     In `mimic`, the object contains the target that the operator follows. In `autonomous`, it
-    contains the PE (persistent excitation) injector, which moves the slave along a given signal.
-
-    Raises
-    ------
-    InputError
-        The settings state a class of the user that cannot be created, see `create_condition`.
+    contains the PE injector, which moves the slave along a given signal.
     """
     if settings.custom_condition:
         return create_condition(settings.custom_condition)
@@ -193,17 +159,7 @@ def make_layout(
 ) -> Layout:
     """Return the layout of a message: which values it contains, and in which order.
 
-    A message contains the recorded values of one tick (period of the control loop).
-
-    Parameters
-    ----------
-    settings
-        Settings of the trial.
-    bank
-        The estimators by name.
-    pointer
-        Simulated operator whose hand follows the mouse pointer of the live page. The message then
-        also contains the state of the pointer. None if there is no such operator.
+    A message contains the recorded values of one tick.
     """
     return Layout(bank, FEEDBACK_COLUMNS if settings.has_link else (), pointer)
 
@@ -218,21 +174,8 @@ def make_controller(
 ) -> Controller:
     """Return a new controller, with the zero offsets and the safety limits of the settings.
 
-    Parameters
-    ----------
-    settings
-        Settings of the trial.
-    rig
-        The rig that the controller reads and commands.
-    bank
-        The estimators. Not used if `estimation` is given.
-    clock
-        Clock with which the controller measures how long its computations take.
-    condition
-        Object for the control condition; None to create it from the settings.
-    estimation
-        Object that updates the estimators, such as `LaterEstimates`; None to update them within
-        each tick (period of the control loop).
+    `condition`: None to create it from the settings. `estimation`: None to update them within each
+    tick.
     """
     return Controller(
         rig,

@@ -17,15 +17,7 @@ from teleop.trial.settings_json import from_document
 
 
 def averaged_part(recording: Recording | RecordingFile, settings: TrialSettings) -> AveragedPart:
-    """Return the part of a recorded trial over which the estimates are averaged.
-
-    Parameters
-    ----------
-    recording
-        The recording. Start and end of the returned part are times of this recording.
-    settings
-        Settings of the trial. They state the count-in and the duration.
-    """
+    """Return the part of a recorded trial over which the estimates are averaged."""
     part, count_in = WHOLE, settings.target.count_in
     if settings.condition_name == "mimic" and count_in and "target" in recording.units:
         part = AveragedPart(start=count_in, left_out=f"the count-in of {count_in:g} s")

@@ -23,24 +23,12 @@ MOST_UNSENT = 1 << 20
 class ChildProcess:
     """A process that shows the data of the trials. It exchanges JSON documents with this process.
 
-    Parameters
-    ----------
-    module
-        Name of the Python module that the process runs.
-    session
-        First message to the process.
-
     Attributes
     ----------
     pid
         Process id.
     url
         Address at which the process serves the data.
-
-    Raises
-    ------
-    InputError
-        The process cannot be started, or cannot serve the data.
     """
 
     def __init__(self, module: str, session: dict[str, Any]) -> None:
@@ -89,14 +77,7 @@ class ChildProcess:
     def wait_for_request(self, timeout: float) -> dict[str, Any] | None:
         """Wait for the next message of the process, and return it.
 
-        Parameters
-        ----------
-        timeout
-            Longest time to wait [s].
-
-        Returns
-        -------
-        The message; None if there was no message, or if the process has ended.
+        The result is None if there was no message, or if the process has ended.
         """
         while b"\n" not in self._received:
             readable, _, _ = select.select([self._output], [], [], timeout)

@@ -81,14 +81,7 @@ def is_plain(value: object) -> bool:
 
 
 def create_condition(stated: CustomClass) -> Condition:
-    """Create the control condition that a recording states.
-
-    Raises
-    ------
-    InputError
-        The class is not installed in the recorded version, or the recording does not contain all
-        parameters of the object.
-    """
+    """Create the control condition that a recording states."""
     what = f"condition {stated}"
     if not stated.distribution:
         raise InputError(f"{what}: expected a class of an installed distribution, to run it again")

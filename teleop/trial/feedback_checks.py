@@ -32,13 +32,6 @@ def check_feedback(settings: TrialSettings) -> str:
 
     The warning names settings that are missing. Without these settings, it is not known whether the
     force feedback is stable.
-
-    Raises
-    ------
-    InputError
-        The force-feedback law is `position-force`, and the delay is so long that the feedback is
-        expected to be unstable. Or the law is `passivity`, which is permitted only for certain
-        cubes and delays (`PASSIVITY_OFFERED`).
     """
     law, trip = settings.feedback.law, round_trip(settings)
     if law == "passivity":
@@ -119,13 +112,6 @@ def arm_damping(settings: TrialSettings, frequency: Floats) -> Floats:
     The arm has the damping b and the stiffness k. Its force acts on the virtual mass of the master
     with the lag tau, which `arm_lag` returns. The impedance of the arm is therefore
     (b + k / (j w)) exp(-j w tau). The effective damping is the real part of this impedance.
-
-    Parameters
-    ----------
-    settings
-        Settings of the trial.
-    frequency
-        Frequencies w / (2 pi) [Hz], shape (n,).
     """
     arm, delay = settings.operator_model.arm, arm_lag(settings)
     phase = 2.0 * np.pi * frequency * delay
@@ -198,18 +184,6 @@ def check_offered(settings: TrialSettings, trip: float) -> None:
 
     `PASSIVITY_OFFERED` contains the cubes and the delays for which this law is permitted. On a
     hardware rig, it is not permitted.
-
-    Parameters
-    ----------
-    settings
-        Settings of the trial.
-    trip
-        Longest delay of a round trip through the communication channel [s].
-
-    Raises
-    ------
-    InputError
-        The law is not permitted for this trial.
     """
     shortest, longest = PASSIVITY_OFFERED.get("" if settings.rig else settings.cube, (1.0, 0.0))
     if shortest <= trip <= longest:

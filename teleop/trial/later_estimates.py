@@ -1,9 +1,8 @@
 """Compute the estimates of a trial in virtual time in blocks of many ticks.
 
-A tick is one period of the control loop. The estimators process a block of samples much faster than
-the same samples one by one, with exactly the same results. In a trial in real time or with the live
-page, the estimates are computed within each tick instead, because they are shown while the trial
-runs.
+The estimators process a block of samples much faster than the same samples one by one, with exactly
+the same results. In a trial in real time or with the live page, the estimates are computed within
+each tick instead, because they are shown while the trial runs.
 """
 
 from __future__ import annotations
@@ -27,23 +26,12 @@ BLOCK = 10_000
 class LaterEstimates(Estimation, Sink):
     """Sink that adds the estimates to messages, and then passes the messages to other sinks.
 
-    A sink receives a message with the data of each tick (period of the control loop). This sink
-    stores the messages until it has `BLOCK` messages, until an event occurs, or until it is closed.
-    Then it computes the estimates of all stored ticks together, and passes their messages on.
+    A sink receives a message with the data of each tick. This sink stores the messages until it has
+    `BLOCK` messages, until an event occurs, or until it is closed. Then it computes the estimates
+    of all stored ticks together, and passes their messages on.
 
     If an estimator raises an exception, the messages of this block and of all later blocks are
     passed on without estimates. The next call of `update` raises the same exception.
-
-    Parameters
-    ----------
-    conditioner
-        Filters slave position and contact force, and computes displacement and velocity.
-    bank
-        The estimators.
-    layout
-        Layout of a message: which values it contains, and in which order.
-    sinks
-        The other sinks, which receive the messages with the estimates.
 
     Attributes
     ----------
@@ -68,11 +56,6 @@ class LaterEstimates(Estimation, Sink):
 
         If an estimator raised an exception in an earlier block of ticks, this method raises the
         same exception.
-
-        Parameters
-        ----------
-        pair
-            Slave position and contact force of the tick. Not used.
         """
         if self.error:
             raise self.error
@@ -120,11 +103,6 @@ class LaterEstimates(Estimation, Sink):
 
         A force sensor can be slower than the control loop. Then only some ticks have a pair of
         slave position and contact force. Only these ticks have estimates.
-
-        Parameters
-        ----------
-        messages
-            Messages of the ticks, without estimates.
         """
         data = bytearray().join(messages)
         values, places = np.frombuffer(data, self._message)["values"], self._places

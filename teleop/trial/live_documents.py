@@ -1,7 +1,6 @@
 """Create messages that describe a trial, and the columns of its data, to the live page.
 
-The live page is a web page that shows a running or recorded trial. A message is a dictionary, which
-is sent as JSON.
+A message is a dictionary, which is sent as JSON.
 """
 
 from __future__ import annotations
@@ -36,11 +35,6 @@ def column_documents(units: Mapping[str, str]) -> list[dict[str, str]]:
     """Return the name, unit and meaning of each recorded column.
 
     The result is for the message `welcome`, which describes the data of a trial to the live page.
-
-    Parameters
-    ----------
-    units
-        Unit of each column, by its name.
     """
     return [{"name": name, "unit": unit, "meaning": meaning(name)} for name, unit in units.items()]
 
@@ -55,18 +49,7 @@ def meaning(name: str) -> str:
 def trial_document(
     settings: TrialSettings, number: int = 1, position: int = 0, of: int = 0
 ) -> dict[str, Any]:
-    """Return the message `trial`, which describes a trial to the live page when the trial starts.
-
-    Parameters
-    ----------
-    settings
-        Settings of the trial.
-    number
-        Number of the trial, counted from 1 since the live page was started.
-    position, of
-        Position of the trial in its series, counted from 1, and number of trials in the series.
-        Both are 0 for a single trial.
-    """
+    """Return the message `trial`, which the live page receives when a trial starts."""
     limits, target = settings.limits, settings.target
     true = truth(settings, settings.setup.depth) if settings.is_simulated else None
     return {
@@ -123,10 +106,5 @@ def shown_truth(true: dict[str, Any]) -> dict[str, float]:
 
     These are the stiffness at the surface `k_surface` [N/m], the stiffness at the largest
     displacement `k` [N/m] and the damping `b` [N s/m].
-
-    Parameters
-    ----------
-    true
-        All true values of the trial, see `teleop.trial.true_values.truth`.
     """
     return {"k_surface": true["k_surface"], "k": true["k_deepest"], "b": true["b"]}

@@ -1,7 +1,4 @@
-"""Connect the control process to the live process, which serves the live page.
-
-The control process runs the control loop. The live page is a web page that shows a running trial.
-"""
+"""Connect the control process to the live process."""
 
 from __future__ import annotations
 
@@ -23,8 +20,7 @@ from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Event
 from teleop.trial.child_process import ChildProcess
 from teleop.trial.live_documents import trial_document
-from teleop.trial.page_pointer import PagePointer
-from teleop.trial.page_requests import WAITING_SILENCE, PageRequests
+from teleop.trial.page_requests import WAITING_SILENCE, PagePointer, PageRequests
 from teleop.trial.result import Trial
 from teleop.trial.settings import TrialSettings
 
@@ -36,26 +32,8 @@ texts of an event have up to 500 characters, each of which needs up to 12 bytes 
 class LiveLink(Sink):
     """Starts the live process, and sends it the data of one or more trials.
 
-    The live process serves the live page, a web page that shows a running trial. The data are the
-    recorded values of each tick (period of the control loop) and the events. An event is a fault,
-    or a change of the mode of the safety supervisor.
-
-    Parameters
-    ----------
-    size
-        Largest size of the message that contains the values of a tick [bytes].
-    host, port
-        Network address and port at which the live page is served; port 0 for any free port.
-    by_page
-        Whether a person arms the drives (permits them to move) in the live page.
-    pointer
-        Whether the hand of the simulated operator follows the mouse or a finger in the live page.
-    choices
-        Values that a person can choose in the live page, by the name of the setting: `condition`,
-        `specimen` and `duration` [s].
-    foxglove
-        Port of the server for viewers of the Foxglove protocol; 0 for any free port; None for no
-        such server.
+    The data are the recorded values of each tick and the events. A `port` of 0 is any free port;
+    without a port `foxglove`, there is no server of the Foxglove protocol.
 
     Attributes
     ----------
@@ -71,11 +49,6 @@ class LiveLink(Sink):
     position, of
         Position of the next trial in a series (1 for the first trial), and number of trials in the
         series. Both are 0 if there is no series.
-
-    Raises
-    ------
-    InputError
-        The live process cannot be started, or the address cannot be used.
     """
 
     def __init__(
@@ -130,26 +103,12 @@ class LiveLink(Sink):
     def make_operator(self) -> PointerOperator | None:
         """Return a new simulated operator, whose hand follows the pointer of the live page.
 
-        The live page is a web page, and its pointer is the mouse or a finger.
         The result is None if the argument `pointer` of the class is False.
         """
         return PointerOperator(PagePointer(self._cells)) if self._has_pointer else None
 
     def begin(self, settings: TrialSettings, layout: Layout) -> PageRequests:
-        """Announce a trial to the live process, which serves the live page.
-
-        Parameters
-        ----------
-        settings
-            Settings of the trial.
-        layout
-            Names, units and order of the values that are sent at each tick (period of the control
-            loop).
-
-        Returns
-        -------
-        An object that reads the requests that a person makes in the live page during the trial.
-        """
+        """Announce a trial to the live process."""
         self.trials += 1
         begin = {
             "type": "begin",
@@ -172,7 +131,7 @@ class LiveLink(Sink):
         return requests
 
     def push(self, message: bytes) -> None:
-        """Send all recorded values of one tick (period of the control loop) to the live process.
+        """Send all recorded values of one tick to the live process.
 
         `message` contains these values as bytes. It is written to a ring buffer in shared memory,
         from which the live process reads it.
@@ -180,10 +139,7 @@ class LiveLink(Sink):
         self._ring.write(message)
 
     def event(self, event: Event) -> None:
-        """Send an event to the live process, through a ring buffer in shared memory.
-
-        An event is a fault, or a change of the mode of the safety supervisor.
-        """
+        """Send an event to the live process, through a ring buffer in shared memory."""
         self._events.write(dumps(event_record(event)).encode())
 
     def close(self) -> Outcome:
@@ -198,14 +154,14 @@ class LiveLink(Sink):
     def show_result(self, trial: Trial) -> None:
         """Send the results of a trial to the live process, which shows them in the live page.
 
-        If the drives were not armed (permitted to move) in the trial, nothing is sent.
+        If the drives were not armed in the trial, nothing is sent.
         """
         self.trial = trial
         if trial.armed:
             self.tell({"type": "summary", **trial.summary()})
 
     def tell(self, document: dict[str, Any]) -> None:
-        """Send a message to the live process, which serves the live page. Do not wait."""
+        """Send a message to the live process. Do not wait."""
         self._page.tell(document)
 
     def ask(self, text: str, answers: Sequence[str]) -> None:
@@ -213,13 +169,6 @@ class LiveLink(Sink):
 
         The question gets a new number. An answer contains the number of its question, so that an
         answer to an earlier question, such as the second press of a button, has no effect.
-
-        Parameters
-        ----------
-        text
-            The question.
-        answers
-            Requests that answer the question, from `teleop.live.requests.ANSWERS`.
         """
         self._prompt += 1
         self.tell({"type": "prompt", "number": self._prompt, "text": text, "answers": [*answers]})
@@ -227,17 +176,10 @@ class LiveLink(Sink):
     def wait_for_request(self, timeout: float) -> dict[str, Any] | None:
         """Wait for the next request that a person makes in the live page, and return it.
 
+        The result is None if there was no request, or if the live process has ended.
+
         This method is used between two trials. During a trial, `PageRequests` reads the requests.
         Answers to an earlier question are discarded, see `ask`.
-
-        Parameters
-        ----------
-        timeout
-            Longest time to wait [s].
-
-        Returns
-        -------
-        The request; None if there was no request, or if the live process has ended.
         """
         while (request := self._page.wait_for_request(timeout)) is not None:
             if request.get("prompt", self._prompt) == self._prompt:
@@ -246,7 +188,7 @@ class LiveLink(Sink):
 
     @property
     def is_running(self) -> bool:
-        """Whether the live process, which serves the live page, is running and sends heartbeats.
+        """Whether the live process is running and sends heartbeats.
 
         A live process that hangs sends none. This is not detected before the second call.
         """
@@ -257,7 +199,7 @@ class LiveLink(Sink):
 
     @property
     def pid(self) -> int:
-        """Process id of the live process, which serves the live page."""
+        """Process id of the live process."""
         return self._page.pid
 
     def end(self) -> None:

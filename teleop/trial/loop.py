@@ -1,8 +1,4 @@
-"""Run the control loop of a trial until standstill, and pass the data of each tick to the sinks.
-
-A tick is one period of the loop. A sink is an object that receives the data of each tick, for
-example the recorder, which writes them to a file.
-"""
+"""Run the control loop of a trial until standstill, and pass the data of each tick to the sinks."""
 
 from __future__ import annotations
 
@@ -24,25 +20,6 @@ END = "end of the trial"
 
 class Loop:
     """Runs the control loop of a trial. The devices of the rig must be open.
-
-    A tick is one period of the loop. An event is a fault, or a change of the mode of the safety
-    supervisor.
-
-    Parameters
-    ----------
-    controller
-        The controller of the rig.
-    clock
-        The clock that determines when each tick starts.
-    layout
-        Names, units and order of the values in the message that contains the data of a tick.
-    sinks
-        Objects that receive the message of each tick and the events, such as the recorder.
-    switch
-        Stop switch, by which a person stops the trial.
-    duration
-        Duration of the trial [s], measured from the time at which the drives are armed (permitted
-        to move).
 
     Attributes
     ----------
@@ -81,17 +58,11 @@ class Loop:
 
     @property
     def error(self) -> Exception | None:
-        """First exception in a tick (period of the control loop); None if there was none."""
+        """First exception in a tick; None if there was none."""
         return self.controller.error
 
     def run(self) -> None:
-        """Run the control loop until the trial has ended.
-
-        Raises
-        ------
-        RigError
-            The drives were not ready within the duration of the trial.
-        """
+        """Run the control loop until the trial has ended."""
         while self.step():
             pass
 
@@ -107,13 +78,7 @@ class Loop:
                 sink.event(event)
 
     def step(self) -> bool:
-        """Run one tick (period of the control loop), and return whether the loop continues.
-
-        Raises
-        ------
-        RigError
-            The drives were not ready within the duration of the trial.
-        """
+        """Run one tick, and return whether the loop continues."""
         tick = self._clock.wait()
         request = self._switch.request(not self._armed, self._end)
         record = self.controller.tick(tick, request)

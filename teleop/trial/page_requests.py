@@ -1,9 +1,7 @@
 """Read the requests of the live page during a trial, at each tick, from shared memory.
 
-The live page is a web page in which a person can start and stop the trial. The live process serves
-the page. It sends heartbeats, which are signals at regular times, to show that it works. The page
-returns the times of the data that it receives, so that their age is known. A tick is one period of
-the control loop.
+The live process sends heartbeats. The page confirms the times of the data that it receives, so that
+their age is known.
 """
 
 from __future__ import annotations
@@ -12,9 +10,45 @@ import math
 from collections.abc import Callable
 from time import monotonic
 
-from teleop.live.cells import ARM, END, PROCESS, STOP, CellReader
+from teleop.live.cells import ARM, END, LONGEST_ROUND_TRIP, PROCESS, STOP, CellReader
 from teleop.safety import Fault
 from teleop.safety.channels import DetectedFault
+
+SILENCE = 0.15
+"""Longest time between two samples of the pointer while the hand holds the handle [s]."""
+
+
+class PagePointer:
+    """Callable that returns the latest position of the pointer in the live page.
+
+    The hand of a simulated operator follows the pointer. If no new sample of the pointer arrives
+    for longer than `SILENCE`, the hand no longer holds the handle. It does not hold the handle
+    either while the page is more than `LONGEST_ROUND_TRIP` behind, because the person then sees and
+    moves too late.
+    """
+
+    def __init__(self, cells: CellReader, now: Callable[[], float] = monotonic) -> None:
+        self._cells = cells
+        self._now = now
+        self._sequence = -1
+        self._time = -SILENCE
+        self._depth, self._grip = 0.0, False
+        if sample := cells.pointer():
+            self._sequence = sample[0]
+
+    def __call__(self) -> tuple[float, bool]:
+        """Return the wanted position of the hand [m], and whether the hand holds the handle.
+
+        A person sets both with the pointer in the live page.
+        """
+        now = self._now()
+        sample = self._cells.pointer()
+        if sample and sample[0] != self._sequence:
+            self._sequence, self._depth, self._grip = sample
+            self._time = now
+        is_late = self._cells.age(self._now) > LONGEST_ROUND_TRIP
+        return self._depth, self._grip and now - self._time <= SILENCE and not is_late
+
 
 PROCESS_SILENCE = 0.3
 """Longest time between two heartbeats of the live process, if the live page armed the drives
@@ -34,10 +68,10 @@ STOPPED = DetectedFault(Fault.EMERGENCY_STOP, "live page", math.nan, math.nan, m
 
 
 class NoPage:
-    """Replacement for `PageRequests` in a trial without a live page (a web page).
+    """Replacement for `PageRequests` in a trial without a live page.
 
-    There is no page in which a person can make requests. The drives may therefore be armed
-    (permitted to move) without a request.
+    There is no page in which a person can make requests. The drives may therefore be armed without
+    a request.
     """
 
     reason = ""
@@ -52,22 +86,10 @@ class NoPage:
 
 
 class PageRequests(NoPage):
-    """Requests that a person makes in the live page, a web page, during one trial.
+    """Requests that a person makes in the live page during one trial.
 
     A request that was made before the trial has no effect on the trial, with one exception: if
     `by_page` is False, a STOP request between two trials stops the next trial.
-
-    Parameters
-    ----------
-    cells
-        Shared memory to which the live process, which serves the page, writes the requests.
-    by_page
-        Whether the person arms the drives (permits them to move) in the live page.
-    stops
-        Number of STOP requests until the end of the previous trial. It is not used if `by_page` is
-        True.
-    now
-        Function that returns the present time [s].
     """
 
     def __init__(
@@ -92,7 +114,7 @@ class PageRequests(NoPage):
         """Read the requests of the live page from shared memory.
 
         The results are stored in the attributes `reason`, `faults` and `arms`. The control loop
-        calls this method at the start of each tick (period of the loop).
+        calls this method at the start of each tick.
         """
         counts = self._counts
         if counts[STOP] != self._stop:
@@ -124,11 +146,6 @@ class PageRequests(NoPage):
 
         If nobody has pressed START yet, the trial ends without a fault, because nothing moves.
         Otherwise, a fault stops the drives.
-
-        Parameters
-        ----------
-        cause
-            Text that states what no longer responds.
         """
         if not self.arms:
             self.reason = self.reason or cause

@@ -10,14 +10,7 @@ from teleop.trial.settings_json import from_document
 
 
 def performed(settings: TrialSettings) -> dict[str, str]:
-    """Return a description of the motion in a trial, including default values.
-
-    Returns
-    -------
-    Texts by name. `depth` is the depth of palpation. In the condition `mimic`, `target` is the
-    target motion, and `count-in` the time before the target starts to move. In the condition
-    `autonomous`, `signal` is the excitation signal.
-    """
+    """Return a description of the motion in a trial, including default values."""
     if settings.custom_condition:
         return {name: f"{v}" for name, v in settings.custom_condition.parameters.items()}
     found = {"depth": f"{settings.setup.depth * 1e3:.4g} mm"}

@@ -53,20 +53,7 @@ PROCESSOR = "one processor"
 
 
 def set_priority(process: int, priority: int) -> None:
-    """Set the scheduling policy of a process to SCHED_FIFO; child processes do not inherit it.
-
-    Parameters
-    ----------
-    process
-        Process id; 0 for this process.
-    priority
-        Priority of SCHED_FIFO, 1 to 99.
-
-    Raises
-    ------
-    PermissionError
-        The system does not permit the priority.
-    """
+    """Set the scheduling policy of a process to SCHED_FIFO; child processes do not inherit it."""
     policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
     os.sched_setscheduler(process, policy, os.sched_param(priority))
 
@@ -92,15 +79,6 @@ def set_shared_fifo_priority() -> Callable[[], object]:
 
     A process calls this function if it shares its processor with other control loops. It claims the
     priority, so that each of these loops has a different priority.
-
-    Returns
-    -------
-    A function that restores the earlier scheduling policy, and releases the claimed priority.
-
-    Raises
-    ------
-    OSError
-        Other processes have claimed all of these priorities, or the priority is not permitted.
     """
     for priority in SHARED_PRIORITIES:
         if not (taken := claim(f"priority {priority}")):
@@ -123,16 +101,6 @@ def claim_processor() -> Callable[[], object]:
     No other teleop process runs on this processor, so that the caches of the processor keep the
     data of the control loop. The processor with the lowest number is never claimed, so that other
     programs can use it.
-
-    Returns
-    -------
-    A function that releases the claimed processor. The process may then run on all processors that
-    it could use before.
-
-    Raises
-    ------
-    OSError
-        No processor is free.
     """
     before = os.sched_getaffinity(0)
     for processor in sorted(before)[:0:-1]:
@@ -150,13 +118,7 @@ def claim_processor() -> Callable[[], object]:
 
 
 def lock_memory() -> Callable[[], object]:
-    """Lock the memory of the process in RAM, and return a function that unlocks the memory.
-
-    Raises
-    ------
-    PermissionError
-        The system's limit for locked memory is too low.
-    """
+    """Lock the memory of the process in RAM, and return a function that unlocks the memory."""
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.mlockall(MCL_CURRENT | MCL_FUTURE):
         raise PermissionError("the limit of locked memory, memlock, is too low")
@@ -167,7 +129,7 @@ def disable_garbage_collection() -> Callable[[], object]:
     """Disable Python's garbage collection, and return a function that enables it again.
 
     Garbage collection is needed only for objects that refer to each other in a cycle. A tick
-    (period of the control loop) creates no such objects, so that the memory does not grow.
+    creates no such objects, so that the memory does not grow.
     """
     was_enabled = gc.isenabled()
     gc.collect()
@@ -209,21 +171,7 @@ class RealTime:
         self._undo = contextlib.ExitStack()
 
     def start(self, recorder: int | None = None, live: int | None = None) -> None:
-        """Set the real-time priority of this process, directly before the control loop starts.
-
-        Parameters
-        ----------
-        recorder
-            Process id of the recorder, which writes the recording. It gets `RECORDER_PRIORITY`.
-        live
-            Process id of the live process, which serves the live page. It gets `LIVE_PRIORITY`
-            until the end of the trial.
-
-        Raises
-        ------
-        InputError
-            The mode is `require`, and one of the real-time settings could not be applied.
-        """
+        """Set the real-time priority of this process, directly before the control loop starts."""
         if FIFO in self._steps:
             own = self.report.get(PROCESSOR) == DONE
             self._take(FIFO, set_fifo_priority if own else set_shared_fifo_priority)
@@ -270,19 +218,6 @@ def realtime(mode: RealtimeName, steps: Iterable[str] = STEPS) -> RealTime:
     Each setting is one step. On entry, the context manager locks the memory, disables garbage
     collection and claims a processor. These steps are slow. Directly before the control loop, the
     caller sets the real-time priority with `RealTime.start`.
-
-    Parameters
-    ----------
-    mode
-        `require` raises an error if a step fails, `try` applies the steps that the system
-        permits, `off` applies none.
-    steps
-        Names of the steps to apply. `STEPS` contains all names.
-
-    Raises
-    ------
-    InputError
-        The mode is unknown.
     """
     if mode not in get_args(RealtimeName):
         raise InputError(f"realtime {mode!r}: expected one of {', '.join(get_args(RealtimeName))}")

@@ -1,7 +1,6 @@
 """Check before a trial that this machine can run the control loop at its rate.
 
-The duration of a tick (period of the loop) is measured in a rehearsal, a short run of the trial on
-the simulated rig.
+The duration of a tick is measured in a rehearsal, a short run of the trial on the simulated rig.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ SHARE = 0.9
 
 
 def tick_cost(settings: TrialSettings) -> float:
-    """Measure how long a tick (period of the control loop) takes on this machine.
+    """Measure how long a tick takes on this machine.
 
     The time of the communication with devices is not included. The measurement is a rehearsal: a
     run of `TICKS` ticks with the settings of the trial, on the simulated rig and in virtual time.
@@ -43,18 +42,6 @@ def tick_cost(settings: TrialSettings) -> float:
     is set to zero, and the gain of the force feedback is limited, because feedback that is stable
     on the specimen may be unstable on the simulated cube. A high rate of the loop is reduced, so
     that the motion begins within `TICKS` ticks.
-
-    Returns
-    -------
-    cost
-        90th percentile of the measured durations [s].
-
-    Raises
-    ------
-    InputError
-        A fault stopped the rehearsal.
-    Exception
-        An exception that a tick raised.
     """
     rate = min(settings.loop_rate, 1000.0)
     rehearsal = replace(
@@ -96,18 +83,9 @@ def tick_cost(settings: TrialSettings) -> float:
 def check_rate(settings: TrialSettings) -> float:
     """Check that this machine can run the control loop at its rate.
 
-    The duration of a tick (period of the loop) is measured in a rehearsal, a short run of the trial
-    on the simulated rig. The communication with devices is not included. If a tick takes too long,
-    the rehearsal is repeated a few times.
-
-    Returns
-    -------
-    Duration of a tick in the fastest rehearsal [s].
-
-    Raises
-    ------
-    InputError
-        A tick takes longer than `SHARE` of the period, or a fault stopped a rehearsal.
+    The duration of a tick is measured in a rehearsal, a short run of the trial on the simulated
+    rig. The communication with devices is not included. If a tick takes too long, the rehearsal is
+    repeated a few times.
     """
     cost = math.inf
     for _ in range(3):
@@ -121,26 +99,9 @@ def check_rate(settings: TrialSettings) -> float:
 def check_wire(rig: Rig, clock: Clock, cost: float) -> None:
     """Check that reading the devices of a rig leaves enough time for the rest of a tick.
 
-    A tick is one period of the control loop. The devices are read at the rate of the clock, for the
-    time `WIRE_TIME`. Nothing is sent to the drives, so that the time of sending a command is not
-    measured. It is assumed to be at most the computing time of the simulated rig, which is included
-    in `cost`.
-
-    Parameters
-    ----------
-    rig
-        The rig. Its devices are open, and its drives are disabled.
-    clock
-        The clock of the trial.
-    cost
-        Duration of a tick without the reading of devices [s], which `check_rate` returns.
-
-    Raises
-    ------
-    InputError
-        A tick takes longer than `SHARE` of the period.
-    RigError
-        A device cannot be read.
+    The devices are read at the rate of the clock, for the time `WIRE_TIME`. Nothing is sent to the
+    drives, so that the time of sending a command is not measured. It is assumed to be at most the
+    computing time of the simulated rig, which is included in `cost`.
     """
     wire = []
     for _ in range(math.ceil(WIRE_TIME * clock.rate)):
@@ -155,18 +116,7 @@ def check_wire(rig: Rig, clock: Clock, cost: float) -> None:
 
 
 def too_slow(rate: float, cost: float, part: str = "") -> str:
-    """Return an error message: a tick takes longer than `SHARE` of the period of the control loop.
-
-    Parameters
-    ----------
-    rate
-        Rate of the loop [Hz].
-    cost
-        Duration of a tick [s].
-    part
-        Text that states which part of `cost` is needed to read the devices of the rig; empty if no
-        devices are read.
-    """
+    """Return an error message: a tick takes longer than `SHARE` of the period."""
     return (
         f"rate {rate:g} Hz: a tick takes {cost * 1e6:.0f} us{part} on this machine with the "
         f"programs that run now, more than {SHARE:.0%} of the period of {1e6 / rate:.0f} us: "

@@ -1,6 +1,5 @@
 """Repeat a recorded trial in which a person moved the handle with the pointer of the live page.
 
-The live page is a web page. Its pointer (mouse or finger) moves the hand of the simulated operator.
 The repetition on the simulated rig gives the same numbers as the recorded trial.
 """
 
@@ -31,15 +30,7 @@ BY_PERSON = (Fault.EMERGENCY_STOP, Fault.PAGE_LOST)
 class RecordedClock(Clock):
     """Clock that returns the times in a recording, so that the recorded trial can be repeated.
 
-    The clock does not wait. A tick is one period of the control loop.
-
-    Parameters
-    ----------
-    recording
-        Recording of a trial in which a person moved the handle with the mouse in the live page.
-        Only such a recording contains all times that are needed.
-    rate
-        Ticks per second [Hz].
+    The clock does not wait.
     """
 
     def __init__(self, recording: Recording, rate: float) -> None:
@@ -50,13 +41,13 @@ class RecordedClock(Clock):
         self.tick = -1
 
     def now(self) -> float:
-        """Return the recorded time of the present tick (period of the control loop) [s]."""
+        """Return the recorded time of the present tick [s]."""
         return float(self._times[max(self.tick, 0)])
 
     stopwatch = now
 
     def wait(self) -> Tick:
-        """Advance to the next tick (period of the control loop), and return its recorded timing."""
+        """Advance to the next tick, and return its recorded timing."""
         self.tick += 1
         lateness, overrun, skipped, busy = self._ticks[self.tick]
         return Tick(lateness, bool(overrun), int(skipped), busy)
@@ -68,11 +59,6 @@ class RecordedRequests(NoPage):
     When the trial is repeated, this object replaces `PageRequests`. The requests were not recorded.
     They are computed from the recorded modes of the safety supervisor, and from its events (faults
     and changes of the mode).
-
-    Parameters
-    ----------
-    recording
-        Recording of the trial.
     """
 
     arms = False
@@ -84,8 +70,7 @@ class RecordedRequests(NoPage):
     def read(self) -> None:
         """Compute the requests that a person made at the next tick of the recorded trial.
 
-        A tick is one period of the control loop. The results are stored in the attributes `arms`,
-        `reason` and `faults`.
+        The results are stored in the attributes `arms`, `reason` and `faults`.
         """
         t, mode = next(self._ticks)
         self.arms = self.arms or mode == ACTIVE
@@ -102,7 +87,7 @@ def repeated(recording: Recording) -> Recording:
     """Repeat a recorded trial in which a person moved the handle with the pointer of the live page.
 
     The trial is repeated on the simulated rig in virtual time, with the recorded times and the
-    recorded positions of the pointer (mouse or finger).
+    recorded positions of the pointer.
 
     Parameters
     ----------

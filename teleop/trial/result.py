@@ -34,10 +34,7 @@ LEAST_CONTACT = 1.0
 
 @dataclass(frozen=True, repr=False)
 class Trial(Presented):
-    """Result of a trial: its recording, summary, figures and tables.
-
-    A tick is one period of the control loop.
-    """
+    """Result of a trial: its recording, summary, figures and tables."""
 
     settings: TrialSettings
     """Settings of the trial."""
@@ -108,7 +105,7 @@ class Trial(Presented):
     def columns(self) -> dict[str, Floats]:
         """Recorded columns by name, at the n ticks at which the estimators were updated.
 
-        A tick is one period of the control loop. Each column has the shape (n,).
+        Each column has the shape (n,).
         """
         return self.recording.estimated().columns
 
@@ -135,7 +132,7 @@ class Trial(Presented):
 
     @property
     def armed(self) -> dict[str, Any] | None:
-        """Event at which the drives were armed (permitted to move); None if they were not armed."""
+        """Event at which the drives were armed; None if they were not armed."""
         return next((e for e in self.ticks.events if e["mode"] == "active"), None)
 
     @property

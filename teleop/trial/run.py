@@ -5,19 +5,12 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from drivers import NotStoppedError, Rig, RigError
 from sim_backend import SimulatedRig
 from teleop.control.conditions import Condition
 from teleop.errors import InputError
-from teleop.files import FAULT_REPORT, unwritable
 from teleop.names import RealtimeName
-from teleop.recording.black_box import BlackBox
-from teleop.recording.recorder import RecorderProcess
-from teleop.recording.recording import Recording, from_messages
-from teleop.recording.recording_file import RecordingFile, recorded_ticks
-from teleop.recording.sinks import Memory, Outcome, Sink
 from teleop.trial.arming import check_stated
 from teleop.trial.assembly import (
     RigMaker,
@@ -28,10 +21,9 @@ from teleop.trial.assembly import (
     make_rig,
 )
 from teleop.trial.custom_class import described
-from teleop.trial.later_estimates import LaterEstimates
 from teleop.trial.live_link import LiveLink
 from teleop.trial.loop import Loop
-from teleop.trial.metadata import session_metadata
+from teleop.trial.outputs import Outputs
 from teleop.trial.ranges import IN_MEMORY
 from teleop.trial.realtime import realtime
 from teleop.trial.rehearsal import check_rate, check_wire
@@ -106,61 +98,32 @@ def run_trial(
         settings = replace(settings, custom_condition=described(condition))
     else:
         condition = make_condition(settings)
-    if not record and settings.duration * settings.loop_rate > IN_MEMORY:
-        raise InputError(
-            f"duration {settings.duration:g} s without a recording: expected at most "
-            f"{IN_MEMORY / settings.loop_rate:g} s, because the ticks are kept in memory, or a "
-            "recording"
-        )
-    pointer = live.make_operator() if live else None
+    check_memory(settings, record)
     clock = make_clock(settings)
+    pointer = live.make_operator() if live else None
     rig = rig_maker(clock.now) if rig_maker else make_rig(settings, clock.now, pointer)
     if rig_maker:
         settings = replace(settings, custom_rig=described(rig))
     check_armed(settings, rig, arm, live)
     bank = settings.estimation_preset.bank()
     layout = make_layout(settings, bank, pointer)
-    metadata = session_metadata(settings)
-    recorder = loop = None
-    target = settings.target
-    if record or show:
-        recorder = RecorderProcess(
-            record,
-            layout,
-            metadata,
-            settings.duration,
-            show,
-            settings.clock == "virtual",
-            overwrite,
-            switch.hint,
-            "" if switch.explained else switch.instructions,
-            (target.depth, target.count_in) if settings.condition_name == "mimic" else None,
-        )
-    memory = None if record else Memory()
-    box = BlackBox(layout, settings.loop_rate)
-    sinks: list[Sink] = [sink for sink in (recorder, memory, box, live) if sink]
-    later = None
-    if settings.clock == "virtual" and not live:
-        later = LaterEstimates(settings.make_conditioner(), bank, layout, sinks)
+    outputs = Outputs(settings, layout, bank, switch, record, overwrite, show, live)
+    loop = None
     try:
         cost = check_rate(settings) if settings.clock == "real" else 0.0
-        start = time.time_ns() + round((settings.limits.preflight + clock.period) * 1e9)
-        if recorder:
-            recorder.begin(start)
+        outputs.begin(time.time_ns() + round((settings.limits.preflight + clock.period) * 1e9))
         rejected: dict[str, dict[str, int]] = {}
         try:
             with switch.reading_keys(), realtime(real) as real_time, rig:
                 if settings.rig:
                     check_wire(rig, clock, cost)
-                controller = make_controller(settings, rig, bank, clock, condition, later)
-                receivers = [later] if later else sinks
-                loop = Loop(controller, clock, layout, receivers, switch, settings.duration)
+                controller = make_controller(settings, rig, bank, clock, condition, outputs.later)
+                loop = Loop(controller, clock, layout, outputs.sinks, switch, settings.duration)
                 if live:
                     switch.page = live.begin(settings, layout)
-                real_time.start(
-                    recorder.process.pid if recorder else None, live.pid if live else None
-                )
+                real_time.start(outputs.recorder_pid, live.pid if live else None)
                 loop.run()
+                # no signal may interrupt the closing of rig and files
                 switch.clean_up()
                 rejected = {name: dict(counts) for name, counts in rig.rejected.items()}
         except NotStoppedError as unstopped:
@@ -168,58 +131,44 @@ def run_trial(
                 raise
             loop.end_unstopped(str(unstopped))
         except RigError:
-            if not loop or not (loop.error or box.fault):
+            # a rig that fails while it is closed, after a fault, must not hide the fault
+            if not loop or not (loop.error or outputs.fault):
                 raise
     finally:
         switch.clean_up()
-        try:
-            if later:
-                later.close()
-        finally:
-            outcomes = [sink.close() for sink in sinks]
-    assert loop
-    ticks: Recording | RecordingFile
-    outcome = outcomes[0] if record else Outcome(None, loop.ticks, 0, "")
-    if memory:
-        ticks = from_messages(layout.definition, memory.messages, memory.events, metadata)
-    else:
-        assert record
-        ticks = (recorded_ticks(record) if outcome.at_path else None) or box.recording(metadata)
-    folder, box_problem, error, fault = None, "", loop.error, box.fault
-    error = error or (later.error if later else None)
-    if record and fault:
-        folder = record.with_suffix(FAULT_REPORT)
-        try:
-            write_black_box(folder, box, metadata, start)
-        except InputError as problem:
-            folder, box_problem = None, f"black box: {problem}"
+        outputs.close(loop.ticks if loop else 0)
+    ticks = outputs.ticks()
+    outputs.write_black_box()
+    error = loop.error or (outputs.later and outputs.later.error)
     if error and not isinstance(error, RigError):
-        error.add_note(f"The drives were stopped. Recording: {record}. Black box: {folder}.")
-        for text in filter(None, (outcome.problem, box_problem)):
-            error.add_note(f"Not complete: {text}.")
+        outputs.add_notes(error)
         raise error
     return Trial(
         settings,
         ticks,
         bank,
         switch.interrupted,
-        outcome,
+        outputs.outcome,
         real_time.report,
-        fault,
+        outputs.fault,
         rejected,
-        folder,
-        box_problem,
+        outputs.black_box,
+        outputs.black_box_problem,
     )
 
 
-def check_armed(settings: TrialSettings, rig: Rig, arm: bool, live: LiveLink | None) -> None:
-    """Check that a person has permitted the drives to move, or can do so in the live page.
+def check_memory(settings: TrialSettings, record: Path | None) -> None:
+    """Check that the ticks of a trial without a recording fit into the memory."""
+    if not record and settings.duration * settings.loop_rate > IN_MEMORY:
+        raise InputError(
+            f"duration {settings.duration:g} s without a recording: expected at most "
+            f"{IN_MEMORY / settings.loop_rate:g} s, because the ticks are kept in memory, or a "
+            "recording"
+        )
 
-    Raises
-    ------
-    InputError
-        Nobody has, nor can, and the rig is not a simulated one.
-    """
+
+def check_armed(settings: TrialSettings, rig: Rig, arm: bool, live: LiveLink | None) -> None:
+    """Check that a person has permitted the drives to move, or can do so in the live page."""
     # a derived class, such as one with a real sensor or drive, is not known to be harmless
     simulated = settings.is_simulated or type(rig) is SimulatedRig
     if not (simulated or arm is True or (live and live.by_page)):
@@ -227,39 +176,3 @@ def check_armed(settings: TrialSettings, rig: Rig, arm: bool, live: LiveLink | N
             f"rig {settings.rig_name!r}: nobody has armed the drives: expected arm=True, after a "
             "person has permitted them to move"
         )
-
-
-def write_black_box(
-    folder: Path, box: BlackBox, metadata: dict[str, dict[str, str]], start: int
-) -> None:
-    """Write the ticks before and after a fault, and the cause of the fault, to a folder.
-
-    A tick is one period of the control loop. matplotlib is imported here, after the loop has ended,
-    because its import is slow.
-
-    Parameters
-    ----------
-    folder
-        The folder; created if it does not exist.
-    box
-        The black box, which stores the fault and these ticks in memory.
-    metadata
-        Metadata of the recording, see `session_metadata`.
-    start
-        Wall-clock time of the beginning of the trial, as nanoseconds since 1970 (Unix time).
-
-    Raises
-    ------
-    InputError
-        The folder or a file cannot be written.
-    """
-    from teleop.output.fault_report import write_fault_report
-
-    fault: dict[str, Any] | None = box.fault
-    assert fault
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritable(folder, error) from error
-    box.write(folder / "ticks.mcap", metadata, start)
-    write_fault_report(folder, box.recording(metadata), fault)

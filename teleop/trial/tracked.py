@@ -28,8 +28,8 @@ def tracking_of(recording: Recording, settings: TrialSettings) -> Tracking | Non
 def tracked_ticks(ticks: Recording | RecordingFile) -> Recording:
     """Select the ticks from which `tracking_of` computes how well the slave followed the target.
 
-    A tick is one period of the control loop. If the ticks are in memory, all ticks are returned. If
-    they must be read from a file, only the last ticks are returned, to save memory.
+    If the ticks are in memory, all ticks are returned. If they must be read from a file, only the
+    last ticks are returned, to save memory.
     """
     if isinstance(ticks, Recording):
         return ticks

@@ -34,19 +34,9 @@ LIMITS = {
 class TrialStatistics:
     """Statistics of a trial, which are part of `Trial.summary`.
 
-    A tick is one period of the control loop. The averaged part is the part of the trial over which
-    the estimates are averaged (`averaged_part`). It does not include the count-in of `mimic` (the
-    time before the target starts to move) and the end of `autonomous`, where the excitation
-    decreases to zero.
-
-    Parameters
-    ----------
-    ticks
-        The ticks of the trial.
-    settings
-        Settings of the trial.
-    bank
-        The estimators in their final state.
+    The averaged part is the part of the trial over which the estimates are averaged
+    (`averaged_part`). It does not include the count-in of `mimic` (the time before the target
+    starts to move) and the end of `autonomous`, where the excitation decreases to zero.
 
     Attributes
     ----------
@@ -142,12 +132,6 @@ class TrialStatistics:
 
         The fields of `EstimatorSummary` are the keys of each summary. The result is empty if there
         is no sample.
-
-        Parameters
-        ----------
-        shown
-            All ticks of the trial, or only some of them, evenly spaced in time. They are used only
-            for the remark of an estimator on its estimates.
         """
         if not self._averages.samples:
             return {}
@@ -174,14 +158,6 @@ def rendering_of(ticks: Recording | RecordingFile, settings: TrialSettings) -> R
     """Return an object that computes the stiffness, force and energy that the hand felt.
 
     The caller must add the ticks of the trial to this object.
-
-    Parameters
-    ----------
-    ticks
-        All ticks (periods of the control loop) of the trial. Only the time of the end of the trial
-        is read from them.
-    settings
-        Settings of the trial.
     """
     end = 0.0
     for block in ticks.blocks(("time", "mode").__contains__):

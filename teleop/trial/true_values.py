@@ -21,21 +21,6 @@ def truth(settings: TrialSettings, depth: float) -> dict[str, Any]:
 
     The stiffness is that of the palpated body in series with the transmission, because the encoder
     measures the position of the motor, before the transmission.
-
-    Parameters
-    ----------
-    settings
-        Settings of the trial.
-    depth
-        Greatest displacement in the trial [m], at which the stiffness `k_deepest` is computed.
-
-    Returns
-    -------
-    Dictionary with the keys `b`, `k_surface` and `k_deepest` (see `known`), `force_lag_s` (lag of
-    the force channel) and `lost_motion_m` (lost motion of the transmission). Damping and stiffness
-    are valid for slow motion and, if the body changes during the trial, before the change. If the
-    body has other values for fast motion or after the change, the key `further_laws` contains these
-    values by name.
     """
     setup = settings.setup
     further = {name: known(setup, law, depth) for name, law in setup.cube.further_laws.items()}
@@ -48,23 +33,7 @@ def truth(settings: TrialSettings, depth: float) -> dict[str, Any]:
 
 
 def known(setup: Setup, law: Law, depth: float) -> dict[str, float]:
-    """Return the true damping and stiffness of a simulated body in series with the transmission.
-
-    Parameters
-    ----------
-    setup
-        Properties of the simulated rig, with its transmission.
-    law
-        Force of the body as a function of displacement and velocity.
-    depth
-        Greatest displacement [m].
-
-    Returns
-    -------
-    Dictionary with three values: the damping `b` of the body [N s/m], the stiffness at small
-    displacement `k_surface` [N/m], and the static force at `depth` divided by `depth`, `k_deepest`
-    [N/m].
-    """
+    """Return the true damping and stiffness of a simulated body in series with the transmission."""
     return {
         "b": law.b,
         "k_surface": law.k1 / (1.0 + setup.transmission.compliance * law.k1),

@@ -14,7 +14,7 @@ import pytest
 from teleop.cli import main
 from teleop.errors import InputError
 from teleop.files import check_outputs, new_file, write_text
-from teleop.rig.generated_file import is_unchanged, with_checksum
+from teleop.rig.emulation import is_unchanged, with_checksum
 
 RIG = Path(__file__).parents[2] / "rigs" / "serial-board.toml"
 

@@ -39,13 +39,6 @@ class CanopenNode(EmulatedCanDevice):
     """A CANopen node with four PDOs in each direction.
 
     A PDO (process data object) is a CAN frame with values. The node sends PDOs only after a SYNC.
-
-    Parameters
-    ----------
-    name, settings, mount
-        Name and section of the device in the rig file, and interface to the simulation.
-    objects
-        Objects of the device, for example of a drive. The objects of CiA 301 are added to them.
     """
 
     def __init__(self, name: str, settings: Any, mount: Mount, objects: ObjectDictionary) -> None:

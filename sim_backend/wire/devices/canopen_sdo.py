@@ -28,13 +28,7 @@ PRESENT_STATE = 0x08000022
 
 
 class Abort(Exception):
-    """Exception: the SDO server refuses to read or write an object.
-
-    Parameters
-    ----------
-    code
-        Abort code, which states the reason (CiA 301, table 22). The host receives this code.
-    """
+    """Exception: the SDO server refuses to read or write an object."""
 
     def __init__(self, code: int) -> None:
         super().__init__(f"SDO abort {code:08X}h")
@@ -76,16 +70,7 @@ ObjectDictionary = dict[tuple[int, int], Entry]
 
 
 class SdoServer:
-    """SDO server of a CANopen node. It answers requests of the host to read or write an object.
-
-    Parameters
-    ----------
-    objects
-        Object dictionary of the node.
-    write
-        Function that writes an entry, or raises `Abort` if it refuses the value. Its arguments are
-        index, sub-index and value.
-    """
+    """SDO server of a CANopen node. It answers requests of the host to read or write an object."""
 
     def __init__(self, objects: ObjectDictionary, write: Callable[[int, int, int], None]) -> None:
         self._objects = objects

@@ -30,7 +30,7 @@ PROFILE_VELOCITY = 3
 COUNTS_PER_SECOND, RPM = 0x00B50300, 0x00B44700
 
 
-class State(Enum):
+class SimulatedState(Enum):
     """States of a CiA 402 drive.
 
     The value of a state is the bit pattern by which the statusword (object 6041h) reports it.
@@ -45,8 +45,8 @@ class State(Enum):
     FAULT = 0b000_1000
 
 
-READY = (State.READY_TO_SWITCH_ON, State.SWITCHED_ON)
-RAMPING = (State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE)
+READY = (SimulatedState.READY_TO_SWITCH_ON, SimulatedState.SWITCHED_ON)
+RAMPING = (SimulatedState.QUICK_STOP_ACTIVE, SimulatedState.FAULT_REACTION_ACTIVE)
 VOLTAGE_ENABLED, REMOTE, FOLLOWS_COMMAND = 1 << 4, 1 << 9, 1 << 12
 
 
@@ -56,7 +56,7 @@ class EmulatedCia402(CanopenNode):
     Attributes
     ----------
     state
-        State of the drive, which the host changes with the controlword (object 6040h).
+        SimulatedState of the drive, which the host changes with the controlword (object 6040h).
     """
 
     settings: Cia402Settings
@@ -65,7 +65,7 @@ class EmulatedCia402(CanopenNode):
         self._counts_per_metre = settings.counts_per_turn / (settings.travel_mm_per_turn * 1e-3)
         self._turns_per_metre = 1e3 / settings.travel_mm_per_turn
         super().__init__(name, settings, mount, drive_objects(settings, self._counts_per_metre))
-        self.state = State.SWITCH_ON_DISABLED
+        self.state = SimulatedState.SWITCH_ON_DISABLED
         self._velocity = 0.0
         self._controlword = 0
         self._ran = math.inf
@@ -75,20 +75,18 @@ class EmulatedCia402(CanopenNode):
 
         If the motor is powered, it is first decelerated to standstill. If the drive already has a
         fault, nothing changes.
-
-        Parameters
-        ----------
-        code
-            Error code of the fault in the error message.
         """
-        if self.state not in (State.FAULT, State.FAULT_REACTION_ACTIVE):
-            powered = self.state in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
-            self.state = State.FAULT_REACTION_ACTIVE if powered else State.FAULT
+        if self.state not in (SimulatedState.FAULT, SimulatedState.FAULT_REACTION_ACTIVE):
+            powered = self.state in (
+                SimulatedState.OPERATION_ENABLED,
+                SimulatedState.QUICK_STOP_ACTIVE,
+            )
+            self.state = SimulatedState.FAULT_REACTION_ACTIVE if powered else SimulatedState.FAULT
             self.emergency(code, 0x01)
 
     def reset(self) -> None:
         """Reset the drive to its state at power-up: switch-on disabled, and the motor at rest."""
-        self.state, self._controlword = State.SWITCH_ON_DISABLED, 0
+        self.state, self._controlword = SimulatedState.SWITCH_ON_DISABLED, 0
         self._hold()
 
     def connection_lost(self) -> None:
@@ -119,7 +117,7 @@ class EmulatedCia402(CanopenNode):
         }
         if index in allowed and value not in allowed[index]:
             raise Abort(VALUE_RANGE)
-        if index == 0x60A9 and self.state is State.OPERATION_ENABLED:
+        if index == 0x60A9 and self.state is SimulatedState.OPERATION_ENABLED:
             raise Abort(UNSUPPORTED_ACCESS)
 
     def written(self, index: int) -> None:
@@ -135,36 +133,36 @@ class EmulatedCia402(CanopenNode):
         rising = controlword & ~self._controlword
         self._controlword = controlword
         state = self.state
-        if state is State.FAULT and rising & 0x80:
-            self.state = State.SWITCH_ON_DISABLED
+        if state is SimulatedState.FAULT and rising & 0x80:
+            self.state = SimulatedState.SWITCH_ON_DISABLED
             self.emergency(0, 0)
-        if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+        if state in (SimulatedState.FAULT, SimulatedState.FAULT_REACTION_ACTIVE):
             return
         switch_on, voltage, quick_stop_not, operate = (
             bool(controlword >> bit & 1) for bit in range(4)
         )
         if not voltage:
-            self.state = State.SWITCH_ON_DISABLED
+            self.state = SimulatedState.SWITCH_ON_DISABLED
         elif not quick_stop_not:
-            if state is State.OPERATION_ENABLED and self[0x605A, 0]:
-                self.state = State.QUICK_STOP_ACTIVE
-            elif state in READY or state is State.OPERATION_ENABLED:
-                self.state = State.SWITCH_ON_DISABLED
+            if state is SimulatedState.OPERATION_ENABLED and self[0x605A, 0]:
+                self.state = SimulatedState.QUICK_STOP_ACTIVE
+            elif state in READY or state is SimulatedState.OPERATION_ENABLED:
+                self.state = SimulatedState.SWITCH_ON_DISABLED
         elif not switch_on:
-            if state is not State.QUICK_STOP_ACTIVE:
-                self.state = State.READY_TO_SWITCH_ON
-        elif state is State.READY_TO_SWITCH_ON:
-            self.state = State.SWITCHED_ON
-        elif state in (State.SWITCHED_ON, State.QUICK_STOP_ACTIVE) and operate:
-            self.state = State.OPERATION_ENABLED
-        elif state is State.OPERATION_ENABLED and not operate:
-            self.state = State.SWITCHED_ON
+            if state is not SimulatedState.QUICK_STOP_ACTIVE:
+                self.state = SimulatedState.READY_TO_SWITCH_ON
+        elif state is SimulatedState.READY_TO_SWITCH_ON:
+            self.state = SimulatedState.SWITCHED_ON
+        elif state in (SimulatedState.SWITCHED_ON, SimulatedState.QUICK_STOP_ACTIVE) and operate:
+            self.state = SimulatedState.OPERATION_ENABLED
+        elif state is SimulatedState.OPERATION_ENABLED and not operate:
+            self.state = SimulatedState.SWITCHED_ON
 
     def run(self, now: float) -> None:
         """Move the motor as its state requires, and update the objects with measured values."""
         elapsed = max(0.0, now - self._ran)
         self._ran = now
-        if self.state is State.OPERATION_ENABLED:
+        if self.state is SimulatedState.OPERATION_ENABLED:
             target = self[0x60FF, 0] / self._velocity_units if self[0x6060, 0] == CSV else 0.0
             self._go(target)
         elif self.state in RAMPING:
@@ -177,11 +175,11 @@ class EmulatedCia402(CanopenNode):
         self._measure()
 
     def _stopped(self) -> None:
-        if self.state is State.FAULT_REACTION_ACTIVE:
-            self.state = State.FAULT
+        if self.state is SimulatedState.FAULT_REACTION_ACTIVE:
+            self.state = SimulatedState.FAULT
             self._hold()
         elif self[0x605A, 0] == 2:
-            self.state = State.SWITCH_ON_DISABLED
+            self.state = SimulatedState.SWITCH_ON_DISABLED
             self._hold()
 
     def _go(self, velocity: float) -> None:
@@ -201,7 +199,7 @@ class EmulatedCia402(CanopenNode):
 
     def _measure(self) -> None:
         status = self.state.value | VOLTAGE_ENABLED | REMOTE
-        if self.state is State.OPERATION_ENABLED and self[0x6060, 0] == CSV:
+        if self.state is SimulatedState.OPERATION_ENABLED and self[0x6060, 0] == CSV:
             status |= FOLLOWS_COMMAND
         force = self.mount.sense("force")
         torque = force / (2.0 * math.pi * self._turns_per_metre)
@@ -226,13 +224,6 @@ def drive_objects(settings: Cia402Settings, counts_per_metre: float) -> ObjectDi
     """Return the CANopen objects of the drive with their values at power-up.
 
     Those are the objects of CiA 402, the identity of the device, and the settings of its PDOs.
-
-    Parameters
-    ----------
-    settings
-        Section of the drive in the rig file.
-    counts_per_metre
-        Position increments of the motor's encoder per metre of the axis [1/m].
     """
     unit = {"counts_per_s": COUNTS_PER_SECOND, "rpm": RPM}[settings.velocity_unit]
     return {

@@ -40,16 +40,6 @@ class EmulatedODrive(EmulatedCanDevice):
 
     The axis moves only in the state closed-loop control, with the control mode velocity control and
     the input mode passthrough. In this input mode, a commanded velocity is applied without delay.
-
-    Parameters
-    ----------
-    name
-        Name of the device in the rig file.
-    settings
-        Section of the device in the rig file.
-    mount
-        Interface to the simulated telemanipulator, with the signals `position`, `velocity` and
-        `force`.
     """
 
     settings: ODriveSettings

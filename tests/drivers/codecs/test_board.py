@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.codecs import board as codec
-from drivers.codecs.board import Configured, Identity, MessageReader, Sample, State
+from drivers.codecs.board import BoardState, Configured, Identity, MessageReader, Sample
 from drivers.framing import cobs
 
 ROOT = Path(__file__).parents[3]
@@ -42,7 +42,7 @@ def test_board_messages_are_decoded_as_documented():
         Sample(
             3,
             3000,
-            State.ENABLED,
+            BoardState.ENABLED,
             0b10,
             0,
             3,

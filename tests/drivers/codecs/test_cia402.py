@@ -13,7 +13,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.codecs import cia402
-from drivers.codecs.cia402 import TOWARDS_OPERATION, Control, NmtCommand, NmtState, State, Units
+from drivers.codecs.cia402 import (
+    TOWARDS_OPERATION,
+    Control,
+    DriveState,
+    NmtCommand,
+    NmtState,
+    Units,
+)
 
 UNITS = Units(10_000, 5e-3, "counts_per_s", rated_torque=0.5)
 
@@ -26,20 +33,20 @@ def test_the_state_of_a_statusword_is_the_same_as_in_canopen(word):
 
 
 def test_each_step_towards_operation_is_the_one_of_canopen_s_transition_table():
-    state = State.SWITCH_ON_DISABLED
-    steps = (State.READY_TO_SWITCH_ON, State.SWITCHED_ON, State.OPERATION_ENABLED)
+    state = DriveState.SWITCH_ON_DISABLED
+    steps = (DriveState.READY_TO_SWITCH_ON, DriveState.SWITCHED_ON, DriveState.OPERATION_ENABLED)
     for following in steps:
         transition = (state.words.upper(), following.words.upper())
         assert State402.TRANSITIONTABLE[transition] == TOWARDS_OPERATION[state]
         state = following
-    assert TOWARDS_OPERATION[State.FAULT] == State402.CW_SWITCH_ON_DISABLED
+    assert TOWARDS_OPERATION[DriveState.FAULT] == State402.CW_SWITCH_ON_DISABLED
     assert Control.QUICK_STOP == State402.CW_QUICK_STOP
 
 
 def test_no_command_but_a_reset_is_given_in_a_fault_and_none_while_the_drive_reacts_to_it():
-    assert TOWARDS_OPERATION[State.FAULT] is Control.FAULT_RESET
-    assert State.FAULT_REACTION_ACTIVE not in TOWARDS_OPERATION
-    assert State.QUICK_STOP_ACTIVE not in TOWARDS_OPERATION
+    assert TOWARDS_OPERATION[DriveState.FAULT] is Control.FAULT_RESET
+    assert DriveState.FAULT_REACTION_ACTIVE not in TOWARDS_OPERATION
+    assert DriveState.QUICK_STOP_ACTIVE not in TOWARDS_OPERATION
 
 
 def test_nmt_speaks_as_canopen_does():

@@ -16,14 +16,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from drivers.codecs.cia402 import State
+from drivers.codecs.cia402 import DriveState
 from drivers.device import NO_SAMPLE
 from drivers.devices.cia402 import Cia402
 from drivers.devices.cia402_settings import Cia402Settings
 from drivers.rig import RigError
 from sim_backend.wire.devices.canopen_sdo import Entry
 from sim_backend.wire.devices.cia402 import EmulatedCia402
-from sim_backend.wire.devices.cia402 import State as Truth
+from sim_backend.wire.devices.cia402 import SimulatedState as Truth
 
 TICK = 1e-3
 
@@ -722,4 +722,4 @@ def test_canopen_s_node_is_set_up_correctly_and_its_pdos_are_decoded():
     driver.transmit()
     assert node.rpdo[1][0x6040].raw == 0x0F
     assert node.rpdo[1][0x60FF].raw == 6_000
-    assert State.OPERATION_ENABLED.words == "operation enabled"
+    assert DriveState.OPERATION_ENABLED.words == "operation enabled"

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from drivers import Ages, Measurement
 from drivers.rig_file import read_rig_file
-from teleop.rig.drive_travel import BAND, SLACK, DriveTravel
+from teleop.rig.drive_check import BAND, SLACK, DriveTravel
 
 CHANNELS = read_rig_file(Path(__file__).parents[3] / "rigs" / "serial-board.toml").sections.channels
 COUNT = 1e-6

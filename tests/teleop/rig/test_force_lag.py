@@ -10,8 +10,7 @@ from teleop.errors import InputError
 from teleop.files import new_file
 from teleop.recording.export_formats import TableFile
 from teleop.rig import force_lag
-from teleop.rig.force_lag import measure_lag
-from teleop.rig.reference_spring import measure_simulated_lag
+from teleop.rig.force_lag import measure_lag, measure_simulated_lag
 
 
 def test_lag_and_lost_motion_of_the_simulated_rig_are_found():

@@ -11,8 +11,7 @@ from drivers import STANDSTILL
 from drivers.rig_file import read_rig_file
 from sim_backend.wire.mechanism import NEVER, PUT_BACK, Mechanism
 from teleop.errors import InputError
-from teleop.rig.emulation import Palpation
-from teleop.rig.typed_lines import TypedLines
+from teleop.rig.emulation import Palpation, TypedLines
 from teleop.trial.assembly import make_simulated_rig
 from teleop.trial.settings import TrialSettings
 

@@ -18,8 +18,7 @@ from teleop.live.cells import (
     CellWriter,
 )
 from teleop.safety import Fault
-from teleop.trial.page_pointer import PagePointer
-from teleop.trial.page_requests import PageRequests
+from teleop.trial.page_requests import PagePointer, PageRequests
 from teleop.trial.stop_switch import StopSwitch
 
 PAGE = -1

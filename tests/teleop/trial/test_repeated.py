@@ -16,8 +16,7 @@ from teleop.live.cells import ARM, END, PROCESS, SIZE, STOP, CellReader, CellWri
 from teleop.live.ring import RingWriter, ring_size
 from teleop.recording.recording import load
 from teleop.recording.sinks import Outcome, Sink
-from teleop.trial.page_pointer import PagePointer
-from teleop.trial.page_requests import PageRequests
+from teleop.trial.page_requests import PagePointer, PageRequests
 from teleop.trial.repeated import repeated
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings

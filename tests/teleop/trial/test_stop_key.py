@@ -18,8 +18,7 @@ from pathlib import Path
 import pytest
 
 from teleop.recording.recording import load
-from teleop.trial.stop_key import StopKey, is_foreground
-from teleop.trial.stop_switch import StopSwitch
+from teleop.trial.stop_switch import StopKey, StopSwitch, is_foreground
 
 pytest.importorskip("termios", reason="needs a POSIX terminal")
 import pty
@@ -146,7 +145,7 @@ class Terminal:
 
         monkeypatch.setattr(os, "read", recorded)
         monkeypatch.setattr("sys.stdin", self.stdin)
-        monkeypatch.setattr("teleop.trial.stop_key.is_foreground", lambda: True)
+        monkeypatch.setattr("teleop.trial.stop_switch.is_foreground", lambda: True)
 
     def type(self, keys):
         """Type keys, and wait until this process has read them."""
@@ -255,7 +254,7 @@ def test_a_run_whose_terminal_is_lost_ramps_down(run, tmp_path):
 
 
 def test_on_a_system_without_terminals_the_instructions_say_that_there_is_no_key(monkeypatch):
-    monkeypatch.setattr("teleop.trial.stop_key.find_spec", lambda name: None)
+    monkeypatch.setattr("teleop.trial.stop_switch.find_spec", lambda name: None)
     switch = StopSwitch(key=True)
     assert "no stop key: not available on this system" in switch.instructions
     with switch, switch.reading_keys():

@@ -17,7 +17,7 @@ from canopen.objectdictionary import ODRecord, ODVariable, datatypes
 from drivers.devices.cia402 import Cia402
 from drivers.devices.cia402_settings import Cia402Settings
 from drivers.transports.can_bus import CanBus
-from sim_backend.wire.devices.cia402 import EmulatedCia402, State
+from sim_backend.wire.devices.cia402 import EmulatedCia402, SimulatedState
 
 SETTINGS = Cia402Settings(
     kind="cia402", bus="can0", node_id=5, counts_per_turn=10_000, travel_mm_per_turn=5.0
@@ -325,7 +325,7 @@ class Clockwork:
         for controlword in (0x06, 0x07, 0x0F):
             self.send(0x205, struct.pack("<H", controlword))
             self.send(0x080, b"")
-        assert self.drive.state is State.OPERATION_ENABLED
+        assert self.drive.state is SimulatedState.OPERATION_ENABLED
 
     def emergencies(self):
         return [int.from_bytes(data[:2], "little") for i, data in self.sent if i == 0x085]
@@ -344,16 +344,16 @@ def test_it_is_braked_from_power_up():
 def test_a_synchronous_command_waits_for_sync():
     clockwork = Clockwork()
     clockwork.send(0x205, b"\x06\x00")
-    assert clockwork.drive.state is State.SWITCH_ON_DISABLED
+    assert clockwork.drive.state is SimulatedState.SWITCH_ON_DISABLED
     clockwork.send(0x080, b"")
-    assert clockwork.drive.state is State.READY_TO_SWITCH_ON
+    assert clockwork.drive.state is SimulatedState.READY_TO_SWITCH_ON
 
 
 def test_an_event_driven_command_does_not_wait_for_sync():
     clockwork = Clockwork()
     clockwork.drive.write(0x1400, 2, 255)
     clockwork.send(0x205, b"\x06\x00")
-    assert clockwork.drive.state is State.READY_TO_SWITCH_ON
+    assert clockwork.drive.state is SimulatedState.READY_TO_SWITCH_ON
 
 
 def test_a_pdo_of_every_third_sync_answers_every_third():
@@ -368,7 +368,7 @@ def test_a_short_pdo_is_rejected_and_reported():
     clockwork = Clockwork()
     clockwork.send(0x205, b"\x06")
     clockwork.send(0x080, b"")
-    assert clockwork.drive.state is State.SWITCH_ON_DISABLED
+    assert clockwork.drive.state is SimulatedState.SWITCH_ON_DISABLED
     assert clockwork.emergencies() == [0x8210]
 
 
@@ -378,7 +378,7 @@ def test_pdos_are_ignored_unless_operational():
     clockwork.sent.clear()
     clockwork.send(0x205, b"\x06\x00")
     clockwork.send(0x080, b"")
-    assert clockwork.drive.state is not State.READY_TO_SWITCH_ON
+    assert clockwork.drive.state is not SimulatedState.READY_TO_SWITCH_ON
     assert not [i for i, _ in clockwork.sent if i == 0x185]
 
 
@@ -393,7 +393,7 @@ def test_quick_stop_ramps_at_6085h_and_then_brakes():
     assert max(falls) == pytest.approx(2.0 * 1e-3)
     assert len(falls) >= 24
     assert clockwork.mount.braked
-    assert clockwork.drive.state is State.SWITCH_ON_DISABLED
+    assert clockwork.drive.state is SimulatedState.SWITCH_ON_DISABLED
 
 
 def test_quick_stop_option_6_stays_in_quick_stop_at_standstill():
@@ -402,7 +402,7 @@ def test_quick_stop_option_6_stays_in_quick_stop_at_standstill():
     clockwork.operate()
     clockwork.drive._obey(0x02)
     clockwork.run(0.1)
-    assert clockwork.drive.state is State.QUICK_STOP_ACTIVE
+    assert clockwork.drive.state is SimulatedState.QUICK_STOP_ACTIVE
     assert clockwork.mount.velocity == 0.0
     assert not clockwork.mount.braked
 
@@ -438,10 +438,10 @@ def test_no_heartbeat_is_missed_before_the_first():
 @pytest.mark.parametrize(
     ("option", "state", "nmt"),
     [
-        (0, State.OPERATION_ENABLED, 0x7F),
-        (1, State.FAULT, 0x7F),
-        (2, State.SWITCH_ON_DISABLED, 0x7F),
-        (3, State.SWITCH_ON_DISABLED, 0x7F),
+        (0, SimulatedState.OPERATION_ENABLED, 0x7F),
+        (1, SimulatedState.FAULT, 0x7F),
+        (2, SimulatedState.SWITCH_ON_DISABLED, 0x7F),
+        (3, SimulatedState.SWITCH_ON_DISABLED, 0x7F),
     ],
 )
 def test_the_reaction_to_the_loss_of_the_master_follows_6007h(option, state, nmt):
@@ -460,10 +460,10 @@ def test_only_a_rising_edge_resets_a_fault():
     clockwork.drive._obey(0x80)
     clockwork.drive.fault(0x4310)
     clockwork.drive._obey(0x80)
-    assert clockwork.drive.state is State.FAULT
+    assert clockwork.drive.state is SimulatedState.FAULT
     clockwork.drive._obey(0x00)
     clockwork.drive._obey(0x80)
-    assert clockwork.drive.state is State.SWITCH_ON_DISABLED
+    assert clockwork.drive.state is SimulatedState.SWITCH_ON_DISABLED
 
 
 def test_a_fault_in_operation_brakes_and_ignores_commands():
@@ -473,7 +473,7 @@ def test_a_fault_in_operation_brakes_and_ignores_commands():
     clockwork.run(0.1)
     for controlword in (0x06, 0x07, 0x0F):
         clockwork.drive._obey(controlword)
-    assert clockwork.drive.state is State.FAULT
+    assert clockwork.drive.state is SimulatedState.FAULT
     assert clockwork.mount.braked
     assert clockwork.emergencies() == [0x2310]
 
