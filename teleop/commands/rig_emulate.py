@@ -33,9 +33,9 @@ def emulate(
     """Emulate the devices of a rig, connected to the simulated plant, until stopped.
 
     Pseudo-terminals replace the serial ports and slcan adapters. If the rig uses a SocketCAN bus,
-    this bus must exist. When the devices are ready, the command prints a `teleop run`
-    command, which you enter in another terminal. A little more than one second after the drives are disabled, the simulated plant
-    returns to its initial state.
+    this bus must exist. When the devices are ready, the command prints a `teleop run` command,
+    which you enter in another terminal. A little more than one second after the drives are
+    disabled, the simulated plant returns to its initial state.
 
     The simulated operator presses to the depth that is given to this command, not to the depth that
     is given to `teleop run`. To change the operator, the cube or the depth between two trials, type
