@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, Literal
 
 from cyclopts import Parameter
 
 from teleop.commands.column_options import BY_USUAL_NAMES, Columns
-from teleop.commands.estimation_options import AS_RECORDED, FileEstimation, file_settings
+from teleop.commands.estimation_options import (
+    AS_RECORDED,
+    FileEstimation,
+    file_settings,
+    true_values,
+)
 from teleop.commands.options import ESTIMATION, MODULUS, OUTPUT, Json, OutputFile, Overwrite, Width
 from teleop.commands.quantities import Degrees, Millimetres
 
 if TYPE_CHECKING:
-    from estimation.figures import Truth
     from teleop.evaluation.batch.material import Indenter
     from teleop.evaluation.evaluation import Evaluation
+    from teleop.evaluation.online.run import Table
     from teleop.recording.recording import Recording
 
 
@@ -79,7 +84,7 @@ class FigureOptions:
         self,
         name: str,
         evaluation: Evaluation,
-        truth: Truth | None,
+        recording: Recording | None,
         together: dict[str, Any] | None,
         overwrite: bool,
     ) -> None:
@@ -93,6 +98,7 @@ class FigureOptions:
         title = plain(name)
         with figure_style(self.width):
             if self.plot:
+                truth = true_values(recording) if recording else None
                 save(evaluation.plot(self.width, title, truth), self.plot, overwrite)
             if self.plot_force:
                 save(evaluation.plot_force(self.width, title), self.plot_force, overwrite)
@@ -155,7 +161,6 @@ def estimate(
     out
         Write signals and estimates to this CSV file.
     """
-    from estimation.figures import known_truth
     from teleop.errors import InputError
     from teleop.evaluation.across.pooled import evaluate_together
     from teleop.evaluation.evaluate import KEPT, evaluate
@@ -165,8 +170,6 @@ def estimate(
     from teleop.output.console import print_json
     from teleop.output.estimate_tables import print_evaluation
     from teleop.output.result_tables import print_together
-    from teleop.recording.export_formats import TableFile
-    from teleop.trial.true_values import recorded_truth
 
     files = (file, *more)
     if more and (out or figures.plot or figures.plot_force):
@@ -182,8 +185,7 @@ def estimate(
         try:
             settings = file_settings(recording, changes)
             with new_file(out, overwrite) if out else nullcontext() as table:
-                write = TableFile(table).write if table else None
-                evaluation = evaluate(samples, settings, KEPT, write)
+                evaluation = evaluate(samples, settings, KEPT, writer(table))
         except InputError as error:
             raise InputError(f"{path}: {error}" if more else str(error)) from error
         summary = {
@@ -204,8 +206,7 @@ def estimate(
         print_json({"files": summaries, "together": together} if together else summaries[0])
     elif together:
         print_together(together)
-    truth = known_truth(recorded_truth(recording)) if recording else None
-    figures.draw(file.name, evaluation, truth, together, overwrite)
+    figures.draw(file.name, evaluation, recording, together, overwrite)
     return 0
 
 
@@ -218,6 +219,15 @@ def check_different(files: Sequence[Path]) -> None:
         if path.resolve() in found:
             raise InputError(f"{path} is given twice: expected different recordings")
         found.add(path.resolve())
+
+
+def writer(file: BinaryIO | None) -> Callable[[Table], None] | None:
+    """What writes the blocks of a table to a file; None without a file."""
+    if not file:
+        return None
+    from teleop.recording.export_formats import TableFile
+
+    return TableFile(file).write
 
 
 def material(evaluation: Evaluation, tip: Indenter | None) -> dict[str, Any]:
@@ -233,10 +243,10 @@ def material(evaluation: Evaluation, tip: Indenter | None) -> dict[str, Any]:
 
 def recorded(evaluation: Evaluation, recording: Recording | None) -> dict[str, Any]:
     """What the summary contains only for a recorded trial."""
-    from teleop.recording.gaps import gap_rows
-
     if not recording:
         return {}
+    from teleop.recording.gaps import gap_rows
+
     return {
         "as_online": evaluation.online.as_recorded and not recording.gaps,
         "missing_ticks": gap_rows(recording.gaps),

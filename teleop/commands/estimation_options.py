@@ -14,6 +14,7 @@ from teleop.names import ESTIMATOR_NAMES, ConditioningName, CubeName, ModelName,
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from estimation.figures import Truth
     from estimation.model import Model
     from teleop.evaluation.settings import EstimateSettings
     from teleop.recording.recording import Recording
@@ -86,14 +87,23 @@ AS_RECORDED = FileOptions()
 
 def file_settings(recording: Recording | None, changes: Mapping[str, Any]) -> EstimateSettings:
     """Settings of the recorded trial, or the defaults for a foreign file, with these changes."""
-    from teleop.evaluation.reading.recorded import recorded_settings
     from teleop.evaluation.settings import EstimateSettings
-    from teleop.trial.averaged import recorded_part
 
     settings = EstimateSettings()
     if recording:
+        from teleop.evaluation.reading.recorded import recorded_settings
+        from teleop.trial.averaged import recorded_part
+
         settings = replace(recorded_settings(recording), averaged=recorded_part(recording))
     return replace(settings, **changes)
+
+
+def true_values(recording: Recording) -> Truth | None:
+    """The true stiffness and damping, if the recorded trial was on the simulated rig."""
+    from estimation.figures import known_truth
+    from teleop.trial.true_values import recorded_truth
+
+    return known_truth(recorded_truth(recording))
 
 
 def chosen_estimators(names: str) -> tuple[str, ...]:

@@ -6,7 +6,12 @@ import os
 from pathlib import Path
 
 from teleop.commands.column_options import BY_USUAL_NAMES, Columns
-from teleop.commands.estimation_options import AS_RECORDED, FileEstimation, file_settings
+from teleop.commands.estimation_options import (
+    AS_RECORDED,
+    FileEstimation,
+    file_settings,
+    true_values,
+)
 from teleop.commands.options import Json, OutputFile, Overwrite
 
 
@@ -38,7 +43,6 @@ def report(
     out
         HTML file to write. Default: the name of the recording with the ending .html.
     """
-    from estimation.figures import known_truth
     from teleop.evaluation.evaluate import KEPT, evaluate
     from teleop.evaluation.online.conditioned import FEWEST
     from teleop.evaluation.reading.recorded import is_reported
@@ -48,7 +52,6 @@ def report(
     from teleop.output.report_page import report_page
     from teleop.trial.performed import recorded_motion
     from teleop.trial.tracked import recorded_tracking
-    from teleop.trial.true_values import recorded_truth
 
     page = out or file.with_suffix(".html")
     check_ending(page, ".html")
@@ -61,7 +64,7 @@ def report(
         evaluation = evaluate(samples, settings, KEPT)
         summary = {**settings_summary(settings), **evaluation.summary()}
     link = os.path.relpath(file.resolve(), page.resolve().parent)
-    truth = known_truth(recorded_truth(recording)) if recording else None
+    truth = true_values(recording) if recording else None
     found = recorded_tracking(recording) if recording else None
     tracking = found and found._asdict()
     motion = recorded_motion(recording) if recording else None
