@@ -102,57 +102,24 @@ class TrialRunner:
         return self.switch is not None and self.switch.signalled
 
     def run(self, settings: TrialSettings) -> int:
-        """Run a trial, and return the exit code; SafetyStop if a fault stopped the trial.
-
-        A trial with a live page can end before a person arms the drives. If there is no fault and
-        no signal, no results are then printed, and the recording is deleted.
-        """
+        """Run a trial, and return the exit code; SafetyStop if a fault stopped the trial."""
         from teleop.errors import InputError, SafetyStop
-        from teleop.output import console
-        from teleop.output.trial_tables import print_trial
-        from teleop.printable import discard_output, print_error
-        from teleop.recording.new_recording import new_recording
-        from teleop.trial.run import run_trial
+        from teleop.printable import print_error
         from teleop.trial.stop_switch import StopSwitch
 
-        record, reserved = self.output.record, None
-        if not (record or self.output.no_record):
-            palpated = settings.specimen or settings.cube
-            record = reserved = new_recording(settings.condition_name, palpated)
         with StopSwitch(key=True, explained=self.explained) as switch:
             self.switch = switch
-            try:
-                trial = run_trial(
-                    settings,
-                    record,
-                    sys.stderr.isatty(),
-                    switch,
-                    self.realtime if settings.clock == "real" else "off",
-                    overwrite=bool(reserved),
-                    live=self.link,
-                    arm=True,  # `teleop run` has asked, or the live page asks
-                )
-            finally:
-                if reserved and reserved.exists() and not reserved.stat().st_size:
-                    reserved.unlink()
+            trial, record = self._performed(settings, switch)
             if self.link:
                 self.link.show_result(trial)
-                if not (trial.armed or trial.fault or self.interrupted):
+                if not (trial.armed or trial.fault or self.interrupted):  # nobody started it
                     print_error(f"not armed: {switch.page.reason}")
                     if record:
                         record.unlink(missing_ok=True)
                     return 0
             problems = [trial.incomplete] if trial.incomplete else []
             self._draw(trial, problems)
-            try:
-                if self.output.json:
-                    console.print_json(trial.summary())
-                else:
-                    print_trial(trial.summary())
-            except OSError as error:
-                if not (trial.fault or problems):
-                    raise
-                problems.append(discard_output(error))
+            self._print(trial, problems)
         if trial.fault:
             for problem in problems:
                 print_error(problem)
@@ -161,8 +128,35 @@ class TrialRunner:
             raise InputError("; ".join(problems))
         return 130 if trial.interrupted else 0
 
+    def _performed(self, settings: TrialSettings, switch: StopSwitch) -> tuple[Trial, Path | None]:
+        """Run a trial; return it with the file of its recording."""
+        from teleop.recording.new_recording import new_recording
+        from teleop.trial.run import run_trial
+
+        record, reserved = self.output.record, None
+        if not (record or self.output.no_record):
+            palpated = settings.specimen or settings.cube
+            record = reserved = new_recording(settings.condition_name, palpated)
+        try:
+            trial = run_trial(
+                settings,
+                record,
+                sys.stderr.isatty(),
+                switch,
+                self.realtime if settings.clock == "real" else "off",
+                overwrite=bool(reserved),
+                live=self.link,
+                arm=True,  # `teleop run` has asked, or the live page asks
+            )
+        finally:
+            if reserved and reserved.exists() and not reserved.stat().st_size:
+                reserved.unlink()  # the trial did not begin
+        return trial, record
+
+    # A problem with an output must not hide the fault of a trial: it is appended to `problems`.
+
     def _draw(self, trial: Trial, problems: list[str]) -> None:
-        """Draw the figures of a trial; a reason why that fails is appended to `problems`."""
+        """Draw the figures of a trial."""
         from teleop.errors import InputError
         from teleop.printable import print_error
 
@@ -174,3 +168,19 @@ class TrialRunner:
                 problems.append(str(error))
         elif drawn:
             print_error(f"{drawn[0]}: not drawn: there are no estimates")
+
+    def _print(self, trial: Trial, problems: list[str]) -> None:
+        """Print the results of a trial."""
+        from teleop.output.console import print_json
+        from teleop.output.trial_tables import print_trial
+        from teleop.printable import discard_output
+
+        try:
+            if self.output.json:
+                print_json(trial.summary())
+            else:
+                print_trial(trial.summary())
+        except OSError as error:
+            if not (trial.fault or problems):
+                raise
+            problems.append(discard_output(error))
