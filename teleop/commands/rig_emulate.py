@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from teleop.commands.options import IN_OUTPUT, Json, Overwrite
 from teleop.commands.quantities import Hertz, Length
 from teleop.names import CubeName, PalpationName, RealtimeName
 
+if TYPE_CHECKING:
+    from sim_backend.wire.mechanism import Mechanism
+    from teleop.rig.emulation import Palpation
+
 REALTIME_STEPS = ("SCHED_FIFO", "no garbage collection")
 """Real-time settings of the emulator. The emulator does not reserve a processor for itself, because
 the control loop may need it."""
 WRITER = "teleop rig emulate"
-"""Name of this command, which is written to the first line of the rig file."""
+"""Name of this command in the first line of the rig file that it writes."""
 
 
 def emulate(
@@ -78,16 +83,12 @@ def emulate(
 
     from sim_backend import AttentiveOperator, MimickedSine
     from sim_backend.wire.emulator import host_file, host_ports
-    from sim_backend.wire.mechanism import PUT_BACK
     from teleop.commands.trial_options import make_signal
-    from teleop.errors import InputError
     from teleop.files import check_outputs, write_text
     from teleop.interruption import stop_signals
     from teleop.output import console, rig_tables
-    from teleop.printable import print_error
     from teleop.rig.emulation import (
         Palpation,
-        TypedLines,
         is_unchanged,
         make_emulator,
         opened,
@@ -112,26 +113,6 @@ def emulate(
         count_in=COUNT_IN,
     )
     palpated = Palpation(settings, AttentiveOperator if condition == "any" else MimickedSine)
-    typed, early = TypedLines(), 0
-
-    def change() -> None:
-        nonlocal palpated, early
-        if emulator.mechanism.early > early:
-            early = emulator.mechanism.early
-            print_error(
-                "the drives were enabled before the simulated plant returned to its initial "
-                f"state: expected {PUT_BACK:g} s between two trials (in a plan, rest_s = 2)"
-            )
-        for line in typed.read():
-            try:
-                palpated = palpated.changed(line)
-            except InputError as error:
-                print_error(str(error))
-                continue
-            when = "after this trial" if emulator.mechanism.driven else "now"
-            emulator.mechanism.exchange(palpated.rig)
-            print_error(f"{when}: {palpated.text}")
-
     urgency: RealtimeName = "try" if (os.cpu_count() or 1) > 1 else "off"
     folder = Path(tempfile.mkdtemp(prefix="teleop-"))
     try:
@@ -154,7 +135,37 @@ def emulate(
                 }
                 rig_tables.print_emulation(rig.sections.name, ports, out, palpation)
             real_time.start()
-            emulator.serve(stopped, change)
+            emulator.serve(stopped, changes_of(palpated, emulator.mechanism))
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     return 0
+
+
+def changes_of(palpated: Palpation, mechanism: Mechanism) -> Callable[[], None]:
+    """A function that reads typed lines and changes the operator, the cube or the depth."""
+    from sim_backend.wire.mechanism import PUT_BACK
+    from teleop.errors import InputError
+    from teleop.printable import print_error
+    from teleop.rig.emulation import TypedLines
+
+    typed, early = TypedLines(), 0
+
+    def change() -> None:
+        nonlocal palpated, early
+        if mechanism.early > early:
+            early = mechanism.early
+            print_error(
+                "the drives were enabled before the simulated plant returned to its initial "
+                f"state: expected {PUT_BACK:g} s between two trials (in a plan, rest_s = 2)"
+            )
+        for line in typed.read():
+            try:
+                palpated = palpated.changed(line)
+            except InputError as error:
+                print_error(str(error))
+                continue
+            when = "after this trial" if mechanism.driven else "now"
+            mechanism.exchange(palpated.rig)
+            print_error(f"{when}: {palpated.text}")
+
+    return change
