@@ -85,6 +85,13 @@ def checked_samples(
     return Samples(phi, checked["f"], checked["dt"], np.ones(shape, dtype=np.bool_))
 
 
+def check_positive(**settings: float) -> None:
+    """Raise ValueError if a setting is not positive and finite."""
+    for name, value in settings.items():
+        if not 0.0 < value < math.inf:
+            raise ValueError(f"{name.replace('_', ' ')} must be positive, got {value}")
+
+
 def positive_values(name: str, values: Sequence[float], model: Model) -> tuple[float, ...]:
     """Check the values of a setting that has one value per parameter of a model.
 

@@ -110,6 +110,9 @@ class Estimator(ABC):
 
     gated: ClassVar[bool] = True
     """If True, the estimates do not change while a contact gate is closed (`estimation.gate`)."""
+    used_settings: ClassVar[tuple[str, ...] | None] = None
+    """Fields of `OwnSettings` that the estimator uses. Other settings are refused as own settings
+    of this estimator. None: not declared, so none is refused."""
     constant: ClassVar[bool] = False
     """Whether the step needs a constant regressor 1 after the regressors of the model."""
 

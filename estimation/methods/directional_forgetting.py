@@ -12,7 +12,6 @@ from estimation.methods.ud_factors import (
     predicted_variance,
     update_covariance,
 )
-from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, below
 
 NO_NEWS = 1e-100
@@ -88,13 +87,3 @@ class DirectionalForgetting(FactoredEstimator):
     """
 
     step = staticmethod(step)
-
-    def __init__(
-        self,
-        forgetting: float,
-        initial_covariance: tuple[float, ...],
-        sample_period: float | None = None,
-        model: Model = KELVIN_VOIGT,
-        correlation: float = 1.0,
-    ) -> None:
-        super().__init__(forgetting, initial_covariance, sample_period, model, correlation)

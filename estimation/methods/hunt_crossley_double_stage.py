@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import exp, log, nan
+from typing import Self
 
 from estimation.estimator import Estimator
+from estimation.method_settings import SIZES, MethodSettings
 from estimation.methods.hunt_crossley import (
+    CONTACT_FORCE,
     DAMPING,
     EXPONENT,
     HERTZ,
@@ -220,6 +223,7 @@ class DoubleStage(Estimator):
     """
 
     step = staticmethod(step)
+    used_settings = ("forgetting", *SIZES)
 
     def __init__(
         self,
@@ -239,4 +243,11 @@ class DoubleStage(Estimator):
             ),
             DoubleStageState([0.0, 0.0, 0.0, 0.0, HERTZ], [nan] * 5, False, *(0.0,) * 8),
             names=NAMES,
+        )
+
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        return cls(
+            settings.memory, settings.x_size, settings.v_size, CONTACT_FORCE * settings.f_size
         )

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
+from typing import Self
 
 from estimation.checks import positive_values
 from estimation.estimator import Estimates
+from estimation.method_settings import MethodSettings
 from estimation.methods.ud_factors import (
     FactoredEstimator,
     FactoredParameters,
@@ -72,6 +74,11 @@ def process_noise(
             f"{sizes}"
         )
     return tuple(sample_period / (memory * size) ** 2 for size in sizes)
+
+
+def largest_variances(settings: MethodSettings) -> tuple[float, ...]:
+    """Return the default `ceiling` of each parameter, for force noise with a variance of 1 N^2."""
+    return tuple(1.0 / size**2 for size in settings.sizes)
 
 
 def walk(parameters: KalmanParameters, state: FactoredState, dt: float) -> None:
@@ -170,6 +177,17 @@ class RandomWalkKalman(FactoredEstimator):
         growth = tuple(value / first for value, first in zip(q, p0, strict=True))
         room = tuple(value / first for value, first in zip(most, p0, strict=True))
         super().__init__(1.0, p0, None, model, correlation, Q=growth, ceiling=room)
+
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        return cls(
+            process_noise(settings.memory, settings.sample_period, settings.sizes),
+            settings.covariance,
+            largest_variances(settings),
+            settings.model,
+            settings.correlation,
+        )
 
     def note(self, estimates: Estimates) -> str | None:
         """Return None: this estimator gives no warning about its `estimates`.

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Self
 
 from estimation.checks import check_correlation
 from estimation.estimator import Estimates, Estimator
+from estimation.method_settings import MethodSettings
 from estimation.step import B, K, Regressors, State
 
 SIGNIFICANT = 3.090232306167813
@@ -225,6 +227,7 @@ class PooledSegments(Estimator):
     """
 
     step = staticmethod(step)
+    used_settings = ("segment",)
     parameters: SegmentParameters
     state: SegmentState
 
@@ -238,6 +241,11 @@ class PooledSegments(Estimator):
             SegmentParameters(length, correlation),
             SegmentState([0.0, 0.0], [nan, nan], True, *(0.0,) * 6, 0, 0.0, b, k),
         )
+
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        return cls(settings.segment, settings.correlation)
 
     @property
     def correlation(self) -> float:

@@ -142,7 +142,7 @@ def evaluated(
     from teleop.errors import InputError
     from teleop.evaluation.across.comparison import compared
     from teleop.evaluation.evaluate import KEPT, evaluate
-    from teleop.evaluation.reading.recorded import is_replayed
+    from teleop.evaluation.reading.samples import is_replayed
     from teleop.printable import print_error
     from teleop.studies.recordings import known_factors
     from teleop.trial.tracked import recorded_tracking

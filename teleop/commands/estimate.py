@@ -164,7 +164,7 @@ def estimate(
     from teleop.errors import InputError
     from teleop.evaluation.across.pooled import evaluate_together
     from teleop.evaluation.evaluate import KEPT, evaluate
-    from teleop.evaluation.reading.recorded import is_replayed
+    from teleop.evaluation.reading.samples import is_replayed
     from teleop.evaluation.settings import settings_summary
     from teleop.files import check_outputs, new_file
     from teleop.output.console import print_json

@@ -66,8 +66,8 @@ def spring_samples(file: Path, columns: ColumnOptions) -> tuple[Floats, Floats, 
     """Displacement, force and sample periods from a file without gaps, all in SI units."""
     from teleop.errors import InputError
     from teleop.evaluation.online.datum import find_datum
-    from teleop.evaluation.reading.recorded import is_replayed, recorded_signals
-    from teleop.evaluation.reading.samples import NEEDED
+    from teleop.evaluation.reading.recorded import NEEDED, recorded_signals
+    from teleop.evaluation.reading.samples import is_replayed
     from teleop.recording.recording import load
     from teleop.rig.force_lag import MOST_SAMPLES
 

@@ -15,8 +15,8 @@ from cyclopts import Parameter
 from teleop.commands.options import LIVE
 
 if TYPE_CHECKING:
+    from teleop.settings.trial_settings import TrialSettings
     from teleop.trial.live_link import LiveLink
-    from teleop.trial.settings import TrialSettings
 
 POINTER = "pointer"
 """Value of --operator with which the mouse or a finger in the live page moves the handle."""
@@ -56,14 +56,15 @@ class LiveOptions:
 
         InputError if options contradict each other or the settings.
         """
+        from teleop.control.conditions import BY_HAND
         from teleop.errors import InputError
 
         for one in settings:
             if one.operator == POINTER and not self.live:
                 raise InputError("--operator pointer: needs --live")
-            if one.operator == POINTER and (one.rig or one.condition == "autonomous"):
+            if one.operator == POINTER and (one.rig or one.condition not in BY_HAND):
                 raise InputError(
-                    "--operator pointer: expected the simulated rig, and free or mimic"
+                    f"--operator pointer: expected the simulated rig, and {' or '.join(BY_HAND)}"
                 )
             if self.live and one.clock != "real":
                 raise InputError("--live: expected --clock real")
@@ -120,7 +121,7 @@ def choices_of(settings: TrialSettings) -> dict[str, list[Any]]:
     `settings` are those of the first trial. A hardware rig or a custom setup leaves no choice.
     """
     from sim_backend import CUBES
-    from teleop.control.conditions import CONDITIONS
+    from teleop.control.conditions import BY_HAND, CONDITIONS
 
     if settings.rig or settings.custom_setup:
         return {
@@ -128,9 +129,8 @@ def choices_of(settings: TrialSettings) -> dict[str, list[Any]]:
             "specimen": [settings.palpated],
             "duration": [settings.duration],
         }
-    by_pointer = settings.operator == POINTER
     return {
-        "condition": [c for c in CONDITIONS if not (by_pointer and c == "autonomous")],
+        "condition": list(BY_HAND if settings.operator == POINTER else CONDITIONS),
         "specimen": list(CUBES),
         "duration": sorted({*DURATIONS, settings.duration}),
     }

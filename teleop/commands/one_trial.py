@@ -13,9 +13,9 @@ from teleop.commands.options import OUTPUT, Json, Overwrite, Width
 from teleop.names import RealtimeName
 
 if TYPE_CHECKING:
+    from teleop.settings.trial_settings import TrialSettings
     from teleop.trial.live_link import LiveLink
     from teleop.trial.result import Trial
-    from teleop.trial.settings import TrialSettings
     from teleop.trial.stop_switch import StopSwitch
 
 
@@ -54,6 +54,7 @@ class OutputOptions:
 
         `sources` are the files that are read, which must not be overwritten.
         """
+        from teleop.control.conditions import CONDITIONS
         from teleop.errors import InputError
         from teleop.files import RECORDING, check_ending, check_outputs, make_folder
 
@@ -62,9 +63,12 @@ class OutputOptions:
         if self.record:
             check_ending(self.record, RECORDING)
             make_folder(self.record)
-        if self.plot_tracking and settings.condition != "mimic":
+        if self.plot_tracking and not settings.target:
+            motion = settings.intended_motion
+            followed = [name for name, one in CONDITIONS.items() if one.target_for(motion)]
             raise InputError(
-                "--plot-tracking: expected --condition mimic, in which there is a target"
+                f"--plot-tracking: expected --condition {' or '.join(followed)}, in which there is "
+                "a target"
             )
         check_outputs(
             self.record, pictures=self.pictures, sources=sources, overwrite=self.overwrite

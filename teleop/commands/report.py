@@ -45,7 +45,7 @@ def report(
     """
     from teleop.evaluation.evaluate import KEPT, evaluate
     from teleop.evaluation.online.conditioned import FEWEST
-    from teleop.evaluation.reading.recorded import is_reported
+    from teleop.evaluation.reading.samples import is_reported
     from teleop.evaluation.settings import settings_summary
     from teleop.files import check_ending, check_outputs, write_text
     from teleop.output import console

@@ -42,8 +42,8 @@ def run(
     from teleop.commands.live_trials import run_from_page
     from teleop.commands.one_trial import TrialRunner
     from teleop.printable import print_error
+    from teleop.settings.feedback_checks import check_feedback
     from teleop.trial.arming import arming_text, check_stated, is_armed
-    from teleop.trial.feedback_checks import check_feedback
 
     settings = trial.settings(estimation.given())
     check_stated(settings)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from teleop.control.coupling import Coupling
     from teleop.control.excitation_signals import AnySignal
-    from teleop.trial.settings import TrialSettings
+    from teleop.settings.trial_settings import TrialSettings
 
 POSITION_GAIN = 10.0
 """Position gain of the coupling with `--coupling position` [1/s]."""
@@ -90,13 +90,13 @@ class TrialOptions:
         Settings are checked together when they are created, so that a valid combination of changes
         must not pass through an invalid one.
         """
-        from sim_backend.channel import parse_channel
+        from teleop.control.channel import parse_channel
+        from teleop.control.conditions import CONDITIONS
         from teleop.control.tare import read_tare
         from teleop.errors import InputError, as_input_error
-        from teleop.trial.configuration import read_configuration
-        from teleop.trial.ranges import FREQUENCY
-        from teleop.trial.rig_loading import load_rig_file
-        from teleop.trial.settings import TrialSettings
+        from teleop.settings.configuration import read_configuration
+        from teleop.settings.rig_loading import load_rig_file
+        from teleop.settings.trial_settings import TrialSettings
 
         settings = read_configuration(self.config) if self.config else TrialSettings()
         given = {name: value for name, value in vars(self).items() if value is not None}
@@ -107,7 +107,7 @@ class TrialOptions:
         if self.condition:
             settings = replace(settings, custom_condition=None)
         if self.signal or self.frequency is not None:
-            usual = FREQUENCY.get(self.condition or settings.condition, 2.0)
+            usual = CONDITIONS[self.condition or settings.condition].default_frequency
             frequency = usual if self.frequency is None else self.frequency
             given["signal"] = make_signal(self.signal or settings.excitation.kind, frequency)
         if self.coupling:

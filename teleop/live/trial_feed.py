@@ -22,12 +22,6 @@ SILENCE = 0.5
 """Time without a new tick after which the page shows that the loop has ended [s]."""
 DEEPEST = 0.1
 """Largest magnitude of the depth that the pointer of the live page can request [m]."""
-IN_CONDITION = {
-    "free": "palpate freely",
-    "mimic": "follow the target with the slave",
-    "autonomous": "the controller moves the slave; leave the handle free",
-}
-"""Instruction to the operator, by control condition."""
 SENT = {"name": "sent", "unit": "s", "meaning": "time at which the loop wrote the tick"}
 """Description of a column that is not recorded. It is the last column of each row for the page."""
 
@@ -301,5 +295,5 @@ class TrialFeed(Feed):
             return "UNLOCK, then START within 2 s, arms the drives"
         if mode == "active" and self._session["pointer"]:
             return "press and hold in the picture of the tool to palpate"
-        condition = self._valid.get("trial", {}).get("condition")
-        return IN_CONDITION.get(str(condition), "") if mode == "active" else ""
+        instruction: str = self._valid.get("trial", {}).get("instruction", "")
+        return instruction if mode == "active" else ""

@@ -33,8 +33,8 @@ from estimation.stiffening import Interval, lagged
 from sim_backend import Cube, Setup, paper_setup
 from teleop.control.excitation_signals import Chirp
 from teleop.errors import InputError
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 SPRING = 5000.0
 """Stiffness of the reference spring [N/m]."""
@@ -45,7 +45,7 @@ SPRING_DEPTH = 5e-3
 def measure_simulated_lag(seed: int = 0) -> tuple[ForceLag, Setup]:
     """Measure lag and lost motion of the simulated rig with a simulated reference spring."""
     spring = Cube(SPRING, 0.0, 1e-9)
-    setup = replace(paper_setup("autonomous", "soft"), cube=spring, depth=SPRING_DEPTH)
+    setup = replace(paper_setup("injector", "soft"), cube=spring, depth=SPRING_DEPTH)
     columns = run_trial(
         TrialSettings(
             condition="autonomous",

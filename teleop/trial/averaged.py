@@ -1,30 +1,20 @@
-"""Determine the part of a trial over which the estimates are averaged.
-
-In the condition `mimic`, the count-in is left out: the time at the start in which the target does
-not move yet. In the condition `autonomous`, the ramp at the end is left out: the time in which the
-excitation decreases to zero.
-"""
+"""Determine the part of a trial over which the estimates are averaged."""
 
 from __future__ import annotations
 
-from teleop.control.injector import ramp_time
 from teleop.errors import InputError
 from teleop.evaluation.settings import WHOLE, AveragedPart
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
-from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_json import from_document
+from teleop.settings.documents import from_document
+from teleop.settings.trial_settings import TrialSettings
 
 
 def averaged_part(recording: Recording | RecordingFile, settings: TrialSettings) -> AveragedPart:
     """Return the part of a recorded trial over which the estimates are averaged."""
-    part, count_in = WHOLE, settings.target.count_in
-    if settings.condition_name == "mimic" and count_in and "target" in recording.units:
-        part = AveragedPart(start=count_in, left_out=f"the count-in of {count_in:g} s")
-    elif settings.condition_name == "autonomous":
-        ramp = ramp_time(settings.duration)
-        text = f"the ramp of the excitation to zero, the last {ramp:g} s"
-        part = AveragedPart(end=settings.duration - ramp, left_out=text)
+    part = AveragedPart(*settings.condition_type.averaged_times(settings.intended_motion))
+    if settings.target and "target" not in recording.units:
+        part = WHOLE  # recorded by a version whose target had no count-in
     armed = next((event["time"] for event in recording.events if event["mode"] == "active"), 0.0)
     return part.after(armed)
 

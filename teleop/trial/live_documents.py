@@ -13,8 +13,8 @@ from teleop.errors import InputError
 from teleop.recording.message import DROPPED, POINTER
 from teleop.recording.recording import Recording
 from teleop.recording.tick_columns import COLUMNS
-from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_json import from_document
+from teleop.settings.documents import from_document
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.true_values import recorded_truth, truth
 
 MEANINGS = {column.name: column.meaning for column in COLUMNS} | {
@@ -56,6 +56,7 @@ def trial_document(
         "type": "trial",
         "number": number,
         "condition": settings.condition_name,
+        "instruction": settings.condition_type.instruction,
         "specimen": settings.palpated,
         "duration": settings.duration,
         "choice": {
@@ -80,7 +81,7 @@ def trial_document(
             "low": target.position(0.0),
             "count_in": target.count_in,
         }
-        if settings.condition_name == "mimic"
+        if target
         else None,
         "feedback": None,
         "operator": settings.operator,

@@ -1,28 +1,29 @@
-"""Compute how well the slave followed the target in a trial of the condition `mimic`."""
+"""Compute how well the slave followed the target in a trial of a condition with a target."""
 
 from __future__ import annotations
 
 from teleop.errors import InputError
-from teleop.evaluation.reading.samples import Last
+from teleop.evaluation.reading.recorded import Last
 from teleop.evaluation.teleoperation.tracking import Tracking, tracking
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
-from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_json import from_document
+from teleop.settings.documents import from_document
+from teleop.settings.trial_settings import TrialSettings
 
 
 def tracking_of(recording: Recording, settings: TrialSettings) -> Tracking | None:
     """Return numbers that describe how well the slave followed the target in a recorded trial.
 
     The numbers are, for example, gain, phase and error of the position of the slave relative to the
-    target. The result is None in three cases: the condition is not `mimic`, the recording has no
+    target. The result is None in three cases: the condition has no target, the recording has no
     target, or the target moved for too few periods (`FEWEST` in
     `teleop.evaluation.teleoperation.tracking`).
     """
-    if settings.condition_name != "mimic" or "target" not in recording.columns:
+    target_motion = settings.target
+    if target_motion is None or "target" not in recording.columns:
         return None
     t, target, position = (recording[name] for name in ("time", "target", "slave_position"))
-    return tracking(t, target, position, settings.target.frequency)
+    return tracking(t, target, position, target_motion.frequency)
 
 
 def tracked_ticks(ticks: Recording | RecordingFile) -> Recording:

@@ -18,9 +18,9 @@ from teleop.recording.recording_file import RecordingFile
 from teleop.recording.timing import RunningTiming
 from teleop.safety.events import ACTIVE, STOPPING
 from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
+from teleop.settings.feedback_checks import arm_damping
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.averaged import averaged_part
-from teleop.trial.feedback_checks import arm_damping
-from teleop.trial.settings import TrialSettings
 
 LIMITS = {
     "velocity": VELOCITY,

@@ -12,8 +12,8 @@ import numpy as np
 from sim_backend import Law, Setup
 from teleop.errors import InputError
 from teleop.recording.recording import Recording
-from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_json import from_document
+from teleop.settings.documents import from_document
+from teleop.settings.trial_settings import TrialSettings
 
 
 def truth(settings: TrialSettings, depth: float) -> dict[str, Any]:

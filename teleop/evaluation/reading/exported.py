@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from teleop.errors import InputError
 from teleop.evaluation.formats.table import Table
 from teleop.json_documents import loads_any
-from teleop.recording.mcap_checks import check_event
-from teleop.recording.recording import Recording, gaps_of
+
+if TYPE_CHECKING:
+    from teleop.recording.recording import Recording
 
 COLUMNS = {
     "time": "s",
@@ -40,6 +41,9 @@ def exported_recording(table: Table) -> Recording | None:
         return None
     if len(table.columns) < len(table.headings):
         return None
+    from teleop.recording.mcap_checks import check_event
+    from teleop.recording.recording import Recording, gaps_of
+
     if table.problem:
         raise table.problem
     for name, unit in table.headings:

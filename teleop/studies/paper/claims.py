@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from sim_backend import CUBES
-from teleop.control.conditions import CONDITIONS
-from teleop.studies.paper.table1 import ESTIMATORS
+from teleop.studies.paper.table1 import CONDITIONS, ESTIMATORS
 from teleop.studies.paper.trials import Damping, Outcome, as_rows
 
 RISE = 0.6

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from markupsafe import Markup
 
 from sim_backend import CUBES
-from teleop.control.conditions import CONDITIONS
 from teleop.output.effects_table import effect_cells
 from teleop.output.estimate_tables import RMS_RATIO
 from teleop.output.web_page import web_page
@@ -16,7 +15,7 @@ from teleop.studies.anova import Effect
 from teleop.studies.paper.claims import Claim
 from teleop.studies.paper.methods import MethodResult
 from teleop.studies.paper.study import RESPONSES, finding
-from teleop.studies.paper.table1 import ESTIMATORS, is_calibrated, table1
+from teleop.studies.paper.table1 import CONDITIONS, ESTIMATORS, is_calibrated, table1
 from teleop.studies.paper.trials import Outcome, SlowTrial
 
 TITLE = "Techniques for environment parameter estimation during telemanipulation, reproduced"

@@ -16,10 +16,10 @@ from teleop.evaluation.online.conditioned import Conditioned, conditioned
 from teleop.evaluation.online.datum import OWN_ZERO
 from teleop.evaluation.reading.recorded import recorded_signals
 from teleop.recording.recording import load
+from teleop.settings.configuration import as_recorded_now
+from teleop.settings.documents import DERIVED
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.averaged import recorded_part
-from teleop.trial.configuration import as_recorded_now
-from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_json import DERIVED
 
 
 class RecordedTrial:

@@ -19,13 +19,13 @@ import numpy as np
 
 from estimation.summary import summarise
 from teleop.errors import InputError, SafetyStop
+from teleop.settings.configuration import settings_from
+from teleop.settings.trial_settings import TrialSettings
 from teleop.studies.series.table import RESULTS
 from teleop.studies.sweep.origin import Origin, file, origin_of, plug_ins_in
 from teleop.studies.sweep.plan import Range, SweepPlan
 from teleop.studies.sweep.points import Point, evenly
-from teleop.trial.configuration import settings_from
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 if TYPE_CHECKING:
     from teleop.studies.sweep.replay import RecordedTrial

@@ -20,10 +20,15 @@ from teleop.evaluation.batch.analysis import analyse
 from teleop.evaluation.evaluate import evaluate
 from teleop.evaluation.online.conditioned import within
 from teleop.evaluation.online.contact_bank import contact_at
+from teleop.evaluation.reading import recorded as kept_parts
 from teleop.evaluation.reading import samples
-from teleop.evaluation.reading import samples as kept_parts
-from teleop.evaluation.reading.recorded import is_replayed, recorded_settings, recorded_signals
-from teleop.evaluation.reading.samples import RecordedSamples, Samples, Sections
+from teleop.evaluation.reading.recorded import (
+    RecordedSamples,
+    Sections,
+    recorded_settings,
+    recorded_signals,
+)
+from teleop.evaluation.reading.samples import Samples, is_replayed
 from teleop.evaluation.settings import AveragedPart
 from teleop.output.fit_figures import fit_figure
 from teleop.recording import recovery, stream

@@ -11,8 +11,8 @@ from teleop.evaluation.evaluate import evaluate
 from teleop.evaluation.reading.signals import Signals, periods
 from teleop.evaluation.settings import EstimateSettings
 from teleop.output.result_tables import parameter_text, result_lines, significant
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 
 def signals(t, x, f, noise=5e-3):

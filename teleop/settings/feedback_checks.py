@@ -7,12 +7,12 @@ import math
 import numpy as np
 
 from estimation.arrays import Floats
-from sim_backend.channel import ChannelSettings
 from sim_backend.plant import UNATTENDED
+from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.control.feedback.stability import DelayedLoop
 from teleop.errors import InputError
-from teleop.trial.settings import TrialSettings
+from teleop.settings.trial_settings import TrialSettings
 
 LOOP_DELAY = 1.5
 """Delay of the control loop in periods. A sample is at most one period old. A command is held for
