@@ -37,19 +37,7 @@ def clamp(value: float, low: float, high: float) -> float:
 def check_contact(memory: float, displacement: float, velocity: float, threshold: float) -> None:
     """Check the settings of an estimator of the Hunt-Crossley model f = K x^n + B x^n v.
 
-    Parameters
-    ----------
-    memory
-        Time [s] in which the weight of a sample decreases to 1/e.
-    displacement, velocity
-        Typical displacement [m] and velocity [m/s], used for scaling.
-    threshold
-        A sample with this force [N] or less is treated as no contact.
-
-    Raises
-    ------
-    ValueError
-        A value is not between 1e-30 and 1e30. These limits prevent an overflow in the estimator.
+    The limits 1e-30 and 1e30 prevent an overflow in the estimator.
     """
     for name, value in (
         ("memory", memory),

@@ -103,9 +103,7 @@ def first_stage(
     and u = v/v0. x0 and v0 are the typical displacement and velocity. `beta` is the forgetting
     factor, by which the sums of the earlier samples are multiplied.
 
-    Returns
-    -------
-    The fitted coefficients K x0^n and B x0^n v0 [N].
+    The result is K x0^n and B x0^n v0 [N].
     """
     gu = g * u
     state.gg = beta * state.gg + g * g
@@ -131,21 +129,8 @@ def second_stage(
     the previous n. The factor f^2 gives less weight to small forces, because the logarithm of a
     small force has more noise. The other factor removes the bias of the logarithm of a noisy force.
 
-    Parameters
-    ----------
-    state
-        State of the estimator, which contains the sums of the earlier samples.
-    beta
-        Forgetting factor, by which the sums of the earlier samples are multiplied.
-    n
-        Previous estimate of the exponent n.
-    lx
-        ln(x / x0).
-    relative
-        Force [N] at the displacement x0 and the present velocity, computed from the K and B of the
-        first stage. If it is negative or near zero, the sample is not used and n does not change.
-    f
-        Measured force [N].
+    `lx` is ln(x / x0). `relative` is the force [N] at the displacement x0 and the present velocity,
+    with the K and B of the first stage. If it is negative or near zero, n does not change.
     """
     if relative <= LEAST_RELATIVE * f:
         return n

@@ -145,7 +145,7 @@ def evaluated(
     from teleop.evaluation.reading.samples import is_replayed
     from teleop.printable import print_error
     from teleop.studies.recordings import known_factors
-    from teleop.trial.tracked import recorded_tracking
+    from teleop.trial.recorded_trial import recorded_tracking
 
     rows: list[Compared] = []
     left_out = []

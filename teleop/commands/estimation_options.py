@@ -92,7 +92,7 @@ def file_settings(recording: Recording | None, changes: Mapping[str, Any]) -> Es
     settings = EstimateSettings()
     if recording:
         from teleop.evaluation.reading.recorded import recorded_settings
-        from teleop.trial.averaged import recorded_part
+        from teleop.trial.recorded_trial import recorded_part
 
         settings = replace(recorded_settings(recording), averaged=recorded_part(recording))
     return replace(settings, **changes)
@@ -101,7 +101,7 @@ def file_settings(recording: Recording | None, changes: Mapping[str, Any]) -> Es
 def true_values(recording: Recording) -> Truth | None:
     """The true stiffness and damping, if the recorded trial was on the simulated rig."""
     from estimation.figures import known_truth
-    from teleop.trial.true_values import recorded_truth
+    from teleop.trial.recorded_trial import recorded_truth
 
     return known_truth(recorded_truth(recording))
 

@@ -14,7 +14,7 @@ from teleop.evaluation.across.comparison import OF_RESULT, RESULT, UNITS, Compar
 from teleop.evaluation.across.groups import Group, remark_counts, short
 from teleop.evaluation.across.means import Mean
 from teleop.evaluation.batch.kinds import MEANING
-from teleop.evaluation.batch.result import Result
+from teleop.evaluation.batch.stiffness_result import StiffnessResult
 from teleop.files import RECORDING
 from teleop.output.comparison_notes import (
     CAPTION,
@@ -286,7 +286,7 @@ def result_text(row: Compared, symbol: str) -> str:
     return with_half(value.value, value.half) if value else "-"
 
 
-def tangent_texts(result: Result) -> list[str]:
+def tangent_texts(result: StiffnessResult) -> list[str]:
     """Return the force [N] and the depth [mm] at which k (the tangent stiffness) is evaluated.
 
     Both are texts. They are dashes if the result has no k.

@@ -10,8 +10,7 @@ from pydantic import Discriminator
 
 from drivers.rig_file import RigFile
 from estimation import Preset, paper_preset
-from estimation.conditioner_choice import make_conditioner
-from estimation.conditioning import BANDWIDTH, Conditioner
+from estimation.conditioning import BANDWIDTH, Conditioner, make_conditioner
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.own_settings import OwnSettings
 from estimation.registry import PAPER

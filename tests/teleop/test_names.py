@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import get_args
 
-from estimation.conditioner_choice import CONDITIONERS
+from estimation.conditioning import CONDITIONERS
 from estimation.model import MODELS
 from estimation.registry import named_estimators
 from sim_backend import CUBES

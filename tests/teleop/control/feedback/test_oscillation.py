@@ -17,7 +17,7 @@ from teleop.control.feedback import oscillation
 from teleop.control.feedback.oscillation import MEMORY, MOST_SHARE, Oscillation
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.evaluation.teleoperation import loop_oscillation
-from teleop.evaluation.teleoperation.rendering import SETTLING
+from teleop.evaluation.teleoperation.thresholds import SETTLING
 from teleop.safety import Fault
 from teleop.safety.tightened_limits import TightenedLimits
 from teleop.settings.trial_settings import TrialSettings
