@@ -1,4 +1,9 @@
-"""Groups of options in the help of the commands, and options that several commands share."""
+"""Groups of options in the help of the commands, and options that several commands share.
+
+Options that belong together are the fields of a dataclass, such as `TrialOptions`. The text under a
+field is its help. A command has one parameter for the dataclass, whose type is annotated with
+`Parameter(name="*", group=...)`: cyclopts then makes an option of each field.
+"""
 
 from __future__ import annotations
 
