@@ -39,6 +39,7 @@ from estimation.figure_style import (
 )
 from estimation.least_squares import Fit
 from estimation.metrics import predicted_force
+from estimation.quantities import DAMPING, POSITION, STIFFNESS, VELOCITY
 
 TOGETHER = len(LINES)
 """Largest number of estimators in one panel. If there are more, each has its own panels."""
@@ -92,9 +93,12 @@ def estimates_figure(
 
     If there are more than five estimators, each has its own panels, and the motion is not drawn.
     """
-    scale, prefix = k_scale(estimates)
+    scale, unit = k_scale(estimates)
     shown = {name: drawn(series, scale) for name, series in estimates.items()}
-    labels = (f"stiffness $\\hat k$ [{prefix}]", "damping $\\hat b$ [N s/m]")
+    labels = (
+        f"{STIFFNESS.name} {STIFFNESS.hat} [{unit}]",
+        f"{DAMPING.name} {DAMPING.hat} [{DAMPING.unit}]",
+    )
     if len(shown) > TOGETHER and any(one.exists for one in shown.values()):
         return small_multiples(title, t, shown, labels, scaled(truth, scale))
     figure = new_figure(0.75, rows=2)
@@ -127,8 +131,8 @@ def estimates_figure(
     frame(panels, t, shown, scaled(truth, scale))
     panels[1].set_xlabel("time [s]")
     panels[1].set_xlim(t[0], t[-1])
-    profile(panels[0], t, x * 1e3, "displacement [mm]")
-    profile(panels[1], t, v * 1e3, "velocity [mm/s]")
+    profile(panels[0], t, x * POSITION.factor, f"displacement [{POSITION.unit}]")
+    profile(panels[1], t, v * VELOCITY.factor, VELOCITY.heading)
     legend(figure, handles, names)
     return figure
 
@@ -201,20 +205,18 @@ def drawn(series: Estimates, scale: float) -> Drawn:
         np.where(unknown | ~np.isfinite(std), np.nan, LEVEL_95 * std)
         for std in (series.k_std, series.b_std)
     )
-    return Drawn(k * scale, k_half * scale, b, b_half)
+    return Drawn(k * scale, k_half * scale, b * DAMPING.factor, b_half * DAMPING.factor)
 
 
 def k_scale(estimates: Mapping[str, Estimates]) -> tuple[float, str]:
-    """Return the factor from N/m to the unit of the stiffness axis, and the name of this unit."""
+    """Return the factor from N/m to the unit of the stiffness axis, and this unit."""
     largest = max(float(np.median(np.abs(series.k))) for series in estimates.values())
-    if largest >= 1e6:
-        return 1e-6, "MN/m"
-    return (1e-3, "kN/m") if largest >= 1e3 else (1.0, "N/m")
+    return STIFFNESS.axis(largest)
 
 
 def scaled(truth: Truth | None, scale: float) -> Truth | None:
-    """Return the true damping, and the true stiffness times `scale`; None if `truth` is None."""
-    return truth and Truth(truth.b, truth.k_surface * scale, truth.k_deepest * scale)
+    """Return the true values in the units of the axes."""
+    return truth and Truth(DAMPING.shown(truth.b), truth.k_surface * scale, truth.k_deepest * scale)
 
 
 def draw_truth(
@@ -305,7 +307,7 @@ def force_figure(
     grid = figure.add_gridspec(3, 1, height_ratios=(2.0, 1.0, 2.5))
     over_t, error, over_x = (figure.add_subplot(grid[i]) for i in range(3))
     error.sharex(over_t)
-    x, f = regression.x * 1e3, regression.f
+    x, f = regression.x * POSITION.factor, regression.f
     predicted = predicted_force(regression, estimates)
     predicted = np.where(np.logical_and.accumulate(estimates.held), np.nan, predicted)
     draw(over_t, t, f, label="measured", **MEASURED)
@@ -325,7 +327,7 @@ def force_figure(
     error.set_ylabel("error [N]")
     error.set_xlabel("time [s]")
     over_t.set_xlim(t[0], t[-1])
-    over_x.set_xlabel("displacement [mm]")
+    over_x.set_xlabel(f"displacement [{POSITION.unit}]")
     over_x.set_ylabel("force [N]")
     limits(over_t, [np.repeat((f.min(), f.max()), 50)])
     limits(error, [f - predicted], (0.0,))

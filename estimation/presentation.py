@@ -15,6 +15,7 @@ from estimation.conditioning import Regression
 from estimation.estimate_columns import estimate_arrays, estimate_columns
 from estimation.estimator import LEVEL_95, Estimates
 from estimation.least_squares import least_squares, no_fit
+from estimation.quantities import DAMPING, STIFFNESS, Quantity
 
 if TYPE_CHECKING:
     import pandas
@@ -138,14 +139,14 @@ class Presented:
         return html_table(self.about, self.estimates)
 
 
-def value_text(value: float, std: float) -> str:
-    """Return a value and the half width of its 95 % confidence interval as text.
+def value_text(quantity: Quantity, value: float, std: float) -> str:
+    """Return an SI value and the half width of its 95 % interval as text, in the shown unit.
 
     Both numbers have the same number of decimals. It is chosen such that the half width has two
     significant digits, but is limited to the range from 0 to 6.
     If `std` is not a positive finite number, the text contains only the value.
     """
-    half = LEVEL_95 * std
+    value, half = quantity.shown(value), quantity.shown(LEVEL_95 * std)
     if not math.isfinite(half) or half <= 0.0:
         return f"{value:.4g}"
     decimals = min(max(1 - math.floor(math.log10(half)), 0), 6)
@@ -153,7 +154,7 @@ def value_text(value: float, std: float) -> str:
 
 
 def last_values(estimates: Mapping[str, Estimates]) -> list[tuple[str, str, str]]:
-    """Return the name and the last estimates of stiffness [N/m] and damping [N s/m] as texts.
+    """Return the name and the last estimates of stiffness and damping as texts.
 
     There is one tuple (name, stiffness, damping) for each estimator. If no sample changed the
     estimate, the text `no estimate` replaces stiffness and damping.
@@ -162,7 +163,8 @@ def last_values(estimates: Mapping[str, Estimates]) -> list[tuple[str, str, str]
     for name, e in estimates.items():
         k = b = "no estimate"
         if not e.held.all():
-            k, b = value_text(e.k[-1], e.k_std[-1]), value_text(e.b[-1], e.b_std[-1])
+            k = value_text(STIFFNESS, e.k[-1], e.k_std[-1])
+            b = value_text(DAMPING, e.b[-1], e.b_std[-1])
         found.append((name, k, b))
     return found
 
@@ -174,7 +176,9 @@ def short_text(kind: str, about: str, estimates: Mapping[str, Estimates]) -> str
     """
     rows = last_values(estimates)
     texts = [
-        f"{name} no estimate" if k == b == "no estimate" else f"{name} k = {k} N/m, b = {b} N s/m"
+        f"{name} no estimate"
+        if k == b == "no estimate"
+        else f"{name} k = {k} {STIFFNESS.unit}, b = {b} {DAMPING.unit}"
         for name, k, b in rows[:LISTED]
     ]
     if len(rows) > LISTED:
@@ -190,6 +194,6 @@ def html_table(about: str, estimates: Mapping[str, Estimates]) -> str:
     )
     return (
         f"<table><caption>{escape(about)}; estimates at the end, \u00b1 95 % interval</caption>"
-        f"<thead><tr><th></th><th>k [N/m]</th><th>b [N s/m]</th></tr></thead>"
+        f"<thead><tr><th></th><th>{STIFFNESS.heading}</th><th>{DAMPING.heading}</th></tr></thead>"
         f"<tbody>{rows}</tbody></table>"
     )

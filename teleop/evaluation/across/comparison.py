@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from estimation.quantities import RESULTS
 from estimation.summary import EstimatorSummary
 from teleop.errors import InputError
 from teleop.evaluation.across.means import Value
@@ -19,8 +20,6 @@ NO_LEVEL = "-"
 """Level of a factor (see `Compared.factors`) that is not known for a recording."""
 RESULT = "result"
 """Name of the method that gives the batch result. The other methods are the estimators."""
-UNITS = {"k": "N/m", "b": "N s/m", "e_f": "N"}
-"""Unit of each quantity that is compared, by its symbol."""
 OF_RESULT = ("k", "b")
 """Symbols of the quantities of a result."""
 NEVER_UPDATED = "the estimator was never updated: no contact or no motion"
@@ -129,11 +128,11 @@ def tidy_rows(rows: Iterable[Compared], factors: Sequence[str]) -> list[dict[str
             cells["depth from"] = r.depth_from if batch and r.depth is not None else None
             cells["b at frequency [Hz]"] = r.damping_at_hz if batch else None
             cells["compensated force lag [s]"] = row.force_lag
-            for symbol, unit in UNITS.items():
-                cells[f"{symbol} [{unit}]"] = values[symbol].value if symbol in values else None
+            for symbol, quantity in RESULTS.items():
+                cells[quantity.column] = values[symbol].value if symbol in values else None
                 for end in ("low", "high") if symbol != "e_f" else ():
                     value = getattr(r, f"{symbol}_{end}") if batch and symbol in values else None
-                    cells[f"{symbol} {end} [{unit}]"] = value
+                    cells[f"{symbol} {end} [{quantity.si}]"] = value
             reasons = r.reasons if batch else () if values else (NEVER_UPDATED,)
             found.append({**start, **cells, "reasons": "; ".join(reasons), **tracking})
     return found

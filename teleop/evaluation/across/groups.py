@@ -13,13 +13,13 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from estimation.quantities import RESULTS
 from teleop.evaluation.across.comparison import (
     NEVER_UPDATED,
     NO_LEVEL,
     OF_RESULT,
     RESULT,
     SUBJECT,
-    UNITS,
     Compared,
     values_of,
 )
@@ -135,7 +135,7 @@ def group_of(
     kinds: dict[str, dict[str, dict[str, int]]] = {}
     for method in dict.fromkeys([RESULT, *(name for row in rows for name in row.estimates)]):
         found = [values_of(row, method) for row in rows]
-        symbols = OF_RESULT if method == RESULT else UNITS
+        symbols = OF_RESULT if method == RESULT else RESULTS
         values = {symbol: [one[symbol] for one in found if symbol in one] for symbol in symbols}
         means[method] = {symbol: mean_of(each) for symbol, each in values.items()}
         kinds[method] = {

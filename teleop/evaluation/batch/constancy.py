@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.arrays import Floats
+from estimation.quantities import STIFFNESS
 from teleop.evaluation.batch.masks import runs
 from teleop.evaluation.batch.phases import Phases
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
@@ -48,13 +49,15 @@ class Change(NamedTuple):
     def text(self) -> str:
         """Sentence for the user that describes the change of the stiffness."""
         (first, last), (begin, end) = self
+        start, final = (STIFFNESS.text(k, ".4g") for k in (first, last))
         if self.with_frequency:
             return (
-                f"the stiffness changes with the frequency, from {first:.4g} N/m at {begin:.3g} Hz "
-                f"to {last:.4g} N/m at {end:.3g} Hz: expected a recording at one frequency"
+                f"the stiffness changes with the frequency, from {start} at {begin:.3g} Hz "
+                f"to {final} at {end:.3g} Hz: expected a recording at one frequency"
             )
         return (
-            f"the stiffness changes over the cycles, from {first:.4g} to {last:.4g} N/m (medians "
+            f"the stiffness changes over the cycles, from "
+            f"{STIFFNESS.shown(first):.4g} to {final} (medians "
             "of the first and of the last cycles)"
         )
 

@@ -7,6 +7,7 @@ from scipy.ndimage import median_filter
 
 from estimation.arrays import Floats
 from estimation.baseline import BELOW
+from estimation.quantities import STIFFNESS
 from teleop.evaluation.batch.constancy import Change, rise_at_rest
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
 from teleop.evaluation.batch.masks import runs
@@ -271,8 +272,8 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
     if local.k + half_k < 0.0:
         return [
             Reason(
-                f"the stiffness is negative ({local.k:.0f} N/m): expected force and position "
-                "positive in compression, and forces of inertia that do not dominate",
+                f"the stiffness is negative ({STIFFNESS.text(local.k)}): expected force and "
+                "position positive in compression, and forces of inertia that do not dominate",
                 "--invert reverses the sign of force or position",
             )
         ]
@@ -292,7 +293,8 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
         return [
             Reason(
                 f"the force does not follow the displacement well enough{where}: stiffness "
-                f"{local.k:.0f} \u00b1 {half_k:.0f} N/m ({why})",
+                f"{STIFFNESS.number(local.k)} \u00b1 "
+                f"{STIFFNESS.text(half_k)} ({why})",
                 hint,
             )
         ]

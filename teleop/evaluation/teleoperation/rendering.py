@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from estimation.arrays import Floats
+from estimation.quantities import STIFFNESS
 from teleop.evaluation.teleoperation.loop_oscillation import (
     ArmDamping,
     RunningSpectra,
@@ -211,7 +212,7 @@ class RunningRendering:
             )
         elif self._sums[1] == 0.0:
             yield "no felt stiffness: the hand did not move"
-        if self._of_prior > MOST_PRIOR * self._considered:
+        if self._prior is not None and self._of_prior > MOST_PRIOR * self._considered:
             cause = "the misfit or the interval of each estimate was too large"
             if self._oldest_report > LATE_REPORT:
                 cause = f"the estimates of the slave were up to {self._oldest_report:.2g} s old"
@@ -222,7 +223,7 @@ class RunningRendering:
                 )
             yield (
                 f"at {self._of_prior / self._considered:.0%} of the ticks the hand felt the stiff "
-                f"first model of {self._prior:.0f} N/m and not the specimen: {cause}"
+                f"first model of {STIFFNESS.text(self._prior)} and not the specimen: {cause}"
             )
 
 
