@@ -24,8 +24,8 @@ from pydantic.fields import FieldInfo
 from drivers.rig_file import RigFile
 from estimation import Preset, paper_preset
 from estimation.conditioning import BANDWIDTH, Conditioner, make_conditioner
+from estimation.method_settings import OwnSettings
 from estimation.model import KELVIN_VOIGT, Model
-from estimation.own_settings import OwnSettings
 from estimation.registry import PAPER
 from sim_backend import DEPTH, OperatorModel, PlantParameters, Sensors, Setup, paper_setup
 from teleop.control.admittance import AdmittanceParameters

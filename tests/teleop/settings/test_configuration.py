@@ -12,7 +12,7 @@ import pytest
 
 from drivers.rig_file import read_rig_file
 from estimation import MODELS
-from estimation.own_settings import OwnSettings
+from estimation.method_settings import OwnSettings
 from teleop.cli import main
 from teleop.control.tare import Tare, write_tare
 from teleop.errors import InputError
