@@ -181,7 +181,10 @@ def contact_point(
 
 
 def onset(x: Floats, v: Floats, f: Floats, noise: float) -> Interval | None:
-    """Return the position at which the force begins to increase, with its 95 % interval [m]."""
+    """Return the position at which the force begins to increase, with its 95 % interval [m].
+
+    The samples are those of one approach. `noise` is the standard deviation of the force [N].
+    """
     points = np.linspace(float(x.min()), float(x.max()), 82)[1:-1]
     squares = np.empty(len(points))
     for i, point in enumerate(points):

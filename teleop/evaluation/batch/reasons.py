@@ -310,8 +310,6 @@ def remarks(
 ) -> list[Reason]:
     """Return the remarks on a record whose stiffness is reported.
 
-    `change`: None if the stiffness does not change.
-
     A remark informs the user, for example, that the Kelvin-Voigt model does not fit well.
     """
     found = []

@@ -142,7 +142,8 @@ def stiffness_result(
 ) -> StiffnessResult:
     """Return the result of a record for publication.
 
-    `local`: None if there are too few samples for a fit.
+    `local` is None if there are too few samples for a fit. `other` is fitted with another smoothing
+    bandwidth; its difference from `local` widens the intervals.
 
     It contains k and b with 95 % intervals, or the reasons why they are not reported.
     """
