@@ -130,7 +130,6 @@ def estimate(
 
     from teleop.commands.choices import choose_estimators, choose_model
     from teleop.errors import InputError
-    from teleop.evaluation.across.pooled import evaluate_together
     from teleop.evaluation.batch.material import Indenter, elastic_modulus
     from teleop.evaluation.evaluate import KEPT, evaluate
     from teleop.evaluation.evaluation import Evaluation
@@ -200,7 +199,11 @@ def estimate(
             print_evaluation(summary, path.name)
         evaluations[str(path)] = evaluation
         summaries.append(summary)
-    together = evaluate_together(evaluations) if len(evaluations) > 1 else None
+    together = None
+    if more:
+        from teleop.evaluation.across.pooled import evaluate_together
+
+        together = evaluate_together(evaluations)
     if json:
         document = {"files": summaries, "together": together} if together else summaries[0]
         console.print_json(document)
