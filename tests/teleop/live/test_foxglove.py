@@ -20,6 +20,8 @@ from teleop.recording.message import Layout
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
 
+from .live_client import until
+
 LAYOUT = Path(__file__).parents[3] / "docs/_static/foxglove-layout.json"
 
 
@@ -53,13 +55,6 @@ class Viewer:
 
     async def __aexit__(self, *_):
         await self.client.disconnect()
-
-
-async def until(condition, step=lambda: None):
-    async with asyncio.timeout(20.0):
-        while not condition():
-            step()
-            await asyncio.sleep(0.01)
 
 
 def test_a_viewer_receives_every_tick_and_the_newest_ones_at_a_lower_rate(trial):
