@@ -6,7 +6,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any
 
-from estimation.model import UNITS
 from teleop.live.history import History
 
 NAMES = (
@@ -36,45 +35,42 @@ NAMES = (
 """Columns of a tick that are sent to the live page, in addition to those of the estimators."""
 PARTS = ("k", "b", "k_std", "b_std", "held", "misfit")
 """Ends of the names of the columns that are sent to the live page for every estimator."""
-FURTHER = tuple(name for name in UNITS if name not in PARTS)
-"""Parameters besides b and k, which are sent if the model of the estimator has them."""
+
+
+def further_parameters(names: Sequence[str], estimator: str) -> list[str]:
+    """Return the parameters besides b and k that the model of an estimator has.
+
+    Each has a column `rls_k3` and a column `rls_k3_std`. The name of a parameter has no underscore,
+    but that of an estimator may have one: `rls_sift_k3` belongs to `rls_sift`, not to `rls`.
+    """
+    prefix = f"{estimator}_"
+    ends = [name.removeprefix(prefix) for name in names if name.startswith(prefix)]
+    return [p for p in ends if f"{p}_std" in ends and "_" not in p and p not in PARTS]
 
 
 def shown_columns(names: Sequence[str], estimators: Sequence[str]) -> list[str]:
-    """Return the names of the columns that are sent to the live page.
-
-    The order of the names is the order of the values in a row of data.
-
-    Parameters
-    ----------
-    names
-        Names of all columns that the control loop writes.
-    estimators
-        Names of the estimators.
-    """
-    of_estimators = [f"{name}_{part}" for name in estimators for part in (*PARTS, *FURTHER)]
+    """Return those of the recorded columns that are sent to the live page, in their order."""
+    of_estimators = [
+        f"{name}_{part}"
+        for name in estimators
+        for part in (*PARTS, *further_parameters(names, name))
+    ]
     return [name for name in (*NAMES, *of_estimators) if name in set(names)]
 
 
-def estimator_indices(names: Sequence[str], estimators: Sequence[str]) -> list[dict[str, Any]]:
-    """Return one dictionary for each estimator, with its name and the indices of its values.
+def estimator_indices(
+    recorded: Sequence[str], shown: Sequence[str], estimators: Sequence[str]
+) -> list[dict[str, Any]]:
+    """Return the name of each estimator, and the places of its values in a row; None if not shown.
 
-    An index is the place of a value in a row of data; None if the row does not contain this value.
-    The key `further` contains the indices of the parameters besides b and k, by their names.
-
-    Parameters
-    ----------
-    names
-        Names of the columns of a row.
-    estimators
-        Names of the estimators.
+    `further` contains the places of the parameters besides b and k, by their names.
     """
-    place = {name: i for i, name in enumerate(names)}
+    place = {name: i for i, name in enumerate(shown)}
     return [
         {
             "name": name,
             **{part: place.get(f"{name}_{part}") for part in PARTS},
-            "further": {p: place[f"{name}_{p}"] for p in FURTHER if f"{name}_{p}" in place},
+            "further": {p: place[f"{name}_{p}"] for p in further_parameters(recorded, name)},
         }
         for name in estimators
     ]

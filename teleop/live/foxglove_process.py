@@ -10,20 +10,134 @@ which sends the heartbeat to the control loop, and it has a lower priority than 
 
 from __future__ import annotations
 
+import logging
 import os
 import time
 from pathlib import Path
+from typing import Any
+
+import foxglove
+from foxglove import Channel, Context, Schema
 
 from teleop.errors import InputError
 from teleop.live.control_pipe import ControlPipe
-from teleop.live.foxglove_bridge import FoxgloveBridge
 from teleop.live.ring import RingReader
 from teleop.live.shared_file import SharedFile
 
+ALL, SLOW = "/tick", "/tick_60hz"
+"""Topic with every tick, and topic for slow viewers, with one tick per call of `advance`."""
+BATCH = 400
+"""Largest number of ticks that one call of `advance` sends."""
 NICENESS = 10
 """Increase of the niceness of this process, which lowers its priority."""
 PERIOD = 1.0 / 60.0
 """Time between two transmissions of ticks [s]."""
+
+
+class FoxgloveBridge:
+    """Sends the data of each tick of the control loop to Foxglove viewers.
+
+    Parameters
+    ----------
+    ring
+        Ring buffer in shared memory, to which the control loop writes the ticks.
+    port
+        Port at which the server listens; 0 for any free port.
+
+    Attributes
+    ----------
+    url
+        Address that a viewer opens.
+
+    Raises
+    ------
+    InputError
+        The port cannot be used.
+    """
+
+    def __init__(self, ring: RingReader, port: int) -> None:
+        logging.getLogger("foxglove").setLevel(logging.CRITICAL)
+        foxglove.set_log_level("CRITICAL")
+        self._ring = ring
+        self._context = Context()
+        self._channels: dict[str, Channel] = {}
+        self._definition = ""
+        self._read = ring.newest
+        try:
+            self._server = foxglove.start_server(
+                name="teleop", host="127.0.0.1", port=port, capabilities=[], context=self._context
+            )
+        except RuntimeError as error:
+            raise InputError(f"Foxglove, port {port}: cannot be used: {error}") from error
+        self.url = f"ws://127.0.0.1:{self._server.port}"
+
+    def begin(self, definition: str, name: str, units: dict[str, str], first: int) -> None:
+        """Announce the columns of a new trial to the viewers.
+
+        Parameters
+        ----------
+        definition
+            Definition of the message that contains one tick, in the message definition language of
+            ROS 2.
+        name
+            Name of the type of this message.
+        units
+            Unit of each column, by the name of the column.
+        first
+            Number of the first tick of the trial in the ring buffer.
+        """
+        self._read = first - 1
+        if definition == self._definition:
+            return
+        self._definition = definition
+        for channel in self._channels.values():
+            channel.close()
+        schema = Schema(name=name, encoding="ros2msg", data=definition.encode())
+        self._channels = {
+            topic: Channel(
+                topic,
+                schema=schema,
+                message_encoding="cdr",
+                metadata=units,
+                context=self._context,
+            )
+            for topic in (ALL, SLOW)
+        }
+
+    def receive(self, document: dict[str, Any]) -> None:
+        """Process a message of the control process: announce the columns of a trial that begins."""
+        if document["type"] == "begin":
+            units = {column["name"]: column["unit"] for column in document["columns"]}
+            self.begin(document["definition"], document["message"], units, document["first"])
+
+    def leave(self) -> None:
+        """Do nothing: viewers are not informed that the control process has ended."""
+
+    def advance(self) -> None:
+        """Send the ticks of the control loop that were written since the last call.
+
+        If there are more than `BATCH` new ticks, only the newest `BATCH` ticks are sent.
+        """
+        end = self._ring.newest + 1
+        first = max(self._read + 1, self._ring.oldest, end - BATCH)
+        if first >= end or not self._channels:
+            return
+        found, slots = self._ring.read(range(first, end))
+        if not found:
+            return
+        self._read = found[-1]
+        wall = time.time() - time.monotonic()
+        message, written = b"", 0
+        for slot in slots:
+            length = int(slot[:8].view("<u8")[0])
+            written = round((wall + float(slot[8:16].copy().view("<f8")[0])) * 1e9)
+            message = slot[16 : 16 + length].tobytes()
+            self._channels[ALL].log(message, log_time=written)
+        self._channels[SLOW].log(message, log_time=written)
+
+    def close(self) -> None:
+        """Stop the server that sends ticks to Foxglove viewers."""
+        self._server.stop()
 
 
 def main() -> None:

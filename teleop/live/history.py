@@ -8,10 +8,13 @@ from __future__ import annotations
 import struct
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from estimation.arrays import Floats
+if TYPE_CHECKING:
+    from estimation.arrays import Floats
+
 
 SHOWN = 10.0
 """Length of the time axis of the live page [s]."""

@@ -18,7 +18,7 @@ from teleop.errors import InputError
 from teleop.live.cells import CellWriter
 from teleop.live.control_pipe import ControlPipe
 from teleop.live.ring import RingReader
-from teleop.live.serving import serve
+from teleop.live.server import serve
 from teleop.live.shared_file import SharedFile
 from teleop.live.trial_feed import TrialFeed
 

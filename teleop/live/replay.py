@@ -8,14 +8,17 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from estimation.arrays import Floats
 from teleop.live.feed import Feed, estimator_indices, shown_columns
 from teleop.live.history import SHOWN, History, decimated, decimation
 from teleop.live.requests import BadRequest
+
+if TYPE_CHECKING:
+    from estimation.arrays import Floats
+
 
 POSITION_PERIOD = 0.1
 """Time between two messages with the position of the replay [s]."""
@@ -79,7 +82,7 @@ class Replay(Feed):
             "columns": [
                 known.get(name, {"name": name, "unit": "-", "meaning": ""}) for name in names
             ],
-            "estimators": estimator_indices(names, estimators),
+            "estimators": estimator_indices(tuple(columns), names, estimators),
             "may_arm": False,
             "pointer": False,
             "choices": {"condition": [], "specimen": [], "duration": []},

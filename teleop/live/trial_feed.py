@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from typing import Any
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from estimation.arrays import Floats
 from teleop.json_documents import loads
 from teleop.live.cells import ARM, END, PROCESS, STOP, CellWriter
 from teleop.live.feed import Feed, estimator_indices, shown_columns
-from teleop.live.health import Health
 from teleop.live.history import History, decimated, decimation
 from teleop.live.requests import ANSWERS, BadRequest
 from teleop.live.ring import RingReader
 from teleop.safety.events import ACTIVE, READY, Mode
 
+if TYPE_CHECKING:
+    from estimation.arrays import Floats
+
+
+RECENT = 1.0
+"""Length of the time window [s]. The live page shows the largest lateness within this window."""
 SILENCE = 0.5
 """Time without a new tick after which the page shows that the loop has ended [s]."""
 DEEPEST = 0.1
@@ -30,6 +35,56 @@ IN_CONDITION = {
 """Instruction to the operator, by control condition."""
 SENT = {"name": "sent", "unit": "s", "meaning": "time at which the loop wrote the tick"}
 """Description of a column that is not recorded. It is the last column of each row for the page."""
+
+
+class Health:
+    """Counts overruns, skipped periods and dropped ticks of a trial.
+
+    An overrun is a tick of the control loop that starts late, because the previous tick was still
+    running at the planned start. A skipped period is a period without a tick, because the previous
+    tick took too long. A dropped tick is a tick that the recorder did not receive.
+    """
+
+    def __init__(self) -> None:
+        self._overruns = self._skipped = self._dropped = 0
+        self._latenesses: deque[tuple[float, float]] = deque()
+
+    def add(self, values: Floats, column: Mapping[str, int], now: float) -> None:
+        """Add new ticks to the counts of overruns, skipped periods and dropped ticks.
+
+        Parameters
+        ----------
+        values
+            All columns of the ticks, shape (n, columns), n > 0.
+        column
+            Index of each column by its name.
+        now
+            Present time [s].
+        """
+        self._overruns += int(values[:, column["overrun"]].sum())
+        self._skipped += int(values[:, column["skipped"]].sum())
+        self._dropped = int(values[-1, column["dropped"]])
+        self._latenesses.append((now, float(np.max(values[:, column["lateness"]]))))
+
+    def document(self, now: float) -> dict[str, Any]:
+        """Return the counts of timing problems, and the largest lateness [s], by their names.
+
+        The lateness is the delay of a tick after its planned start. Its largest value in the last
+        `RECENT` seconds is returned; None if no tick was added in this time.
+
+        Parameters
+        ----------
+        now
+            Present time [s].
+        """
+        while self._latenesses and self._latenesses[0][0] < now - RECENT:
+            self._latenesses.popleft()
+        return {
+            "overruns": self._overruns,
+            "skipped": self._skipped,
+            "dropped": self._dropped,
+            "lateness_max": max((late for _, late in self._latenesses), default=None),
+        }
 
 
 class TrialFeed(Feed):
@@ -246,7 +301,9 @@ class TrialFeed(Feed):
             "version": 1,
             "kind": "live",
             "columns": [*columns, SENT] if columns else [],
-            "estimators": estimator_indices([c["name"] for c in columns], estimators),
+            "estimators": estimator_indices(
+                tuple(self._column), [c["name"] for c in columns], estimators
+            ),
             "rate": rate,
             **self._session,
         }

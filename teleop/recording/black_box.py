@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from teleop.files import unwritable
+from teleop.recording.columns import Layout
 from teleop.recording.mcap_writer import McapFile
-from teleop.recording.message import Layout
 from teleop.recording.recording import Recording, from_messages
 from teleop.recording.sinks import Outcome, Sink, event_record, reported_fault
 from teleop.safety import Event

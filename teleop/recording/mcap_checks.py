@@ -2,14 +2,150 @@
 
 from __future__ import annotations
 
+import os
 import re
-from typing import Any
+import zlib
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO
 
+import lz4.frame
 import numpy as np
+import zstandard
+from mcap.records import Chunk
 from numpy.typing import NDArray
 
+from teleop.errors import InputError
 from teleop.json_documents import loads
-from teleop.recording.cdr import CDR
+from teleop.recording.message import CDR
+
+LARGEST_RECORD = 128 << 20
+"""Size of the largest record that is read [bytes]."""
+
+
+def machine_memory() -> int:
+    """Return the memory size of this machine [bytes]; a default value if the size is unknown."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return 8 << 30
+
+
+LARGEST_TICKS = machine_memory() // 4
+"""Largest total size of ticks that are stored in memory [bytes]. The columns that are computed from
+the ticks need the same amount of memory again."""
+
+
+def check_memory(path: Path | str, size: int) -> None:
+    """Check that the ticks of a recording fit into the memory of this machine.
+
+    Parameters
+    ----------
+    path
+        The recording, for the error message.
+    size
+        Total size of the ticks [bytes].
+
+    Raises
+    ------
+    InputError
+        The size is larger than `LARGEST_TICKS`.
+    """
+    if size > LARGEST_TICKS:
+        raise InputError(
+            f"{path}: too large for this machine's memory: more than {LARGEST_TICKS >> 20} MiB "
+            "of ticks"
+        )
+
+
+class BoundedFile:
+    """A file from which one call of `read` returns at most `LARGEST_RECORD` bytes.
+
+    A file consists of records that state their own length. If a record is damaged, the stated
+    length can be much too large, and a reader would request too many bytes. Bytes that are added to
+    the file after this object is created are not read.
+
+    Parameters
+    ----------
+    file
+        An open regular file (not a pipe or device), from which nothing has been read yet.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.left = os.fstat(file.fileno()).st_size
+        """Number of bytes that have not been read yet."""
+
+    def read(self, count: int) -> bytes:
+        """Return the next `count` bytes of the file, but at most `LARGEST_RECORD` bytes.
+
+        If the file contains fewer bytes after the present position, all of them are returned.
+        """
+        data = self._file.read(min(count, self.left, LARGEST_RECORD))
+        self.left -= len(data)
+        return data
+
+
+LARGEST_CHUNK = 64 << 20
+"""Size of the largest chunk that is read, after decompression [bytes]. The chunks of the recorder
+are much smaller."""
+PIECE = 1 << 20
+"""Largest number of bytes that one call of the zstd reader decompresses."""
+
+
+def chunk_data(chunk: Chunk) -> bytes:
+    """Decompress a chunk (a block of records of an MCAP file), and return the bytes of its records.
+
+    Raises
+    ------
+    ValueError
+        The chunk states a size larger than `LARGEST_CHUNK`, or has another size than stated. The
+        data cannot be decompressed, or have a wrong checksum.
+    """
+    size = chunk.uncompressed_size
+    if size > LARGEST_CHUNK:
+        raise ValueError(f"a chunk of {size} bytes: expected at most {LARGEST_CHUNK}")
+    if chunk.compression not in DECOMPRESSORS:
+        raise ValueError(f"a chunk is compressed by {chunk.compression!r}: expected zstd or lz4")
+    try:
+        data = DECOMPRESSORS[chunk.compression](chunk.data, size + 1)
+    except (zstandard.ZstdError, RuntimeError, EOFError) as error:
+        raise ValueError("a chunk cannot be decompressed") from error
+    if len(data) != size:
+        raise ValueError("a chunk cannot be decompressed to the size that it declares")
+    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+        raise ValueError("the checksum of a Chunk does not match")
+    return data
+
+
+def uncompressed(data: bytes, _: int) -> bytes:
+    """Return the data of a chunk that is not compressed. The second argument is not used.
+
+    The function has the same parameters as the functions that decompress data.
+    """
+    return data
+
+
+def from_zstd(data: bytes, max_size: int) -> bytes:
+    """Decompress zstd data. Return at most the first `max_size` bytes of the result."""
+    result = BytesIO()
+    with zstandard.ZstdDecompressor().stream_reader(data) as reader:
+        while result.tell() < max_size:
+            piece = reader.read(min(PIECE, max_size - result.tell()))
+            if not piece:
+                break
+            result.write(piece)
+    return result.getvalue()
+
+
+def from_lz4(data: bytes, max_size: int) -> bytes:
+    """Decompress lz4 data. Return at most the first `max_size` bytes of the result."""
+    return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=max_size))
+
+
+DECOMPRESSORS = {"": uncompressed, "zstd": from_zstd, "lz4": from_lz4}
+"""Decompression functions, by the name of the compression."""
+
 
 MOST_COLUMNS = 4096
 """Largest number of columns in a recording."""

@@ -20,11 +20,18 @@ from numpy.typing import NDArray
 from drivers.input_file import open_input
 from teleop.errors import InputError
 from teleop.files import unreadable
-from teleop.recording.bounded_file import LARGEST_RECORD, BoundedFile, check_memory
-from teleop.recording.cdr import MESSAGE_NAME, TIME
-from teleop.recording.chunks import chunk_data
-from teleop.recording.mcap_checks import check_ticks, is_valid_metadata, message_size, read_event
+from teleop.recording.mcap_checks import (
+    LARGEST_RECORD,
+    BoundedFile,
+    check_memory,
+    check_ticks,
+    chunk_data,
+    is_valid_metadata,
+    message_size,
+    read_event,
+)
 from teleop.recording.mcap_writer import EVENT_SCHEMA, EVENTS, TICKS
+from teleop.recording.message import MESSAGE_NAME, TIME
 
 MAGIC = b"\x89MCAP"
 """First bytes of an MCAP file."""

@@ -17,7 +17,7 @@ from foxglove import Channel, Context, Schema
 from foxglove.mcap import MCAPWriteOptions
 
 from teleop.errors import reason
-from teleop.recording.cdr import MESSAGE_NAME
+from teleop.recording.message import MESSAGE_NAME
 from teleop.recording.sinks import BEGIN
 
 TICKS, EVENTS = "/tick", "/event"

@@ -3,7 +3,7 @@
     python -m teleop.recording.process
 
 Standard input is a pipe from the control process, which runs the control loop. The module
-`teleop.recording.frames` describes the format of the data on the pipe. The recorder process writes
+`teleop.recording.process` describes the format of the data on the pipe. The recorder process writes
 a status (one line of JSON) to standard output when the file is open, and again at the end. If the
 user wants a progress line, the recorder process writes this line to standard error. The recorder
 process ends when the control process closes the pipe, exits, or is killed. In each of these cases,
@@ -22,12 +22,38 @@ from pathlib import Path
 from typing import Any
 
 from teleop.errors import reason
-from teleop.live.cue import Cue
-from teleop.live.progress import Progress, Status
-from teleop.recording.cdr import CDR, TIME
-from teleop.recording.frames import BEGIN, END, EVENT, FRAME, HEAD, NUMBER, TICK
+from teleop.live.progress import Cue, Progress, Status
 from teleop.recording.mcap_writer import McapFile
+from teleop.recording.message import TIME, packer
 from teleop.safety.events import Mode
+
+HEAD = struct.Struct("<I")
+"""Layout of the first bytes on the pipe: length of the JSON document [bytes]."""
+FRAME = struct.Struct("<cH")
+"""Layout of the start of a frame: kind of the frame, and length of the frame's content [bytes]."""
+TICK, EVENT, BEGIN, END = b"T", b"E", b"B", b"N"
+"""Kinds of frame: a tick, an event, the beginning of the trial, and the end of the trial."""
+NUMBER = struct.Struct("<q")
+"""Layout of the content of a frame BEGIN or END: one integer.
+
+In a frame BEGIN, the integer is the wall-clock time of the beginning of the trial [ns]. In a frame
+END, it is the number of dropped ticks.
+"""
+
+
+def number_frame(kind: bytes, number: int) -> bytes:
+    """Return the bytes of a frame that marks the beginning or the end of a trial.
+
+    Parameters
+    ----------
+    kind
+        BEGIN or END.
+    number
+        Content of the frame: for BEGIN, the wall-clock time of the beginning of the trial [ns]; for
+        END, the number of ticks that were not recorded.
+    """
+    return FRAME.pack(kind, NUMBER.size) + NUMBER.pack(number)
+
 
 CHECK = 1.0
 """Time between two checks whether the file is still at its path [s]."""
@@ -46,10 +72,6 @@ the recorder is killed, the recording is not complete in any case.
 """
 BULK = 1 << 16
 """Largest number of bytes that are read from the pipe at a time."""
-DOUBLE = struct.Struct("<d")
-"""Binary layout of the value of one column in the message of a tick."""
-PAIR = struct.Struct("<2d")
-"""Binary layout of damping b and stiffness k of one estimator in the message of a tick."""
 
 
 def send(**status: Any) -> None:
@@ -99,7 +121,7 @@ class FrameReader:
     """Divides the data of the pipe into frames, and writes their content to the recording file.
 
     A frame contains a tick, an event, the beginning of the trial, or the end of the trial
-    (`teleop.recording.frames`). The latest tick is also shown on the progress line.
+    (`teleop.recording.process`). The latest tick is also shown on the progress line.
 
     Parameters
     ----------
@@ -116,8 +138,8 @@ class FrameReader:
         self._file = file
         self._progress = progress
         self._estimators = session["estimators"]
-        columns = (name for name, _, _ in session["columns"])
-        self._places = {name: len(CDR) + 8 * index for index, name in enumerate(columns)}
+        self._names = [name for name, _, _ in session["columns"]]
+        self._message = packer(self._names)
         self._last = b""
         self._rest = b""
         self._estimates: list[tuple[str, float, float, float]] = []
@@ -151,23 +173,22 @@ class FrameReader:
                 self._file.end(*NUMBER.unpack(frame))
         self._rest = data[place:]
 
-    def _value(self, column: str) -> float:
-        return float(DOUBLE.unpack_from(self._last, self._places[column])[0])
-
     def _status(self) -> Status:
-        mode = Mode(int(self._value("mode")))
+        _, *values = self._message.unpack(self._last)
+        tick = dict(zip(self._names, values, strict=True))
+        mode = Mode(int(tick["mode"]))
         estimates = [
-            (name, *PAIR.unpack_from(self._last, self._places[b]), self._value(misfit))
-            for name, b, misfit in self._estimators
+            (name, tick[f"{name}_b"], tick[f"{name}_k"], tick[f"{name}_misfit"])
+            for name in self._estimators
         ]
         without_sample = all(math.isnan(k) for _, _, k, _ in estimates)
         if not (without_sample and mode is Mode.ACTIVE):
             self._estimates = estimates
         return Status(
             mode.name.lower(),
-            self._value("target"),
-            self._value("slave_position"),
-            None if self._value("contact") == 0.0 else self._estimates,
+            tick["target"],
+            tick["slave_position"],
+            None if tick["contact"] == 0.0 else self._estimates,
         )
 
 

@@ -13,11 +13,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from estimation.estimate_columns import MISFIT
 from estimation.misfit import LARGEST_MISFIT
 from teleop.errors import InputError, reason
-from teleop.recording.frames import BEGIN, END, EVENT, FRAME, HEAD, TICK, number_frame
-from teleop.recording.message import Layout
+from teleop.recording.columns import Layout
+from teleop.recording.process import BEGIN, END, EVENT, FRAME, HEAD, TICK, number_frame
 from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Event
 
@@ -109,7 +108,7 @@ class RecorderProcess(Sink):
         session = {
             "path": str(path) if path else None,
             "columns": layout.columns,
-            "estimators": [(name, f"{name}_b", name + MISFIT) for name in layout.estimators],
+            "estimators": layout.estimators,
             "largest_misfit": LARGEST_MISFIT,
             "definition": layout.definition,
             "metadata": metadata,

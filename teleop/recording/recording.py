@@ -15,18 +15,12 @@ from estimation import Estimates, Regression
 from estimation.arrays import Floats
 from estimation.estimate_columns import estimates_in, estimators_in, misfit_in
 from teleop.errors import MissingColumn
-from teleop.recording.bounded_file import check_memory
-from teleop.recording.cdr import CDR
+from teleop.recording.columns import REGRESSOR
 from teleop.recording.gaps import Gap, missing_ticks
-from teleop.recording.message import REGRESSOR
+from teleop.recording.mcap_checks import check_memory
+from teleop.recording.message import CDR, FIELD, tick_values
 from teleop.recording.sinks import reported_fault
-from teleop.recording.stream import (
-    FIELD,
-    OF_GAPS,
-    RecordingStream,
-    dropped_in_all,
-    tick_values,
-)
+from teleop.recording.stream import OF_GAPS, RecordingStream, dropped_in_all
 
 if TYPE_CHECKING:
     import pandas
@@ -197,11 +191,11 @@ def from_messages(
     """
     fields = FIELD.findall(definition)
     rows = np.frombuffer(messages, dtype=np.uint8).reshape(-1, len(CDR) + 8 * len(fields))
-    table = tick_values(rows)
-    columns = {name: table[i] for i, (name, _, _) in enumerate(fields)}
+    units = {name: unit for name, unit, _ in fields}
+    columns = dict(zip(units, tick_values(rows), strict=True))
     return Recording(
         columns=columns,
-        units={name: unit for name, unit, _ in fields},
+        units=units,
         events=events,
         session=metadata.get("session", {}),
         settings=json.loads(metadata.get("settings", {}).get("json", "{}")),

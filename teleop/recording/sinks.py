@@ -49,7 +49,7 @@ class Sink(ABC):
         Parameters
         ----------
         message
-            All recorded values of the tick as bytes (see `teleop.recording.message`).
+            All recorded values of the tick as bytes (see `teleop.recording.columns`).
         """
 
     @abstractmethod

@@ -10,35 +10,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimation.arrays import Floats
 from teleop.errors import InputError
-from teleop.recording.cdr import CDR
 from teleop.recording.gaps import Gap, GapFinder
 from teleop.recording.mcap_reader import Contents, read_ticks
 from teleop.recording.mcap_writer import END
+from teleop.recording.message import FIELD, tick_values
 
 BLOCK = 1 << 14
 """Smallest number of ticks in a block; the last block may be smaller."""
-FIELD = re.compile(r"float64 (\w+)(?:\s*#\s*\[([^]]*)\]\s*(.*))?")
-"""Pattern of a line in the definition of the message of a tick. The line contains the name, the
-unit and the meaning of one column."""
 OF_GAPS = ("time", "dt", "dropped")
 """Columns that are needed to find missing ticks."""
-
-
-def tick_values(rows: NDArray[np.uint8], columns: Sequence[int] | slice = slice(None)) -> Floats:
-    """Convert the messages of ticks to numbers, and return these, shape (columns, ticks).
-
-    Parameters
-    ----------
-    rows
-        Messages as bytes, shape (ticks, bytes per message).
-    columns
-        Indices of the columns; by default, all columns.
-    """
-    return np.ascontiguousarray(rows[:, len(CDR) :].view("<f8")[:, columns].T)
 
 
 class RecordingStream:

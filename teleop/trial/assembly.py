@@ -25,8 +25,7 @@ from teleop.control.estimation import Estimation
 from teleop.control.injector import Injector
 from teleop.control.link import DirectLink, Link
 from teleop.errors import InputError
-from teleop.recording.message import Layout
-from teleop.recording.tick_columns import FEEDBACK_COLUMNS
+from teleop.recording.columns import FEEDBACK_COLUMNS, Layout
 from teleop.trial.custom_class import create_condition
 from teleop.trial.feedback_checks import expected_stiffness
 from teleop.trial.settings import TrialSettings

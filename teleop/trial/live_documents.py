@@ -10,16 +10,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from teleop.errors import InputError
-from teleop.recording.message import DROPPED, POINTER
+from teleop.recording.columns import COLUMNS, DROPPED, POINTER
 from teleop.recording.recording import Recording
-from teleop.recording.tick_columns import COLUMNS
 from teleop.trial.settings import TrialSettings
 from teleop.trial.settings_json import from_document
 from teleop.trial.true_values import recorded_truth, truth
 
-MEANINGS = {column.name: column.meaning for column in COLUMNS} | {
-    column.name: column.meaning for column in (DROPPED, *POINTER)
-}
+MEANINGS = {column.name: column.meaning for column in (*COLUMNS, DROPPED, *POINTER)}
 OF_ESTIMATOR = {
     "b": "damping",
     "k": "stiffness",

@@ -15,10 +15,9 @@ import pytest
 
 from teleop.live.feed import Feed, estimator_indices, shown_columns
 from teleop.live.history import History
-from teleop.live.pages import read_pages
 from teleop.live.security import Gate
-from teleop.live.server import Server
-from teleop.recording.tick_columns import COLUMNS
+from teleop.live.server import Server, read_pages
+from teleop.recording.columns import COLUMNS
 
 TOKEN = "0123456789abcdef" * 2
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
@@ -180,8 +179,9 @@ class TrialFeed(Feed):
     def __init__(self, mode="active", estimators=("rls", "me"), further=(), values=None, **trial):
         self.estimators, self.values = estimators, values or {}
         known = [column.name for column in COLUMNS] + ["dropped", "pointer_depth", "pointer_grip"]
-        parts = ("k", "b", "k_std", "b_std", "held", "misfit")
-        known += [f"{name}_{part}" for name in self.estimators for part in (*parts, *further)]
+        parts = ("k", "b", "k_std", "b_std", "held", "misfit", *further)
+        parts += tuple(f"{part}_std" for part in further)
+        known += [f"{name}_{part}" for name in self.estimators for part in parts]
         self.names = shown_columns(known, self.estimators)
         self.history = History(len(self.names))
         self.mode = mode
@@ -197,7 +197,7 @@ class TrialFeed(Feed):
             "version": 1,
             "kind": "live",
             "columns": [{"name": name, "unit": "-", "meaning": ""} for name in self.names],
-            "estimators": estimator_indices(self.names, self.estimators),
+            "estimators": estimator_indices(known, self.names, self.estimators),
             "rate": 1000.0,
             "may_arm": True,
             "pointer": True,
