@@ -129,9 +129,8 @@ class FoxgloveBridge:
         wall = time.time() - time.monotonic()
         message, written = b"", 0
         for slot in slots:
-            length = int(slot[:8].view("<u8")[0])
-            written = round((wall + float(slot[8:16].copy().view("<f8")[0])) * 1e9)
-            message = slot[16 : 16 + length].tobytes()
+            written = round((wall + float(slot["written"])) * 1e9)
+            message = slot["message"][: slot["length"]].tobytes()
             self._channels[ALL].log(message, log_time=written)
         self._channels[SLOW].log(message, log_time=written)
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from teleop.json_documents import loads
 from teleop.live.cells import ARM, END, PROCESS, STOP, CellWriter
@@ -319,29 +320,27 @@ class TrialFeed(Feed):
         if not found:
             return
         self._read, self._latest = found[-1], time.monotonic()
-        values = self._values(slots)
+        values = self._values(slots["message"])
         self._mode = Mode(int(values[-1, self._column["mode"]]))
         self._health.add(values, self._column, self._latest)
         chosen = decimated(found[0], found[-1] + 1, self._sent, self._step)
         rows = [row for row, number in enumerate(found) if number in set(chosen)]
         if rows:
             self._sent = found[rows[-1]]
-            sent = np.ascontiguousarray(slots[rows, 8:16]).view("<f8")
+            sent = slots["written"][rows, np.newaxis]
             self.history.add(np.hstack([values[rows][:, self._indices], sent]))
 
-    def _values(self, slots: np.ndarray[Any, np.dtype[np.uint8]]) -> Floats:
-        """Return all columns of n ticks, shape (n, columns), from a result of `RingReader.read`."""
-        start = 16 + self._offset
-        end = start + 8 * len(self._begin["columns"])
-        return np.ascontiguousarray(slots[:, start:end]).view("<f8")
+    def _values(self, messages: NDArray[np.uint8]) -> Floats:
+        """Return all columns of the messages of n ticks, shape (n, columns)."""
+        end = self._offset + 8 * len(self._begin["columns"])
+        return np.ascontiguousarray(messages[:, self._offset : end]).view("<f8")
 
     def _read_texts(self) -> None:
         """Read the new events of the safety supervisor: changes of its mode, and faults."""
         first, end = max(self._read_events + 1, self._events.oldest), self._events.newest + 1
         found, slots = self._events.read(range(first, end))
         for slot in slots:
-            length = int(slot[:8].view("<u8")[0])
-            event = loads(slot[16 : 16 + length].tobytes())
+            event = loads(slot["message"][: slot["length"]].tobytes())
             if event["fault"]:
                 self._faults.append(event["text"])
             if event["mode"] == "active":

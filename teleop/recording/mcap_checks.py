@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from teleop.errors import InputError
 from teleop.json_documents import loads
-from teleop.recording.message import CDR
+from teleop.recording.message import CDR, tick_values
 
 LARGEST_RECORD = 128 << 20
 """Size of the largest record that is read [bytes]."""
@@ -211,7 +211,7 @@ def check_ticks(ticks: NDArray[np.uint8], sequence: NDArray[np.uint32]) -> None:
     ticks
         Bytes of the messages, shape (n, bytes per message).
     sequence
-        Sequence number of each message, shape (n, 1).
+        Sequence number of each message, shape (n,).
 
     Raises
     ------
@@ -223,8 +223,8 @@ def check_ticks(ticks: NDArray[np.uint8], sequence: NDArray[np.uint32]) -> None:
         raise ValueError("the numbers of its ticks do not increase by one")
     if (ticks[:, : len(CDR)] != np.frombuffer(CDR, np.uint8)).any():
         raise ValueError("a tick is not in little-endian CDR")
-    times = np.ascontiguousarray(ticks[:, len(CDR) : len(CDR) + 8]).view("<f8")
-    if not (np.abs(times) < LATEST).all():
+    time = tick_values(ticks, slice(1))
+    if not (np.abs(time) < LATEST).all():
         raise ValueError("a tick has no valid time")
 
 

@@ -35,9 +35,17 @@ from teleop.recording.message import MESSAGE_NAME, TIME
 
 MAGIC = b"\x89MCAP"
 """First bytes of an MCAP file."""
-HEAD = struct.Struct("<BQHIQQ")
-"""Layout of the start of a message record: opcode, length, number of the channel, sequence number,
-log time and publish time."""
+HEAD = np.dtype(
+    [
+        ("opcode", "u1"),
+        ("length", "<u8"),
+        ("channel", "<u2"),
+        ("sequence", "<u4"),
+        ("logged", "<u8"),
+        ("published", "<u8"),
+    ]
+)
+"""Layout of the start of a message record of an MCAP file."""
 MOST_EVENTS = 100_000
 """Largest number of events that are read."""
 LATEST_START = 1 << 62
@@ -254,25 +262,25 @@ def records(
         if place + 9 + length > len(data):
             raise ValueError("a record is longer than its chunk")
         if opcode == Opcode.MESSAGE:
-            _, _, channel, sequence, logged, published = HEAD.unpack_from(data, place)
+            _, _, channel, sequence, logged, published = np.frombuffer(data, HEAD, 1, place)[
+                0
+            ].item()
             source = channels.get(channel)
             if source is None:
                 raise ValueError("a message has no channel")
             if source.topic == TICKS:
-                if not contents.size or HEAD.size + contents.size != 9 + length:
+                if not contents.size or HEAD.itemsize + contents.size != 9 + length:
                     raise ValueError("the size of a tick does not match its definition")
-                run = consecutive_records(data, place, 9 + length)
+                run = consecutive_records(data, place, contents.size)
                 source.follow(sequence, len(run))
-                check_ticks(run[:, HEAD.size :], np.ascontiguousarray(run[:, 11:15]).view("<u4"))
+                check_ticks(run["message"], run["sequence"])
                 if not contents.start:
-                    contents.start = start_time(
-                        logged, TIME.unpack_from(data, place + HEAD.size)[0]
-                    )
-                yield run[:, HEAD.size :]
-                place += run.size
+                    contents.start = start_time(logged, TIME.unpack_from(run["message"][0])[0])
+                yield run["message"]
+                place += run.nbytes
                 continue
             source.follow(sequence, 1)
-            body = data[place + HEAD.size : place + 9 + length]
+            body = data[place + HEAD.itemsize : place + 9 + length]
             yield Message(channel, logged, body, published, sequence)
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             stream = ReadDataStream(BytesIO(data[place + 9 : place + 9 + length]))
@@ -280,15 +288,17 @@ def records(
         place += 9 + length
 
 
-def consecutive_records(data: bytes, place: int, stride: int) -> NDArray[np.uint8]:
-    """Return the record at byte `place`, with all similar records that directly follow it.
+def consecutive_records(data: bytes, place: int, size: int) -> NDArray[np.void]:
+    """Return the record at byte `place`, and those of the same kind that directly follow it.
 
-    Similar records have the same type, size and channel. `stride` is the size of one record
-    [bytes]. The result contains the bytes of n records, shape (n, stride).
+    They have the same opcode, size and channel, and the fields of `HEAD` and `message`, which has
+    `size` bytes.
     """
-    count = (len(data) - place) // stride
-    rows = np.frombuffer(data, np.uint8, count * stride, place).reshape(count, stride)
-    same = (rows[:, :11] == rows[0, :11]).all(axis=1)
+    kind = np.dtype([*HEAD.descr, ("message", "u1", (size,))])
+    rows = np.frombuffer(data, kind, (len(data) - place) // kind.itemsize, place)
+    same = np.ones(len(rows), bool)
+    for name in ("opcode", "length", "channel"):
+        same &= rows[name] == rows[name][0]
     return rows if same.all() else rows[: int(np.argmin(same))]
 
 
