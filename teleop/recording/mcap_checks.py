@@ -1,4 +1,4 @@
-"""Check the content of a recording (an MCAP file), which may be damaged."""
+"""Checks and limits with which a damaged or hostile MCAP file cannot harm its reader."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LARGEST_RECORD = 128 << 20
 
 
 def machine_memory() -> int:
-    """Return the memory size of this machine [bytes]; a default value if the size is unknown."""
+    """Return the memory size of this machine [bytes]; a default value if it is unknown."""
     try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, ValueError, OSError):
@@ -37,20 +37,7 @@ the ticks need the same amount of memory again."""
 
 
 def check_memory(path: Path | str, size: int) -> None:
-    """Check that the ticks of a recording fit into the memory of this machine.
-
-    Parameters
-    ----------
-    path
-        The recording, for the error message.
-    size
-        Total size of the ticks [bytes].
-
-    Raises
-    ------
-    InputError
-        The size is larger than `LARGEST_TICKS`.
-    """
+    """Raise an InputError if the ticks of a recording, of `size` bytes, do not fit into memory."""
     if size > LARGEST_TICKS:
         raise InputError(
             f"{path}: too large for this machine's memory: more than {LARGEST_TICKS >> 20} MiB "
@@ -61,14 +48,8 @@ def check_memory(path: Path | str, size: int) -> None:
 class BoundedFile:
     """A file from which one call of `read` returns at most `LARGEST_RECORD` bytes.
 
-    A file consists of records that state their own length. If a record is damaged, the stated
-    length can be much too large, and a reader would request too many bytes. Bytes that are added to
-    the file after this object is created are not read.
-
-    Parameters
-    ----------
-    file
-        An open regular file (not a pipe or device), from which nothing has been read yet.
+    The records of a file state their own length. That of a damaged record can be much too large,
+    and a reader would request too many bytes. Bytes that are added to the file later are not read.
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -77,10 +58,7 @@ class BoundedFile:
         """Number of bytes that have not been read yet."""
 
     def read(self, count: int) -> bytes:
-        """Return the next `count` bytes of the file, but at most `LARGEST_RECORD` bytes.
-
-        If the file contains fewer bytes after the present position, all of them are returned.
-        """
+        """Return the next `count` bytes, but at most `LARGEST_RECORD` and no more than are left."""
         data = self._file.read(min(count, self.left, LARGEST_RECORD))
         self.left -= len(data)
         return data
@@ -96,11 +74,9 @@ PIECE = 1 << 20
 def chunk_data(chunk: Chunk) -> bytes:
     """Decompress a chunk (a block of records of an MCAP file), and return the bytes of its records.
 
-    Raises
-    ------
-    ValueError
-        The chunk states a size larger than `LARGEST_CHUNK`, or has another size than stated. The
-        data cannot be decompressed, or have a wrong checksum.
+    The chunk states the size of its data. Those of a damaged chunk can be larger and fill the
+    memory. Therefore the decompression stops one byte after the stated size, and an error is
+    raised.
     """
     size = chunk.uncompressed_size
     if size > LARGEST_CHUNK:
@@ -119,15 +95,12 @@ def chunk_data(chunk: Chunk) -> bytes:
 
 
 def uncompressed(data: bytes, _: int) -> bytes:
-    """Return the data of a chunk that is not compressed. The second argument is not used.
-
-    The function has the same parameters as the functions that decompress data.
-    """
+    """Return data that are not compressed."""
     return data
 
 
 def from_zstd(data: bytes, max_size: int) -> bytes:
-    """Decompress zstd data. Return at most the first `max_size` bytes of the result."""
+    """Return at most the first `max_size` bytes of zstd data."""
     result = BytesIO()
     with zstandard.ZstdDecompressor().stream_reader(data) as reader:
         while result.tell() < max_size:
@@ -139,7 +112,7 @@ def from_zstd(data: bytes, max_size: int) -> bytes:
 
 
 def from_lz4(data: bytes, max_size: int) -> bytes:
-    """Decompress lz4 data. Return at most the first `max_size` bytes of the result."""
+    """Return at most the first `max_size` bytes of lz4 data."""
     return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=max_size))
 
 
@@ -176,18 +149,10 @@ missing.
 
 
 def message_size(definition: str) -> int:
-    """Return the size of the message of one tick [bytes], computed from the message definition.
+    """Return the size of the message of a tick [bytes], from its definition.
 
-    Parameters
-    ----------
-    definition
-        Definition of the message in the message definition language of ROS 2.
-
-    Raises
-    ------
-    ValueError
-        The definition is not that of a tick. All fields must be doubles with different names, and
-        the first name must be `time`. `MOST_COLUMNS` and `LONGEST_NAME` limit the names.
+    All fields must be doubles with different names, and the first name must be `time`. Otherwise a
+    ValueError is raised.
     """
     if "\0" in definition:
         raise ValueError("the definition of its ticks is not text")
@@ -204,21 +169,7 @@ def message_size(definition: str) -> int:
 
 
 def check_ticks(ticks: NDArray[np.uint8], sequence: NDArray[np.uint32]) -> None:
-    """Check the messages of n successive ticks.
-
-    Parameters
-    ----------
-    ticks
-        Bytes of the messages, shape (n, bytes per message).
-    sequence
-        Sequence number of each message, shape (n,).
-
-    Raises
-    ------
-    ValueError
-        A message is not in little-endian CDR (Common Data Representation), or its time is not a
-        number or exceeds `LATEST`. Or the sequence numbers do not increase by one.
-    """
+    """Check sequence numbers, encoding and times of the messages of successive ticks."""
     if (np.diff(sequence.astype(np.int64)) != 1).any():
         raise ValueError("the numbers of its ticks do not increase by one")
     if (ticks[:, : len(CDR)] != np.frombuffer(CDR, np.uint8)).any():
@@ -229,27 +180,14 @@ def check_ticks(ticks: NDArray[np.uint8], sequence: NDArray[np.uint32]) -> None:
 
 
 def read_event(document: bytes) -> dict[str, Any]:
-    """Return an event of a recording from its JSON document, as a dictionary.
-
-    Raises
-    ------
-    ValueError
-        The document is not a JSON object, or the event is not valid.
-    """
+    """Return an event of a recording from its JSON document."""
     event = loads(document)
     check_event(event)
     return event
 
 
 def check_event(event: Any) -> None:
-    """Check that a value is an event of a recording.
-
-    Raises
-    ------
-    ValueError
-        The value is not a dictionary. Or an item of the event is missing, is too large, or has a
-        wrong type. `EVENT` contains the expected types.
-    """
+    """Raise a ValueError if a value is not an event: `EVENT` states the types of its items."""
     if not isinstance(event, dict):
         raise ValueError("an event is not an object")
     time = event.get("time")
@@ -266,11 +204,7 @@ def check_event(event: Any) -> None:
 
 
 def is_valid_metadata(metadata: dict[str, str]) -> bool:
-    """Return whether a metadata record of an MCAP file is valid.
-
-    A metadata record is a dictionary of texts. No key and no text may contain a zero byte. If there
-    is a key `json`, its text must be a JSON object.
-    """
+    """Return whether a record has no zero byte, and its text `json`, if any, is a JSON object."""
     try:
         loads(metadata.get("json", "{}"))
     except ValueError:

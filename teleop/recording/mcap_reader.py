@@ -67,20 +67,7 @@ class Source:
     """Expected sequence number of the next message; None before the first message."""
 
     def follow(self, sequence: int, count: int) -> None:
-        """Check that the next messages directly follow the messages that were read before.
-
-        Parameters
-        ----------
-        sequence
-            Sequence number of the first of the next messages.
-        count
-            Number of the next messages. They have successive sequence numbers.
-
-        Raises
-        ------
-        ValueError
-            Messages of this channel are missing in the file.
-        """
+        """Raise a ValueError if the next `count` messages, from `sequence` on, do not follow."""
         if self.following not in (None, sequence):
             raise ValueError(f"messages of {self.topic} are missing before number {sequence}")
         self.following = sequence + count
@@ -105,14 +92,7 @@ class Contents:
 
 
 def read_intact(path: Path) -> Contents:
-    """Read the intact (undamaged) part of a recording into memory.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, is not a recording of `teleop run`, or is too large for the memory
-        of this machine.
-    """
+    """Read the intact part of a recording into memory."""
     contents = Contents()
     for rows in read_ticks(path, contents):
         contents.messages += rows.tobytes()
@@ -121,26 +101,10 @@ def read_intact(path: Path) -> Contents:
 
 
 def read_ticks(path: Path, contents: Contents) -> Iterator[NDArray[np.uint8]]:
-    """Yield the ticks in the intact (undamaged) part of a recording, and store its other data.
+    """Yield messages of successive ticks as bytes, shape (n, bytes per message), while intact.
 
-    Parameters
-    ----------
-    path
-        The recording.
-    contents
-        Object in which the events, the metadata and the message definition are stored while the
-        ticks are read. `contents.messages` remains empty. When the first ticks are yielded,
-        `contents` already contains the definition, and the metadata at the beginning of the file.
-
-    Yields
-    ------
-    Messages of n successive ticks as bytes, shape (n, bytes per message). A message contains all
-    recorded values of one tick (period of the control loop).
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, is not a recording of `teleop run`, or has too many events.
+    The other data are stored in `contents`. When the first ticks are yielded, it already has the
+    definition, and the metadata at the beginning of the file. `contents.messages` remains empty.
     """
     try:
         with open_input(path) as file:
@@ -170,12 +134,7 @@ class ReaderWithoutIndices(StreamReader):
 def read_records(file: BinaryIO, contents: Contents) -> Iterator[NDArray[np.uint8]]:
     """Yield the messages of ticks, shape (n, bytes per message), up to the first damaged record.
 
-    The other data of the MCAP file, and a text about the damage, are stored in `contents`.
-
-    Raises
-    ------
-    InputError
-        The recording has too many events.
+    The other data, and a text about the damage, are stored in `contents`.
     """
     channels: dict[int, Source] = {}
     bounded = BoundedFile(file)
@@ -214,16 +173,7 @@ def read_records(file: BinaryIO, contents: Contents) -> Iterator[NDArray[np.uint
 def read_chunk(
     chunk: Chunk, contents: Contents, channels: dict[int, Source]
 ) -> Iterator[NDArray[np.uint8]]:
-    """Yield the messages of ticks in one chunk (block of records) of an MCAP file.
-
-    The events of the chunk are added to `contents`. The MCAP channels that the chunk defines are
-    added to `channels`, where the key is the number of the channel in the file.
-
-    Raises
-    ------
-    ValueError
-        The chunk or a record in it is not valid.
-    """
+    """Yield the messages of ticks in a chunk; store its events and its channels by number."""
     for record in records(chunk_data(chunk), contents, channels):
         if isinstance(record, np.ndarray):
             yield record
@@ -245,15 +195,9 @@ def read_chunk(
 def records(
     data: bytes, contents: Contents, channels: dict[int, Source]
 ) -> Iterator[Schema | Channel | Message | NDArray[np.uint8]]:
-    """Yield the records of a decompressed chunk (block of records) of an MCAP file.
+    """Yield the records of a decompressed chunk.
 
-    Messages of successive ticks are yielded as one array of bytes, shape (n, bytes per message).
-    `channels` contains the channels of the file, where the key is the number of the channel.
-
-    Raises
-    ------
-    ValueError
-        A record or a tick is not valid.
+    Messages of successive ticks are one array of bytes, shape (n, bytes per message).
     """
     place = 0
     while place < len(data):
@@ -303,16 +247,7 @@ def consecutive_records(data: bytes, place: int, size: int) -> NDArray[np.void]:
 
 
 def start_time(logged: int, t: float) -> int:
-    """Compute the wall-clock time of the beginning of the trial [ns] from one message.
-
-    `logged` is the wall-clock time of the message [ns]. `t` is the time of the same message since
-    the beginning of the trial [s].
-
-    Raises
-    ------
-    ValueError
-        The result is not a possible wall-clock time.
-    """
+    """Return the wall-clock time of t = 0 [ns]; a message at t [s] was logged at `logged`."""
     start = logged - round(t * 1e9)
     if not 0 <= start < LATEST_START:
         raise ValueError("a message has no valid wall-clock time")

@@ -1,4 +1,4 @@
-"""Compute statistics of the timing of the control loop from the columns of a recording."""
+"""Compute statistics of the timing of the control loop, and percentiles, in blocks of ticks."""
 
 from __future__ import annotations
 
@@ -21,11 +21,10 @@ MERGED = 1 << 16
 
 
 class Percentiles:
-    """Computes percentiles of values that arrive in blocks.
+    """Computes percentiles of values that arrive in blocks, with a limited amount of memory.
 
     The results are equal to those of `numpy.percentile` for all values together. If there are more
-    than `MOST` different values, the values are first rounded to `DIGITS` significant binary
-    digits, to save memory.
+    than `MOST` different values, they are first rounded to `DIGITS` significant binary digits.
     """
 
     def __init__(self) -> None:
@@ -36,18 +35,14 @@ class Percentiles:
         self._rounded = False
 
     def add(self, values: Floats) -> None:
-        """Add a block of n values, shape (n,), from which the percentiles are computed."""
+        """Add a block of values, shape (n,)."""
         self._new.append(values.copy())
         self._waiting += len(values)
         if self._waiting >= MERGED:
             self._merge()
 
     def value(self, percentage: float) -> float:
-        """Return one percentile of all added values. A percentage of 50 gives the median.
-
-        `percentage` is between 0 and 100. The result is NaN if there are no values, or if one of
-        the values is NaN.
-        """
+        """Return one percentile (50 for the median); NaN without values, or if a value is NaN."""
         self._merge()
         if not len(self._values) or math.isnan(self._values[-1]):
             return math.nan
@@ -61,11 +56,7 @@ class Percentiles:
         return float(high - step * (1.0 - share) if share >= 0.5 else low + step * share)
 
     def _merge(self) -> None:
-        """Merge equal values: store each different value once, with its number of occurrences.
-
-        If there are more than `MOST` different values, the values are rounded, and the values that
-        have become equal are merged.
-        """
+        """Keep each different value once, with its count; round them if they are too many."""
         if not self._waiting:
             return
         values = np.concatenate([self._values, *self._new])
@@ -99,11 +90,7 @@ PARTS = ("read_time", "compute_time", "write_time", "busy_time")
 
 
 class RunningTiming:
-    """Statistics of the timing of the control loop, computed from ticks that are added in blocks.
-
-    A tick is one period of the loop. The statistics are: mean rate, lateness (delay of the start of
-    a tick), number of overruns (ticks that took too long), and durations of the ticks.
-    """
+    """Statistics of the timing of the control loop, from ticks that are added in blocks."""
 
     def __init__(self) -> None:
         self._ticks = self._overruns = self._skipped = 0
@@ -112,7 +99,7 @@ class RunningTiming:
         self._histogram = np.zeros(len(HISTOGRAM) + 1, np.int64)
 
     def add(self, ticks: Recording) -> None:
-        """Add a block of successive ticks to the statistics.
+        """Add a block of successive ticks.
 
         The time step of the very first tick is not used, because the tick before it is not part of
         the statistics.
@@ -129,17 +116,7 @@ class RunningTiming:
         self._histogram += np.histogram(ticks["lateness"] * 1e6, bounds)[0]
 
     def summary(self, rate: float) -> dict[str, Any]:
-        """Return the statistics of all added ticks, as a dictionary.
-
-        Lateness is the time from the deadline of a tick to its start. An overrun is a tick that had
-        not ended at the next deadline. The histogram states how many ticks have a lateness in each
-        of the intervals that `HISTOGRAM` defines.
-
-        Parameters
-        ----------
-        rate
-            Nominal rate of the loop [Hz], which is copied into the result.
-        """
+        """Return the statistics of all added ticks; `rate` is the nominal rate of the loop [Hz]."""
         periods = self._ticks - 1
         return {
             "rate_hz": rate,
