@@ -2,10 +2,12 @@
 
     python -m teleop.live.foxglove_process
 
-The control process starts this process, and sends it messages as to the live process. The server
-for the viewers is code of another project, and limits neither the number of its clients nor their
-use of the processor. Therefore it runs neither in the control process nor in the live process,
-which sends the heartbeat to the control loop, and it has a lower priority than both.
+The server for the viewers is code of another project, and limits neither the number of its clients
+nor their use of the processor. Therefore it runs neither in the control process nor in the live
+process, which sends the heartbeat to the control loop, and it has a lower priority than both.
+
+The server checks neither a token nor the origin of a request. Any program and any web page on this
+machine can receive the ticks. For this reason, viewers can only view data.
 """
 
 from __future__ import annotations
@@ -35,25 +37,7 @@ PERIOD = 1.0 / 60.0
 
 
 class FoxgloveBridge:
-    """Sends the data of each tick of the control loop to Foxglove viewers.
-
-    Parameters
-    ----------
-    ring
-        Ring buffer in shared memory, to which the control loop writes the ticks.
-    port
-        Port at which the server listens; 0 for any free port.
-
-    Attributes
-    ----------
-    url
-        Address that a viewer opens.
-
-    Raises
-    ------
-    InputError
-        The port cannot be used.
-    """
+    """Sends the ticks in the ring buffer to Foxglove viewers at a port; 0 for any free port."""
 
     def __init__(self, ring: RingReader, port: int) -> None:
         logging.getLogger("foxglove").setLevel(logging.CRITICAL)
@@ -72,20 +56,7 @@ class FoxgloveBridge:
         self.url = f"ws://127.0.0.1:{self._server.port}"
 
     def begin(self, definition: str, name: str, units: dict[str, str], first: int) -> None:
-        """Announce the columns of a new trial to the viewers.
-
-        Parameters
-        ----------
-        definition
-            Definition of the message that contains one tick, in the message definition language of
-            ROS 2.
-        name
-            Name of the type of this message.
-        units
-            Unit of each column, by the name of the column.
-        first
-            Number of the first tick of the trial in the ring buffer.
-        """
+        """Announce the columns of a trial, whose first tick has the number `first` in the ring."""
         self._read = first - 1
         if definition == self._definition:
             return
@@ -105,7 +76,7 @@ class FoxgloveBridge:
         }
 
     def receive(self, document: dict[str, Any]) -> None:
-        """Process a message of the control process: announce the columns of a trial that begins."""
+        """Announce the columns of a trial that begins; ignore other messages."""
         if document["type"] == "begin":
             units = {column["name"]: column["unit"] for column in document["columns"]}
             self.begin(document["definition"], document["message"], units, document["first"])
@@ -114,10 +85,7 @@ class FoxgloveBridge:
         """Do nothing: viewers are not informed that the control process has ended."""
 
     def advance(self) -> None:
-        """Send the ticks of the control loop that were written since the last call.
-
-        If there are more than `BATCH` new ticks, only the newest `BATCH` ticks are sent.
-        """
+        """Send the ticks that are new since the last call, but at most the newest `BATCH` ticks."""
         end = self._ring.newest + 1
         first = max(self._read + 1, self._ring.oldest, end - BATCH)
         if first >= end or not self._channels:

@@ -1,9 +1,9 @@
 """A ring buffer of messages in shared memory, with one process that writes and one that reads.
 
-The ring buffer (ring) consists of slots, and a slot stores one message. The writer overwrites the
-oldest messages. The messages are numbered from 1. A slot contains the number of its message twice,
-before and after the message. If the two numbers are not the number that the reader expects, the
-writer has overwritten the slot, or is writing it. The reader then discards the slot.
+The ring consists of slots, and a slot stores one message. The writer overwrites the oldest
+messages. The messages are numbered from 1. A slot contains the number of its message twice, before
+and after the message. If the two numbers are not the number that the reader expects, the writer has
+overwritten the slot, or is writing it. The reader then discards the slot.
 
 The ring has no lock, and writing needs no system call. A reader that hangs or ends can therefore
 not delay the writer.
@@ -47,24 +47,7 @@ def ring_size(slots: int, size: int) -> int:
 
 
 class RingWriter:
-    """Writes messages to a ring buffer in shared memory.
-
-    Parameters
-    ----------
-    buffer
-        Shared memory of `ring_size(slots, size)` bytes.
-    slots
-        Number of slots. A slot stores one message.
-    size
-        Largest size of a message [bytes].
-    now
-        Function that returns the present time [s]. This time is stored with each message.
-
-    Attributes
-    ----------
-    newest
-        Number of the newest message, from 1; 0 if there is no message.
-    """
+    """Writes messages of at most `size` bytes to shared memory (`ring_size`)."""
 
     def __init__(
         self, buffer: mmap, slots: int, size: int, now: Callable[[], float] = monotonic
@@ -81,13 +64,7 @@ class RingWriter:
         self._now = now
 
     def write(self, message: bytes) -> None:
-        """Write a message into the next slot, in place of the oldest message if all slots are used.
-
-        Raises
-        ------
-        ValueError
-            The message is larger than the largest size of a message.
-        """
+        """Write a message in place of the oldest. Raise a ValueError if it is too large."""
         length = len(message)
         if length > self._size:
             raise ValueError(f"a message of {length} bytes: expected at most {self._size}")
@@ -98,17 +75,7 @@ class RingWriter:
 
 
 class RingReader:
-    """Reads messages from a ring buffer in shared memory.
-
-    Parameters
-    ----------
-    buffer
-        Shared memory of `ring_size(slots, size)` bytes.
-    slots
-        Number of slots. A slot stores one message.
-    size
-        Largest size of a message [bytes].
-    """
+    """Reads messages from the shared memory of a `RingWriter` with the same `slots` and `size`."""
 
     def __init__(self, buffer: mmap, slots: int, size: int) -> None:
         self._newest = np.frombuffer(buffer, dtype=np.uint64, count=1)
@@ -121,10 +88,9 @@ class RingReader:
 
     @property
     def oldest(self) -> int:
-        """Number of the oldest message that should be read. The messages are numbered from 1.
+        """Number of the oldest message that should be read.
 
-        The ring buffer can also contain up to `MARGIN` older messages. They should not be read,
-        because the writer will soon overwrite them.
+        Up to `MARGIN` older messages may exist, but the writer will soon overwrite them.
         """
         return max(1, self.newest - len(self._slots) + MARGIN)
 

@@ -1,7 +1,4 @@
-"""The server of the live page, a web page that shows a running trial or a recording.
-
-The browser receives the files of the page by HTTP. Data and requests use a WebSocket.
-"""
+"""The server of the live page. Its files are sent by HTTP; data and requests use a WebSocket."""
 
 from __future__ import annotations
 
@@ -57,7 +54,7 @@ class Page(NamedTuple):
 
 
 def read_pages() -> dict[str, Page]:
-    """Read all files of the live page, and return them by the path of their URL.
+    """Return all files of the live page by the path of their URL.
 
     The server sends only these files. No path in a request can select another file.
     """
@@ -74,20 +71,10 @@ def read_pages() -> dict[str, Page]:
 
 
 class Server:
-    """Sends data to the open live pages, and passes the requests of the pages to the data source.
+    """Sends data to the open live pages (clients), and passes their requests to the data source.
 
-    A client is a live page that is open in a browser. One task sends all data to the clients, and
-    also sends the heartbeat to the control process. If this task fails, the heartbeat stops, and
-    the control process detects the failure.
-
-    Parameters
-    ----------
-    feed
-        Source of the data: running trials or a recording.
-    token
-        Token that a client has to send in its first message.
-    pages
-        Files of the live page, by their path in the URL.
+    One task sends all data to the clients, and also the heartbeat to the control process. If this
+    task fails, the heartbeat stops, and the control process detects the failure.
     """
 
     def __init__(self, feed: Feed, token: str, pages: Mapping[str, Page]) -> None:
@@ -103,26 +90,7 @@ class Server:
 
     @contextlib.asynccontextmanager
     async def serving(self, host: str, port: int) -> AsyncIterator[int]:
-        """Serve the page within a `with` block.
-
-        Parameters
-        ----------
-        host
-            Name or address at which the server listens.
-        port
-            Port; 0 for any free port.
-
-        Yields
-        ------
-        The port at which the server listens.
-
-        Raises
-        ------
-        InputError
-            `host` stands for several addresses, as 0.0.0.0 does.
-        OSError
-            The address cannot be used.
-        """
+        """Serve the page within a `with` block, which gets the port; port 0 for any free port."""
         address = resolve(host)
         quiet = logging.getLogger("teleop.live")
         quiet.setLevel(logging.CRITICAL)  # a refused connection is not shown on the terminal
@@ -156,7 +124,7 @@ class Server:
             await asyncio.sleep(max(0.0, due - time.monotonic()))
 
     def fan_out(self) -> None:
-        """Send all new messages and rows of data to every client (live page that is connected)."""
+        """Send all new messages and rows of data to every client."""
         if self.control.is_silent:
             self._lose_control()
         news = self._feed.advance()
@@ -187,10 +155,7 @@ class Server:
             self._feed.lost()
 
     def _process_request(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Return the response to an HTTP request; None if the request may open a WebSocket.
-
-        The response contains a file of the live page, or states why the request is refused.
-        """
+        """Return a file of the live page, or the reason of a refusal; None to open a WebSocket."""
         path = request.path
         refusal = self._gate.refusal(request.headers.get_all, path == "/ws")
         if refusal:
@@ -294,24 +259,7 @@ def serve_until(
     port: int,
     ready: Callable[[str], object],
 ) -> None:
-    """Serve the live page until `stopped` returns True.
-
-    Parameters
-    ----------
-    stopped
-        Function that returns whether the server must end.
-    feed
-        Source of the data: running trials or a recording.
-    host, port
-        Address and port at which the server listens; port 0 for any free port.
-    ready
-        Function that is called with the URL of the live page as soon as the page can be opened.
-
-    Raises
-    ------
-    InputError
-        The address cannot be used.
-    """
+    """Serve the live page until `stopped` returns True; `ready` gets its URL when it is open."""
     asyncio.run(serve(stopped, feed, host, port, ready))
 
 
@@ -322,7 +270,7 @@ async def serve(
     port: int,
     ready: Callable[[str], object],
 ) -> None:
-    """Serve the live page as an asyncio task; the parameters are those of `serve_until`."""
+    """Serve the live page as an asyncio task; see `serve_until`."""
     if not 0 <= port <= 65535:
         raise InputError(f"port {port}: expected 0 to 65535")
     token = new_token()

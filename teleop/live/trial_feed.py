@@ -1,4 +1,4 @@
-"""Source of data for the live page (a web page): the trials that one control process runs."""
+"""Source of data for the live page: the trials that one control process runs."""
 
 from __future__ import annotations
 
@@ -39,45 +39,21 @@ SENT = {"name": "sent", "unit": "s", "meaning": "time at which the loop wrote th
 
 
 class Health:
-    """Counts overruns, skipped periods and dropped ticks of a trial.
-
-    An overrun is a tick of the control loop that starts late, because the previous tick was still
-    running at the planned start. A skipped period is a period without a tick, because the previous
-    tick took too long. A dropped tick is a tick that the recorder did not receive.
-    """
+    """Counts overruns, skipped periods and dropped ticks of a trial."""
 
     def __init__(self) -> None:
         self._overruns = self._skipped = self._dropped = 0
         self._latenesses: deque[tuple[float, float]] = deque()
 
     def add(self, values: Floats, column: Mapping[str, int], now: float) -> None:
-        """Add new ticks to the counts of overruns, skipped periods and dropped ticks.
-
-        Parameters
-        ----------
-        values
-            All columns of the ticks, shape (n, columns), n > 0.
-        column
-            Index of each column by its name.
-        now
-            Present time [s].
-        """
+        """Add ticks, shape (n, columns), at the time `now` [s]; `column` has the indices."""
         self._overruns += int(values[:, column["overrun"]].sum())
         self._skipped += int(values[:, column["skipped"]].sum())
         self._dropped = int(values[-1, column["dropped"]])
         self._latenesses.append((now, float(np.max(values[:, column["lateness"]]))))
 
     def document(self, now: float) -> dict[str, Any]:
-        """Return the counts of timing problems, and the largest lateness [s], by their names.
-
-        The lateness is the delay of a tick after its planned start. Its largest value in the last
-        `RECENT` seconds is returned; None if no tick was added in this time.
-
-        Parameters
-        ----------
-        now
-            Present time [s].
-        """
+        """Return the counts, and the largest lateness in the last `RECENT` seconds [s]."""
         while self._latenesses and self._latenesses[0][0] < now - RECENT:
             self._latenesses.popleft()
         return {
@@ -89,21 +65,12 @@ class Health:
 
 
 class TrialFeed(Feed):
-    """Source of data for the live page: the trials of one control process (which runs the loop).
+    """Source of data for the live page: the trials of one control process.
 
-    Parameters
-    ----------
-    ring, events
-        Ring buffers in shared memory. `ring` contains the ticks, `events` the events of the trials.
-    cells
-        Object that writes requests to shared memory, where the control loop reads them at each
-        tick.
-    session
-        Fields of the message `welcome`: `may_arm` (whether the page may arm the drives), `pointer`
-        (whether the mouse moves the handle) and `choices` (values that a setting may have).
-    send
-        Function that sends a request to the control process. The control process reads requests
-        between two trials.
+    `ring` contains the ticks, `events` the events of the trials. `session` has fields of `welcome`:
+    `may_arm` (whether the page may arm the drives), `pointer` (whether the mouse moves the handle)
+    and `choices` (values that a setting may have). `send` sends a request to the control process,
+    which reads requests between two trials.
     """
 
     def __init__(
@@ -139,10 +106,7 @@ class TrialFeed(Feed):
         self._describe([], [], 0.0)
 
     def receive(self, document: dict[str, Any]) -> None:
-        """Process a message of the control process.
-
-        It is `begin` or `end` of a trial, `summary` (its results), or `prompt` (a question).
-        """
+        """Process a message: `begin` or `end` of a trial, its `summary`, or a `prompt`."""
         kind = document["type"]
         if kind == "begin":
             self._begin_trial(document)
@@ -170,7 +134,7 @@ class TrialFeed(Feed):
         return news
 
     def documents(self) -> list[dict[str, Any]]:
-        """Return the latest messages `welcome`, `trial` and `summary`, which a new page needs."""
+        """Return the latest messages `welcome`, `trial` and `summary`."""
         return list(self._valid.values())
 
     def state(self) -> dict[str, Any]:
@@ -194,13 +158,7 @@ class TrialFeed(Feed):
         }
 
     def request(self, request: dict[str, Any]) -> None:
-        """Pass a request to the control process, through shared memory or as a message.
-
-        Raises
-        ------
-        BadRequest
-            The request is not possible in the present mode, or in this session.
-        """
+        """Pass a request to the control process, through shared memory or as a message."""
         kind, active = request["type"], self._running and self._mode >= ACTIVE
         if kind == "stop":
             self._cells.count(STOP)
@@ -253,8 +211,8 @@ class TrialFeed(Feed):
     def _choose(self, request: dict[str, Any], active: bool) -> None:
         """Send the settings that a person has chosen in the page to the control process.
 
-        If a trial waits for START (the command that arms the drives), the trial is ended. The
-        control process then begins a trial with the new settings.
+        If a trial waits for START, it is ended. The control process then begins a trial with the
+        new settings.
         """
         choices = self._session["choices"]
         for name in request.keys() - {"type"}:
@@ -314,7 +272,7 @@ class TrialFeed(Feed):
         self._news.append(document)
 
     def _read_ticks(self) -> None:
-        """Read all new ticks. Add those that the live page receives to the buffer `history`."""
+        """Read all new ticks. Add those that the live page receives to `history`."""
         first, end = max(self._read + 1, self._ring.oldest), self._ring.newest + 1
         found, slots = self._ring.read(range(first, end))
         if not found:
@@ -349,10 +307,7 @@ class TrialFeed(Feed):
         self._read_events = found[-1] if found else self._read_events
 
     def _advice(self, mode: str, by_page: bool) -> str:
-        """Return an instruction for the operator; empty if there is none.
-
-        `by_page` states whether the drives are armed from the live page.
-        """
+        """Return an instruction for the operator; empty if there is none."""
         if mode == "ready" and by_page:
             return "UNLOCK, then START within 2 s, arms the drives"
         if mode == "active" and self._session["pointer"]:
