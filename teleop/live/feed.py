@@ -102,7 +102,7 @@ class Feed(ABC):
 
     @abstractmethod
     def beat(self, seen: float) -> None:
-        """Process a heartbeat of the page in control, which has the frame of the time `seen` [s]."""
+        """Process a heartbeat of the page in control, which has the frame sent at `seen` [s]."""
 
     @abstractmethod
     def lost(self) -> None:
