@@ -22,9 +22,9 @@ from typing import Any
 from emulated import emulated
 
 from sim_backend import DEPTH
+from teleop.control.conditions import CONDITIONS
 
 EXAMPLES = ("serial-board", "odrive-bota", "cia402-ft300")
-CONDITIONS = ("free", "mimic", "autonomous")
 
 
 def run(condition: str, seconds: float, *arguments: str | Path) -> dict[str, Any]:
@@ -50,7 +50,7 @@ def main() -> None:
         for name in given.rigs:
             with emulated(name, condition) as path:
                 on_rig = ("--rig", path, "--rate", str(given.rate), "--specimen", "soft", "--yes")
-                depth = f"{DEPTH[condition]['soft']}m"
+                depth = f"{DEPTH[CONDITIONS[condition].moved_by]['soft']}m"
                 wired = run(condition, given.seconds, *on_rig, "--depth", depth)
             row(condition, name, wired, plain)
 

@@ -24,8 +24,8 @@ from estimation import (
     StateVariableFilter,
 )
 from sim_backend import CUBES, Cube, Plant, PlantParameters, Sensors
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 CONDITIONERS: dict[str, Conditioner] = {
     "filtered difference, 20 Hz": FilteredDifference(20.0),

@@ -17,9 +17,9 @@ from teleop.recording.columns import Layout
 from teleop.recording.mcap_writer import McapFile
 from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Mode
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.assembly import make_controller, make_layout
 from teleop.trial.loop import Loop
-from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 AnyPage = InProcess | PageProcess

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fault_case import Case
 
-from sim_backend.channel import ChannelSettings
+from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.law import PASSIVE, Master, Report
 
 CHANNEL = ChannelSettings(delay=0.025, jitter=5e-3, loss=0.05)

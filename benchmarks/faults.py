@@ -45,9 +45,9 @@ from teleop.control.clock import Tick
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.names import FeedbackName
 from teleop.safety import Fault
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.assembly import make_clock, make_rig
 from teleop.trial.realtime import realtime
-from teleop.trial.settings import TrialSettings
 
 CUBES = ("soft", "medium", "hard")
 

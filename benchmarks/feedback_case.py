@@ -14,17 +14,18 @@ from feedback_bodies import BODIES
 from scipy.optimize import nnls
 
 from sim_backend import OperatorModel, Setup, Transmission, operators
-from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
+from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.evaluation.teleoperation.loop_oscillation import sustained_share
-from teleop.evaluation.teleoperation.rendering import LEAST_FORCE, SETTLING, hand
+from teleop.evaluation.teleoperation.rendering import hand
+from teleop.evaluation.teleoperation.thresholds import LEAST_FORCE, SETTLING
 from teleop.recording.recording import Recording
 from teleop.safety.events import ACTIVE
 from teleop.safety.tightened_limits import TightenedLimits
-from teleop.trial.feedback_checks import arm_damping, delayed_loop, lag
+from teleop.settings.feedback_checks import arm_damping, delayed_loop, lag
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 AIM = 10.0
 """Force at which the operator reverses the motion [N]."""

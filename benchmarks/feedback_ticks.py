@@ -27,15 +27,15 @@ from emulated import emulated
 
 from drivers.rig_file import read_rig_file
 from sim_backend import DEPTH, OperatorModel
-from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
+from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.names import FeedbackName
 from teleop.safety import Mode, Request
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial import run as run_module
 from teleop.trial.assembly import make_clock, make_controller, make_rig
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 LAWS: tuple[FeedbackName, ...] = ("none", "position-force", "model-mediated", "passivity")
 CHANNEL = ChannelSettings(2e-3, 1e-3, 0.01)
@@ -63,7 +63,7 @@ def live(law: FeedbackName, rig: Path, seconds: float) -> tuple[str, bool]:
         duration=seconds,
         rig=read_rig_file(rig),
         specimen="soft",
-        depth=DEPTH["free"]["soft"],
+        depth=DEPTH["hand"]["soft"],
     )
     with tempfile.TemporaryDirectory() as folder:
         trial = run_trial(settings, Path(folder) / "trial.mcap", real="try")

@@ -11,10 +11,10 @@ from teleop.live.cells import SIZE, CellReader
 from teleop.live.ring import SLOTS, RingWriter, ring_size
 from teleop.recording.columns import Layout
 from teleop.recording.sinks import Memory, Sink
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.assembly import make_clock, make_controller, make_simulated_rig
 from teleop.trial.loop import Loop
 from teleop.trial.page_requests import PageRequests
-from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 

@@ -28,10 +28,10 @@ from teleop.live.ring import SLOTS, RingReader
 from teleop.live.server import PERIOD, Server
 from teleop.live.trial_feed import TrialFeed
 from teleop.recording.columns import Layout
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial import live_link
 from teleop.trial.live_link import EVENT_SIZE, EVENT_SLOTS, LiveLink
 from teleop.trial.page_requests import PAGE_AGE, PagePointer, PageRequests
-from teleop.trial.settings import TrialSettings
 
 BEAT = 0.05
 """Shortest time between two heartbeats of a page [s]."""

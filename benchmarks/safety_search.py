@@ -40,9 +40,9 @@ from search_rig import BOUND, LIMITS, PERIOD, Pushing, SearchRig
 
 from drivers import CHANNELS, STANDSTILL, RigError
 from estimation import MatchedFilter, paper_preset
-from sim_backend.channel import ChannelSettings
 from sim_backend.faults import Frozen, Replaced, Reported, RigFault, Runaway, Shifted
 from teleop.control.bilateral import BilateralLink
+from teleop.control.channel import ChannelSettings
 from teleop.control.clock import Tick
 from teleop.control.controller import Controller
 from teleop.control.estimation import Estimation
@@ -50,9 +50,9 @@ from teleop.control.feedback.settings import FeedbackSettings
 from teleop.live.cells import ARM, END, LONGEST_ROUND_TRIP, PROCESS, STOP
 from teleop.safety import Fault, Mode, stops_immediately
 from teleop.safety.channels import DetectedFault
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.assembly import make_layout, make_link
 from teleop.trial.page_requests import PAGE_AGE, PROCESS_SILENCE
-from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 LAWS = ("none", "position-force", "model-mediated", "passivity")

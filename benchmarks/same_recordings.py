@@ -25,12 +25,12 @@ from feedback_bodies import BODIES
 from estimation import MODELS
 from estimation.registry import BUILT_IN
 from sim_backend import CUBES
-from sim_backend.channel import ChannelSettings
+from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.names import ConditioningName, ConditionName, FeedbackName
 from teleop.safety.tightened_limits import TightenedLimits
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 SECONDS = 3.0
 CHANNEL = ChannelSettings(delay=10e-3, jitter=5e-3, loss=0.02)

@@ -12,7 +12,7 @@ from sim_backend.faults import FaultyRig
 from sim_backend.operators import Hand
 from teleop.control.conditions import Condition
 from teleop.safety import Limits
-from teleop.safety.palpation_limits import palpation_limits
+from teleop.settings.palpation_limits import palpation_limits
 
 WATCHDOG = 0.05
 """Timeout of the simulated drives' watchdogs [s]."""

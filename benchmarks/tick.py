@@ -36,10 +36,10 @@ from drivers.rig_file import read_rig_file
 from sim_backend import DEPTH
 from teleop.control import controller as controller_module
 from teleop.safety import Mode
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial import run as run_module
 from teleop.trial.loop import Loop
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 CASES = ("virtual", "live, simulated", "live, board")
 WHOLE, REST, MEAN = "whole tick", "rest, and the probes", "processor time"
@@ -148,7 +148,7 @@ def measure(case: str, seconds: float, rig: str) -> Durations:
         clock="virtual" if case == "virtual" else "real",
         rig=read_rig_file(Path(rig)) if rig else None,
         specimen="soft" if rig else "",
-        depth=DEPTH["autonomous"]["soft"] if rig else None,
+        depth=DEPTH["injector"]["soft"] if rig else None,
     )
     if case == "virtual":  # as in a sweep, of which only the first trials load numba
         with suppress(ImportError):

@@ -29,8 +29,8 @@ from drivers.registry import device_class, kinds
 from drivers.rig import UNITS, RigError
 from drivers.rig_sections import (
     CanSettings,
-    ChannelSettings,
     DriveSettings,
+    MeasurementSettings,
     RigSections,
     SerialSettings,
 )
@@ -225,7 +225,7 @@ def bus_problems(
 
 
 def channel_problem(
-    name: str, channel: ChannelSettings, devices: Mapping[str, Device]
+    name: str, channel: MeasurementSettings, devices: Mapping[str, Device]
 ) -> str | None:
     """Check that the device and signal of a channel exist, and that no needed scale is missing.
 

@@ -46,7 +46,7 @@ class CanSettings(Section):
 BusSettings = Annotated[SerialSettings | CanSettings, Field(discriminator="kind")]
 
 
-class ChannelSettings(Section):
+class MeasurementSettings(Section):
     """Section of a rig file for one channel (measured quantity).
 
     The value of the channel is computed from a signal of a device. In SI units, the value is
@@ -72,7 +72,7 @@ class ChannelSettings(Section):
         return self.sign * (self.scale or 1.0)
 
 
-class ForceSettings(ChannelSettings):
+class ForceSettings(MeasurementSettings):
     """Section of a rig file for a channel that measures a force."""
 
     offset_n: FiniteFloat = 0.0
@@ -87,7 +87,7 @@ class ForceSettings(ChannelSettings):
         return self.offset_n
 
 
-class PositionSettings(ChannelSettings):
+class PositionSettings(MeasurementSettings):
     """Section of a rig file for a channel that measures a position."""
 
     offset_mm: FiniteFloat = 0.0
@@ -104,7 +104,7 @@ class PositionSettings(ChannelSettings):
         return self.offset_mm * 1e-3
 
 
-class VelocitySettings(ChannelSettings):
+class VelocitySettings(MeasurementSettings):
     """Section of a rig file for a channel that measures a velocity."""
 
     range_mm_per_s: tuple[FiniteFloat, FiniteFloat]

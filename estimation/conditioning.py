@@ -299,3 +299,46 @@ class MatchedFilter(Conditioner):
             regressors["k3"] = self._cube.run(self._cube_lag.run(x * x * x, dt), dt)[0]
         further = [regressors[parameter] for parameter in self.model.further]
         return Regression(y, rate, force, dt, np.reshape(further, (len(further), len(x))).T.copy())
+
+
+CONDITIONERS = ("matched", "svf", "foaw", "difference")
+"""Names of the signal conditioners."""
+LONGEST_LAG = 0.5
+"""Largest time constant of a lag of the force channel that can be compensated [s]."""
+
+
+def make_conditioner(
+    name: str,
+    bandwidth: float,
+    resolution: float,
+    force_lag: float = 0.0,
+    model: Model = KELVIN_VOIGT,
+) -> Conditioner:
+    """Return a new signal conditioner with this name.
+
+    A signal conditioner is a filter that computes displacement, velocity and force from the
+    measured position and force.
+
+    `bandwidth` [Hz] is not used by `foaw`. `resolution`, the distance per encoder count [m], is
+    used only by `foaw`. Only `matched` supports a `force_lag` [s] and regressors besides v and x.
+    ValueError otherwise, or if a number is out of its range.
+    """
+    if name not in CONDITIONERS:
+        raise ValueError(f"conditioning {name!r}: expected one of {', '.join(CONDITIONERS)}")
+    if force_lag != 0.0 and name != "matched":
+        raise ValueError(f"force lag {force_lag:g} s: expected conditioning matched, not {name}")
+    if force_lag > LONGEST_LAG:
+        raise ValueError(f"force lag {force_lag:g} s: expected at most {LONGEST_LAG:g} s")
+    if model.further and name != "matched":
+        raise ValueError(f"model {model.name}: expected conditioning matched, not {name}")
+    try:
+        angular(bandwidth)
+        if name == "matched":
+            return MatchedFilter(bandwidth, force_lag, model)
+        if name == "svf":
+            return StateVariableFilter(bandwidth)
+        if name == "difference":
+            return FilteredDifference(bandwidth)
+        return FirstOrderAdaptiveWindowing(resolution)
+    except ValueError as error:
+        raise ValueError(f"conditioning {name}: {error}") from error

@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from estimation.arrays import Floats
 from estimation.checks import checked_samples, is_valid, sample_error
-from estimation.compiled import Law, Samples, interpreted, sweep
+from estimation.compiled import Law, Samples, interpreted, own_copy, sweep
 from estimation.model import KELVIN_VOIGT, POWERS_OF_X, UNITS, Model
-from estimation.own_copies import own_copy
 from estimation.step import B, K, Regressors, State, Step
 
 UNKNOWN = 1e12
@@ -110,6 +109,9 @@ class Estimator(ABC):
 
     gated: ClassVar[bool] = True
     """If True, the estimates do not change while a contact gate is closed (`estimation.gate`)."""
+    used_settings: ClassVar[tuple[str, ...] | None] = None
+    """Fields of `OwnSettings` that the estimator uses. Other settings are refused as own settings
+    of this estimator. None: not declared, so none is refused."""
     constant: ClassVar[bool] = False
     """Whether the step needs a constant regressor 1 after the regressors of the model."""
 

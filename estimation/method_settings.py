@@ -9,6 +9,8 @@ from typing import Literal
 from estimation.methods.grid import Grid
 from estimation.model import KELVIN_VOIGT, Model
 
+SIZES = ("x_size", "v_size", "f_size")
+"""Settings from which `MethodSettings.sizes` and `MethodSettings.covariance` are computed."""
 LONGEST = 1e3
 """Upper bound of `MethodSettings.memory` [s]."""
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Literal
 
 from estimation.checks import check_size
-from estimation.estimator import Estimator
-from estimation.method_settings import MethodSettings
+from estimation.method_settings import SIZES
 from estimation.methods.grid import Grid
 
 
@@ -42,7 +41,7 @@ class OwnSettings:
     """Length of a segment of the estimator `segments` [s]."""
 
     def __post_init__(self) -> None:
-        for name in ("x_size", "v_size", "f_size"):
+        for name in SIZES:
             check_size(name, getattr(self, name))
 
     @property
@@ -51,51 +50,11 @@ class OwnSettings:
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in values.items() if value is not None}
 
-
-def with_own_settings(
-    name: str,
-    make: Callable[[MethodSettings], Estimator],
-    shared: MethodSettings,
-    own: Mapping[str, OwnSettings],
-) -> Estimator:
-    """Return a new estimator. Its own settings replace the settings that all estimators share.
-
-    Parameters
-    ----------
-    name
-        Name of the estimator.
-    make
-        Function that constructs the estimator from the settings.
-    shared
-        Settings that all estimators share.
-    own
-        Own settings of each estimator, by the name of the estimator. An estimator that has no own
-        settings may be missing.
-
-    Raises
-    ------
-    ValueError
-        A setting is out of its range, or the estimator does not use one of its own settings.
-    """
-    if name not in own:
-        return make(shared)
-    stated = own[name].stated
-    used: set[str] = set()
-
-    class Watched(type(shared)):  # type: ignore[misc]
-        """Settings of the estimator. When a setting is read, its name is added to `used`."""
-
-        def __getattribute__(self, attribute: str) -> Any:
-            used.add(attribute)
-            return super().__getattribute__(attribute)
-
-    values = {f.name: getattr(shared, f.name) for f in fields(shared)} | stated
-    estimator = make(Watched(**values))
-    for setting in stated:
-        if setting not in used:
-            known = [f.name for f in fields(OwnSettings) if f.name in used]
-            raise ValueError(
-                f"{setting}: not a setting of this estimator: expected some of "
-                f"{', '.join(known) or 'none'}"
-            )
-    return estimator
+    def refuse_unused(self, used: Sequence[str] | None) -> None:
+        """Raise ValueError if a setting is stated that is not in `Estimator.used_settings`."""
+        for setting in self.stated:
+            if used is not None and setting not in used:
+                raise ValueError(
+                    f"{setting}: not a setting of this estimator: expected some of "
+                    f"{', '.join(used) or 'none'}"
+                )

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 from estimation.bank import Bank
 from estimation.checks import check_size, checked_samples
 from estimation.gate import Gate, GateSettings
-from estimation.method_settings import MethodSettings
+from estimation.method_settings import SIZES, MethodSettings
 from estimation.methods.grid import Axis, Grid
-from estimation.own_settings import OwnSettings, with_own_settings
+from estimation.own_settings import OwnSettings
 from estimation.registry import METHODS, PAPER, named_estimators
 
 GATE = GateSettings(force=0.1, speed=2e-3, window=0.02)
@@ -51,7 +51,7 @@ class Preset(MethodSettings):
             estimator supports the model. If several estimators cannot be constructed, the message
             has one line for each of them.
         """
-        for name in ("x_size", "v_size", "f_size"):
+        for name in SIZES:
             check_size(name, getattr(self, name))
         for name in self.own:
             named_estimators([name])
@@ -59,7 +59,10 @@ class Preset(MethodSettings):
         problems = []
         for name in named_estimators(self.estimators):
             try:
-                estimators[name] = with_own_settings(name, METHODS[name], self, self.own)
+                own = self.own.get(name, OwnSettings())
+                estimator = METHODS[name](replace(self, **own.stated))
+                own.refuse_unused(estimator.used_settings)
+                estimators[name] = estimator
             except ValueError as error:
                 problems.append(f"{name}: {error}")
         if problems:

@@ -12,7 +12,6 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, NamedTuple
 
-from estimation import tuning
 from estimation.estimator import Estimator
 from estimation.method_settings import MethodSettings
 from estimation.methods.active_observer import ActiveObserver
@@ -26,7 +25,7 @@ from estimation.methods.directional_forgetting import DirectionalForgetting
 from estimation.methods.hunt_crossley_double_stage import DoubleStage
 from estimation.methods.hunt_crossley_logarithmic import Logarithmic
 from estimation.methods.indirect_adaptive import IndirectAdaptive
-from estimation.methods.kalman_filter import RandomWalkKalman, process_noise
+from estimation.methods.kalman_filter import RandomWalkKalman
 from estimation.methods.multi_estimator import MultiEstimator
 from estimation.methods.normalised_identification import NormalisedIdentification
 from estimation.methods.passive_least_squares import PassiveLeastSquares
@@ -46,140 +45,28 @@ Factory = Callable[[MethodSettings], Estimator]
 """Function that constructs an estimator from settings."""
 
 
-def rls(preset: MethodSettings) -> Estimator:
-    """Construct the recursive least squares estimator (RLS) of the paper.
-
-    The initial variances of b and k are `preset.initial_covariance`. If the model has other
-    parameters, their initial variances are the elements of `preset.covariance` after the first two.
-    """
-    return RecursiveLeastSquares(
-        preset.forgetting,
-        (*preset.initial_covariance, *preset.covariance[2:]),
-        preset.sample_period,
-        preset.model,
-        preset.correlation,
-        guess_variance=preset.covariance,
-    )
-
-
-def ai(preset: MethodSettings) -> Estimator:
-    """Construct the adaptive identification estimator (AI) of the paper.
-
-    The gains of b and k are `preset.adaptation_gain`. If the model has other parameters, their
-    gains are computed from `preset.memory` and from the typical magnitudes of their regressors.
-    """
-    further = (4.0 / (preset.memory * size**2) for size in preset.sizes[2:])
-    return AdaptiveIdentification(
-        (*preset.adaptation_gain, *further), preset.ai_method, preset.model, preset.correlation
-    )
-
-
-def ceiling(preset: MethodSettings) -> tuple[float, ...]:
-    """Return the upper limit of the variance of each parameter in a Kalman filter.
-
-    The filter computes its variances for force noise with a variance of 1 N^2. The limits are for
-    the same noise.
-    """
-    return tuple(1.0 / size**2 for size in preset.sizes)
-
-
 BUILT_IN: dict[str, Factory] = {
-    "rls": rls,
-    "ai": ai,
-    "me": lambda p: MultiEstimator(p.grid, p.forgetting_rate, p.correlation),
-    "rls_conditional": lambda p: ConditionalUpdate(
-        p.forgetting**tuning.CONDITIONAL_FORGETTING,
-        p.covariance,
-        p.sample_period,
-        tuning.CONDITIONAL_THRESHOLD,
-        p.model,
-        p.correlation,
-    ),
-    "rls_directional": lambda p: DirectionalForgetting(
-        p.forgetting, p.covariance, p.sample_period, p.model, p.correlation
-    ),
-    "rls_sift": lambda p: SubspaceForgetting(
-        p.forgetting, p.covariance, p.sample_period, 1.0, p.model, p.correlation
-    ),
-    "rls_trace": lambda p: ConstantTrace(
-        tuning.TRACE * p.model.regressors * (1.0 - p.forgetting),
-        p.covariance,
-        model=p.model,
-        correlation=p.correlation,
-    ),
-    "kalman": lambda p: RandomWalkKalman(
-        process_noise(p.memory, p.sample_period, p.sizes),
-        p.covariance,
-        ceiling(p),
-        p.model,
-        p.correlation,
-    ),
-    "observer": lambda p: ActiveObserver(
-        (
-            *process_noise(p.memory, p.sample_period, p.sizes),
-            *process_noise(tuning.OBSERVER_MEMORY * p.memory, p.sample_period, (1.0,)),
-        ),
-        (*p.covariance, 1e4),
-        (*ceiling(p), 1.0),
-        p.model,
-        p.correlation,
-    ),
-    "passive": lambda p: PassiveLeastSquares(
-        p.forgetting**tuning.PASSIVE_FORGETTING,
-        p.covariance,
-        p.sample_period,
-        p.model,
-        p.correlation,
-    ),
-    "window": lambda p: BatchWindow(
-        tuning.WINDOW * p.memory, p.sample_period, p.model, p.correlation
-    ),
-    "ai_normalised": lambda p: NormalisedIdentification(
-        tuning.NORMALISED_RATE / p.memory, p.sizes, p.memory, p.model, p.correlation
-    ),
-    "indirect": lambda p: IndirectAdaptive(
-        tuning.INDIRECT_RATE / p.memory, p.sizes, model=p.model, correlation=p.correlation
-    ),
-    "reference": lambda p: ReferenceModel(
-        tuning.REFERENCE_RATE / p.memory,
-        p.sizes,
-        tuning.REFERENCE_BANDWIDTH / p.memory,
-        model=p.model,
-    ),
-    "composite": lambda p: CompositeAdaptive(
-        tuning.COMPOSITE_FORGETTING / p.memory,
-        p.sizes,
-        tuning.COMPOSITE_BANDWIDTH / p.memory,
-        model=p.model,
-    ),
-    "spectral": lambda p: SpectralRatio(motion=max(tuning.SPECTRAL_MOTION * p.x_size, 1e-9)),
-    "hc_double": lambda p: DoubleStage(
-        p.memory, p.x_size, p.v_size, tuning.CONTACT_FORCE * p.f_size
-    ),
-    "hc_log": lambda p: Logarithmic(
-        tuning.LOGARITHMIC_MEMORY * p.memory,
-        p.x_size,
-        p.v_size,
-        tuning.CONTACT_FORCE * p.f_size,
-        p.correlation,
-    ),
-    "me_switching": lambda p: SwitchingMultiEstimator(
-        p.grid,
-        tuning.SWITCHING_FORGETTING * p.forgetting_rate,
-        hysteresis=tuning.HYSTERESIS,
-        dwell=tuning.DWELL * p.memory,
-        correlation=p.correlation,
-    ),
-    "me_moving": lambda p: CoarseToFine(
-        tuning.MOVING_FORGETTING * p.forgetting_rate,
-        patience=tuning.PATIENCE * p.memory,
-        spacing=(
-            tuning.FIRST_SPACING_B * p.f_size / p.v_size,
-            tuning.FIRST_SPACING_K * p.f_size / p.x_size,
-        ),
-        correlation=p.correlation,
-    ),
-    "segments": lambda p: PooledSegments(p.segment, p.correlation),
+    "rls": RecursiveLeastSquares.from_settings,
+    "ai": AdaptiveIdentification.from_settings,
+    "me": MultiEstimator.from_settings,
+    "rls_conditional": ConditionalUpdate.from_settings,
+    "rls_directional": DirectionalForgetting.from_settings,
+    "rls_sift": SubspaceForgetting.from_settings,
+    "rls_trace": ConstantTrace.from_settings,
+    "kalman": RandomWalkKalman.from_settings,
+    "observer": ActiveObserver.from_settings,
+    "passive": PassiveLeastSquares.from_settings,
+    "window": BatchWindow.from_settings,
+    "ai_normalised": NormalisedIdentification.from_settings,
+    "indirect": IndirectAdaptive.from_settings,
+    "reference": ReferenceModel.from_settings,
+    "composite": CompositeAdaptive.from_settings,
+    "spectral": SpectralRatio.from_settings,
+    "hc_double": DoubleStage.from_settings,
+    "hc_log": Logarithmic.from_settings,
+    "me_switching": SwitchingMultiEstimator.from_settings,
+    "me_moving": CoarseToFine.from_settings,
+    "segments": PooledSegments.from_settings,
 }
 """Functions that construct the estimators of this package, by the name of the estimator."""
 
@@ -224,22 +111,9 @@ def package(point: EntryPoint) -> str:
 def made_by(point: EntryPoint, step: str, call: Callable[[], Any], *passed: type[Exception]) -> Any:
     """Call a function of another package, and return its result.
 
-    Parameters
-    ----------
-    point
-        Entry point of the package, for the error message.
-    step
-        What the function should do, such as `loaded`, for the error message.
-    call
-        The function.
-    *passed
-        Exceptions that are raised unchanged.
-
-    Raises
-    ------
-    ValueError
-        The function raised another exception except KeyboardInterrupt, for example SystemExit,
-        which would end the program without a message.
+    `passed` are exceptions that are raised unchanged. All others except KeyboardInterrupt become a
+    ValueError, for example SystemExit, which would end the program without a message. `step` says
+    for the message what failed, such as `loaded`.
     """
     try:
         return call()
@@ -260,15 +134,7 @@ class Methods(Mapping[str, Factory]):
     """
 
     def __getitem__(self, name: str) -> Factory:
-        """Return the function that constructs the estimator with this name.
-
-        Raises
-        ------
-        KeyError
-            There is no estimator with this name.
-        ValueError
-            The package of the estimator cannot be imported, or does not contain the function.
-        """
+        """Return the function that constructs the estimator with this name."""
         if name in BUILT_IN:
             return BUILT_IN[name]
         point = offered().points[name]
@@ -302,18 +168,10 @@ METHODS = Methods()
 def named_estimators(names: str | Sequence[str]) -> tuple[str, ...]:
     """Check a selection of estimators, and return their names as a tuple.
 
-    Parameters
-    ----------
-    names
-        Names of estimators in `METHODS`, as a sequence or as one text with commas between the
-        names. The single name `all` selects all estimators.
-
-    Raises
-    ------
-    ValueError
-        A name is unknown or repeated, or there is no name. Or an estimator of another package has
-        an invalid name, or a name that is used twice. The name of an estimator of this package
-        always means this estimator; only `all` is then refused.
+    `names` is a sequence, or one text with commas. The single name `all` selects all estimators.
+    ValueError if a name is unknown, repeated or missing, or if an estimator of another package has
+    an invalid or ambiguous name. The name of an estimator of this package always means this
+    estimator; only `all` is then refused.
     """
     if isinstance(names, str):
         names = [name.strip() for name in names.split(",") if name.strip()]

@@ -53,11 +53,12 @@ TRANSMISSION = Transmission(lost_motion=122e-6, compliance=7e-6)
 """Transmission between the encoder and the tip of the slave."""
 
 DEPTH = {
-    "free": {"soft": 15.5e-3, "medium": 6.5e-3, "hard": 1.3e-3},
-    "mimic": {"soft": 15.5e-3, "medium": 6.5e-3, "hard": 1.3e-3},
-    "autonomous": {"soft": 10.3e-3, "medium": 4.3e-3, "hard": 0.86e-3},
+    "hand": {"soft": 15.5e-3, "medium": 6.5e-3, "hard": 1.3e-3},
+    "injector": {"soft": 10.3e-3, "medium": 4.3e-3, "hard": 0.86e-3},
 }
-"""Intended depth of palpation [m], by control condition and cube."""
+"""Intended depth of palpation [m], by what moves the master, and by cube.
+
+The hand moves the master in the conditions `free` and `mimic`, the PE injector in `autonomous`."""
 
 
 @dataclass(frozen=True)
@@ -109,9 +110,9 @@ class Setup:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
 
 
-def paper_setup(condition: str, cube: str) -> Setup:
-    """Return the properties of rig and cube in one of the nine trials of the paper.
+def paper_setup(moved_by: str, cube: str) -> Setup:
+    """Return the properties of rig and cube in a trial of the paper.
 
-    `condition` is `free`, `mimic` or `autonomous`. `cube` is `soft`, `medium` or `hard`.
+    `moved_by` is a key of `DEPTH`, and `cube` a key of `CUBES`.
     """
-    return Setup(CUBES[cube], FORCE_LAG, DEPTH[condition][cube], TRANSMISSION)
+    return Setup(CUBES[cube], FORCE_LAG, DEPTH[moved_by][cube], TRANSMISSION)

@@ -53,10 +53,11 @@ ROOMS = {
     "live": {"safety"},
     "recording": {"safety", "control", "live"},
     "evaluation": {"recording"},
-    "output": {"safety", "control", "recording", "evaluation"},
-    "trial": {"safety", "control", "live", "recording", "evaluation", "output"},
-    "rig": {"safety", "control", "recording", "trial"},
-    "studies": {"safety", "control", "recording", "evaluation", "output", "trial"},
+    "settings": {"safety", "control", "recording"},
+    "output": {"safety", "control", "recording", "evaluation", "settings"},
+    "trial": {"safety", "control", "live", "recording", "evaluation", "output", "settings"},
+    "rig": {"safety", "control", "recording", "settings", "trial"},
+    "studies": {"safety", "control", "recording", "evaluation", "output", "settings", "trial"},
     "commands": {
         "safety",
         "control",
@@ -64,6 +65,7 @@ ROOMS = {
         "recording",
         "evaluation",
         "output",
+        "settings",
         "trial",
         "rig",
         "studies",
@@ -179,6 +181,23 @@ def test_rooms_import_only_from_the_rooms_that_the_plan_allows():
             assert others <= ROOMS[here], name
         elif name.startswith("teleop.") and name not in ("teleop.cli", "teleop.__main__"):
             assert not any(room(other) for other in imported_names), name
+
+
+def reached(module: str) -> set[str]:
+    """Return the modules that a module imports at run time, directly or through other modules."""
+    arrows, found, new = imports_between_files(types=False), set(), {module}
+    while new:
+        found |= new
+        new = {other for name in new for other in arrows[name]} - found
+    return found
+
+
+@pytest.mark.parametrize("here", ["safety", "control"])
+def test_the_simulator_is_not_on_the_path_of_a_real_rig(here):
+    inside = [name for name in modules() if room(name) == here]
+    assert inside
+    for name in inside:
+        assert not {other for other in reached(name) if other.startswith("sim_backend")}, name
 
 
 def test_only_the_named_modules_of_teleop_are_outside_the_rooms():

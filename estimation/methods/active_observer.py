@@ -2,8 +2,20 @@
 
 from __future__ import annotations
 
-from estimation.methods.kalman_filter import RandomWalkKalman
+from typing import Self
+
+from estimation.method_settings import MethodSettings
+from estimation.methods.kalman_filter import RandomWalkKalman, largest_variances, process_noise
 from estimation.model import KELVIN_VOIGT, Model
+
+DISTURBANCE_MEMORY = 0.1
+"""Time constant of the disturbance force p that `observer` estimates, in units of the memory.
+
+p changes faster than b and k. The settling time (see `benchmarks/tuning.py`) is not defined: after
+the specimen was replaced, p contains the change of the force, and the error of k remains above 5 %
+for every time constant. The standard deviation of k due to noise depends only little on the time
+constant. So this value is not an optimum.
+"""
 
 
 class ActiveObserver(RandomWalkKalman):
@@ -41,8 +53,7 @@ class ActiveObserver(RandomWalkKalman):
         Model f = phi' theta that defines the regressors phi. The regressor of p, which is always 1,
         is not part of the model.
     correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+        Correlation length of the force noise, in samples, see `LinearGainEstimator`.
 
     Raises
     ------
@@ -64,3 +75,18 @@ class ActiveObserver(RandomWalkKalman):
         super().__init__(process_noise, initial_covariance, ceiling, augmented, correlation)
         self.model = model
         self.names = (*model.parameters, "p")
+
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        period = settings.sample_period
+        return cls(
+            (
+                *process_noise(settings.memory, period, settings.sizes),
+                *process_noise(DISTURBANCE_MEMORY * settings.memory, period, (1.0,)),
+            ),
+            (*settings.covariance, 1e4),
+            (*largest_variances(settings), 1.0),
+            settings.model,
+            settings.correlation,
+        )

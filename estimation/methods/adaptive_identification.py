@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Self
 
 from estimation.checks import positive_values
 from estimation.estimator import Estimates
@@ -15,6 +15,7 @@ from estimation.linear_gain import (
     correct,
     linear_gain_state,
 )
+from estimation.method_settings import SIZES, MethodSettings
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, below
 
@@ -98,11 +99,8 @@ class AdaptiveIdentification(LinearGainEstimator):
           `beyond_rk4` increases by 1. For example, with the gain that the paper uses for the hard
           cube and a sample rate of 1 kHz, RK4 is unstable for displacements above 17 mm.
         - `exact`: the closed-form solution, which is stable for every gain and every `dt`.
-    model
-        Model f = phi' theta that defines the regressors phi.
-    correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+    model, correlation
+        Model f = phi' theta, and correlation length of the force noise (`LinearGainEstimator`).
 
     Raises
     ------
@@ -112,6 +110,7 @@ class AdaptiveIdentification(LinearGainEstimator):
 
     step = staticmethod(step)
     gated = False
+    used_settings = ("adaptation_gain", "ai_method", *SIZES)
     state: GradientState
 
     def __init__(
@@ -129,6 +128,18 @@ class AdaptiveIdentification(LinearGainEstimator):
             GradientParameters(correlation, method == "rk4", gain),
             GradientState(**linear_gain_state(guess_variance), beyond_rk4=0),
             model,
+        )
+
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        # the paper has no gains for parameters besides b and k
+        further = (4.0 / (settings.memory * size**2) for size in settings.sizes[2:])
+        return cls(
+            (*settings.adaptation_gain, *further),
+            settings.ai_method,
+            settings.model,
+            settings.correlation,
         )
 
     @property

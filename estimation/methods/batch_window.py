@@ -5,9 +5,11 @@ from __future__ import annotations
 from copy import deepcopy
 from dataclasses import dataclass
 from math import inf, sqrt
+from typing import Self
 
 from estimation.checks import LARGEST, check_correlation
 from estimation.estimator import Estimator
+from estimation.method_settings import MethodSettings
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, zeros
 
@@ -22,6 +24,13 @@ SMALLEST_SQUARES = 1e-60
 """A regressor with a smaller sum of squares is treated as zero."""
 LONGEST = 1_000_000
 """Largest number of samples in a window."""
+WINDOW = 2.0
+"""Length of the window of the method `window`, in units of the memory.
+
+With exponential forgetting, the weights w of the samples decay with a memory of N samples. A mean
+with such weights has the same noise as a mean of (sum w)^2 / sum w^2 = 2 N samples of equal weight.
+So the window has 2 N samples.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,9 +150,7 @@ def factorise(state: WindowState) -> bool:
     `sums` is the sum of z z' over the window, where z = (phi, f) is a sample. L and D are stored in
     the field `L` of the state. The last element of D is the sum of squared residuals.
 
-    Returns
-    -------
-    False if the samples in the window do not determine all parameters.
+    The result is False if the samples in the window do not determine all parameters.
     """
     sums, L, peak = state.sums, state.L, state.peak
     m = len(peak)
@@ -258,6 +265,7 @@ class BatchWindow(Estimator):
     """
 
     step = staticmethod(step)
+    used_settings = ("forgetting",)
 
     def __init__(
         self,
@@ -297,4 +305,11 @@ class BatchWindow(Estimator):
                 ring=[zeros(m + 1) for _ in range(capacity)],
             ),
             model,
+        )
+
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        return cls(
+            WINDOW * settings.memory, settings.sample_period, settings.model, settings.correlation
         )

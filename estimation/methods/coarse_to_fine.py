@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Self
 
-from estimation.checks import check_correlation
+from estimation.checks import check_correlation, check_positive
 from estimation.estimator import UNKNOWN, Estimator
+from estimation.method_settings import SIZES, MethodSettings
 from estimation.methods.candidates import MovingAxis, least_candidate
 from estimation.methods.grid import Axis, Grid
 from estimation.methods.monitoring import (
@@ -33,6 +35,32 @@ FINEST = 1e-9
 """Smallest spacing of the candidates, as a fraction of the initial spacing."""
 COARSEST = 1e100
 """Largest spacing of the candidates, in the unit of the parameter."""
+FORGETTING = 1.25
+"""Forgetting rate of `me_moving`, in units of the forgetting rate of `me`.
+
+The settling time (see `benchmarks/tuning.py`) is 0.29 s, and 0.31 s for 0.8 times this value.
+"""
+PATIENCE = 0.5
+"""Time after which `me_moving` halves the spacing of its grid, in units of the memory.
+
+The spacing is halved if the best candidate was not at the edge of the grid during this time. The
+settling time is 0.29 s for this value, and also for 0.1 times and 2 times this value. The settling
+time is 0.94 s for 10 times this value.
+"""
+FIRST_SPACING_B = 1.0 / 40.0
+"""Initial spacing of b in `me_moving`, in units of typical force / typical velocity.
+
+The grid has 16 values of b on either side of zero. So the initial grid extends to 0.4 times typical
+force / typical velocity. The spacing is then adapted, so that 0.1 and 10 times this value give the
+same result.
+"""
+FIRST_SPACING_K = 0.25
+"""Initial spacing of k in `me_moving`, in units of typical force / typical displacement.
+
+The grid has 16 values of k on either side of zero. So the initial grid extends to 4 times typical
+force / typical displacement. The spacing is then adapted, so that 0.1 and 10 times this value give
+the same result.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,26 +143,10 @@ def follow(
       middle. Below this limit, the term that decides between equal candidates could change the
       result (`least_candidate`).
 
-    Parameters
-    ----------
-    parameters
-        Settings of the estimator, which contain `patience` and `half`.
-    axis
-        The axis to be adapted.
-    value
-        Value of the parameter that was selected for this sample.
-    finest
-        Smallest spacing, in the unit of the parameter.
-    curvature
-        Along this axis, the monitoring signal increases by `curvature` d^2 from its minimum to the
-        distance d from the minimum.
-    spread
-        Variance of the weighted sum of v times the force noise for the axis of b, or of x times the
-        force noise for the axis of k.
-    tie
-        Smallest permitted increase of the monitoring signal [N^2 s] from the middle to the edge.
-    dt
-        Time since the previous sample [s].
+    `finest` is the smallest spacing. Along this axis, the monitoring signal increases by
+    `curvature` d^2 from its minimum to the distance d. `spread` is the variance of the weighted sum
+    of the regressor times the force noise. `tie` is the smallest permitted increase of the
+    monitoring signal [N^2 s] from the middle to the edge.
     """
     half, spacing = parameters.half, axis.spacing
     if abs(value - axis.middle * spacing) > (half - 0.5) * spacing:
@@ -210,8 +222,7 @@ class CoarseToFine(Estimator):
     half
         Number of candidate values on either side of the middle value, on each axis.
     correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+        Correlation length of the force noise, in samples, see `LinearGainEstimator`.
 
     Raises
     ------
@@ -220,6 +231,7 @@ class CoarseToFine(Estimator):
     """
 
     step = staticmethod(step)
+    used_settings = ("forgetting", "forgetting_rate", *SIZES)
     parameters: CoarseToFineParameters
     state: CoarseToFineState
 
@@ -235,8 +247,7 @@ class CoarseToFine(Estimator):
             raise ValueError(
                 f"forgetting rate must be between 0 and {FASTEST:g}/s, got {forgetting_rate}"
             )
-        if not 0.0 < patience < math.inf:
-            raise ValueError(f"patience must be positive, got {patience}")
+        check_positive(patience=patience)
         if len(spacing) != 2 or not all(1e-30 <= value <= 1e30 for value in spacing):
             raise ValueError(f"spacing must be two positive numbers, for b and k, got {spacing}")
         if not 2 <= half <= 10_000 or half != int(half):
@@ -260,6 +271,19 @@ class CoarseToFine(Estimator):
                 moving_axis(int(half), b_step),
                 moving_axis(int(half), k_step),
             ),
+        )
+
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        return cls(
+            FORGETTING * settings.forgetting_rate,
+            PATIENCE * settings.memory,
+            (
+                FIRST_SPACING_B * settings.f_size / settings.v_size,
+                FIRST_SPACING_K * settings.f_size / settings.x_size,
+            ),
+            correlation=settings.correlation,
         )
 
     @property

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Self
 
-from estimation.checks import positive_values
+from estimation.checks import check_positive, positive_values
 from estimation.estimator import Estimator
+from estimation.method_settings import SIZES, MethodSettings
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, zeros
 
@@ -14,6 +16,16 @@ LARGEST = 10.0
 """Largest norm of the vector of regressors, each divided by its typical size.
 
 In a sample with a larger norm, the regressors and the force are divided by a common factor.
+"""
+FORGETTING = 2.0
+"""Forgetting rate of `composite`, in units of 1 / memory.
+
+The settling time (see `benchmarks/tuning.py`) is 0.24 s, and 0.28 s for 0.8 times this value.
+"""
+BANDWIDTH = 5.0
+"""Bandwidth of the filter of `composite`, in units of 1 / memory.
+
+The settling time for 0.5 times this value and that for 2 times this value differ by 0.01 s.
 """
 
 
@@ -89,10 +101,7 @@ def filter_errors(
     `LARGEST`, the regressors and the force of the sample are divided by a common factor, so that
     the norm is equal to `LARGEST`.
 
-    Returns
-    -------
-    The force error f - phi' theta [N], and the filtered prediction error f_W - W' theta [N]. Both
-    are computed after the division by the common factor. W and f_W are the filtered phi and f.
+    The result is f - phi' theta and f_W - W' theta [N], both after the division.
     """
     per_size, theta, s, W = parameters.per_size, state.theta, state.s, state.W
     square = 0.0
@@ -234,6 +243,7 @@ class CompositeAdaptive(Estimator):
     """
 
     step = staticmethod(step)
+    used_settings = ("forgetting", *SIZES)
 
     def __init__(
         self,
@@ -248,9 +258,7 @@ class CompositeAdaptive(Estimator):
             raise ValueError(f"instant weight must be between 0 and 1e6, got {instant}")
         if not 1.0 <= bound <= 1e9:
             raise ValueError(f"bound must be between 1 and 1e9, got {bound}")
-        for name, value in (("forgetting rate", forgetting_rate), ("bandwidth", bandwidth)):
-            if not 0.0 < value < math.inf:
-                raise ValueError(f"{name} must be positive, got {value}")
+        check_positive(forgetting_rate=forgetting_rate, bandwidth=bandwidth)
         per_size = tuple(1.0 / size for size in positive_values("sizes", sizes, model))
         m = model.regressors
         floor = 1.0 / (bound * forgetting_rate)
@@ -269,3 +277,9 @@ class CompositeAdaptive(Estimator):
             ),
             model,
         )
+
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        memory = settings.memory
+        return cls(FORGETTING / memory, settings.sizes, BANDWIDTH / memory, model=settings.model)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Self
 
+from estimation.method_settings import MethodSettings
 from estimation.methods.recursive_least_squares import update_and_forget
 from estimation.methods.ud_factors import (
     FactoredEstimator,
@@ -15,6 +17,18 @@ from estimation.methods.ud_factors import (
 )
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors
+
+FORGETTING = 2.0
+"""The forgetting factor of `rls_conditional` is the preset's forgetting factor to this power.
+
+The settling time (see `benchmarks/tuning.py`) is 0.28 s, and 0.30 s for 0.8 times this value.
+"""
+THRESHOLD = 1.5
+"""Threshold c of `rls_conditional`, which uses only samples with enough information.
+
+The value is the midpoint of the useful range from 1 to m, where m = 2 is the number of parameters
+of the Kelvin-Voigt model.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,22 +77,16 @@ class ConditionalUpdate(FactoredEstimator):
 
     Parameters
     ----------
-    forgetting
-        The forgetting factor beta, 0 < beta <= 1.
-    initial_covariance
-        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
-        parameters of the model, for force noise with a variance of 1 N^2.
+    forgetting, initial_covariance
+        As in `RecursiveLeastSquares`.
     sample_period
         Time [s] in which forgetting multiplies the weight of a past sample by beta. There is
         forgetting only at the samples that are used. Default: each used sample multiplies the
         weights of the past samples by beta, independent of `dt`.
     threshold
         Threshold c, >= 0.
-    model
-        Model f = phi' theta that defines the regressors phi.
-    correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+    model, correlation
+        Model f = phi' theta, and correlation length of the force noise (`LinearGainEstimator`).
 
     Raises
     ------
@@ -102,4 +110,16 @@ class ConditionalUpdate(FactoredEstimator):
             raise ValueError(f"threshold must be >= 0 and finite, got {threshold}")
         super().__init__(
             forgetting, initial_covariance, sample_period, model, correlation, c=threshold
+        )
+
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        return cls(
+            settings.forgetting**FORGETTING,
+            settings.covariance,
+            settings.sample_period,
+            THRESHOLD,
+            settings.model,
+            settings.correlation,
         )

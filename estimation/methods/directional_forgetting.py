@@ -12,7 +12,6 @@ from estimation.methods.ud_factors import (
     predicted_variance,
     update_covariance,
 )
-from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, below
 
 NO_NEWS = 1e-100
@@ -66,20 +65,14 @@ class DirectionalForgetting(FactoredEstimator):
 
     Parameters
     ----------
-    forgetting
-        The forgetting factor beta, 0 < beta <= 1.
-    initial_covariance
-        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
-        parameters of the model, for force noise with a variance of 1 N^2.
+    forgetting, initial_covariance
+        As in `RecursiveLeastSquares`.
     sample_period
         Time [s] in which the information in the direction of phi is multiplied by beta. The
         forgetting then does not depend on the sampling rate. Default: the information is multiplied
         by beta at each sample, independent of `dt`.
-    model
-        Model f = phi' theta that defines the regressors phi.
-    correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+    model, correlation
+        Model f = phi' theta, and correlation length of the force noise (`LinearGainEstimator`).
 
     Raises
     ------
@@ -88,13 +81,3 @@ class DirectionalForgetting(FactoredEstimator):
     """
 
     step = staticmethod(step)
-
-    def __init__(
-        self,
-        forgetting: float,
-        initial_covariance: tuple[float, ...],
-        sample_period: float | None = None,
-        model: Model = KELVIN_VOIGT,
-        correlation: float = 1.0,
-    ) -> None:
-        super().__init__(forgetting, initial_covariance, sample_period, model, correlation)

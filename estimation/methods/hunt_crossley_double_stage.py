@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import exp, log, nan
+from typing import Self
 
 from estimation.estimator import Estimator
+from estimation.method_settings import SIZES, MethodSettings
 from estimation.methods.hunt_crossley import (
+    CONTACT_FORCE,
     DAMPING,
     EXPONENT,
     HERTZ,
@@ -100,9 +103,7 @@ def first_stage(
     and u = v/v0. x0 and v0 are the typical displacement and velocity. `beta` is the forgetting
     factor, by which the sums of the earlier samples are multiplied.
 
-    Returns
-    -------
-    The fitted coefficients K x0^n and B x0^n v0 [N].
+    The result is K x0^n and B x0^n v0 [N].
     """
     gu = g * u
     state.gg = beta * state.gg + g * g
@@ -128,21 +129,8 @@ def second_stage(
     the previous n. The factor f^2 gives less weight to small forces, because the logarithm of a
     small force has more noise. The other factor removes the bias of the logarithm of a noisy force.
 
-    Parameters
-    ----------
-    state
-        State of the estimator, which contains the sums of the earlier samples.
-    beta
-        Forgetting factor, by which the sums of the earlier samples are multiplied.
-    n
-        Previous estimate of the exponent n.
-    lx
-        ln(x / x0).
-    relative
-        Force [N] at the displacement x0 and the present velocity, computed from the K and B of the
-        first stage. If it is negative or near zero, the sample is not used and n does not change.
-    f
-        Measured force [N].
+    `lx` is ln(x / x0). `relative` is the force [N] at the displacement x0 and the present velocity,
+    with the K and B of the first stage. If it is negative or near zero, n does not change.
     """
     if relative <= LEAST_RELATIVE * f:
         return n
@@ -220,6 +208,7 @@ class DoubleStage(Estimator):
     """
 
     step = staticmethod(step)
+    used_settings = ("forgetting", *SIZES)
 
     def __init__(
         self,
@@ -239,4 +228,11 @@ class DoubleStage(Estimator):
             ),
             DoubleStageState([0.0, 0.0, 0.0, 0.0, HERTZ], [nan] * 5, False, *(0.0,) * 8),
             names=NAMES,
+        )
+
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        return cls(
+            settings.memory, settings.x_size, settings.v_size, CONTACT_FORCE * settings.f_size
         )

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import exp, log, log1p, sqrt
+from typing import Self
 
 from estimation.checks import check_correlation
 from estimation.estimator import UNKNOWN, Estimator
 from estimation.linear_gain import NOISE_MEMORY
+from estimation.method_settings import SIZES, MethodSettings
 from estimation.methods.hunt_crossley import (
+    CONTACT_FORCE,
     DAMPING,
     EXPONENT,
     HERTZ,
@@ -22,6 +25,13 @@ from estimation.methods.hunt_crossley import (
     clamp,
 )
 from estimation.step import B, K, Regressors, State
+
+MEMORY = 0.3
+"""Time constant of forgetting in `hc_log`, in units of the memory.
+
+The settling time (see `benchmarks/tuning.py`) is 0.26 s. It is 0.33 s for 1.25 times and 1.9 s for
+0.8 times this value.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,6 +283,7 @@ class Logarithmic(Estimator):
     """
 
     step = staticmethod(step)
+    used_settings = ("forgetting", *SIZES)
 
     def __init__(
         self,
@@ -297,4 +308,15 @@ class Logarithmic(Estimator):
                 [0.0, 0.0, 0.0, 0.0, HERTZ], [*[UNKNOWN] * 4, 1.0], False, *(0.0,) * 27
             ),
             names=NAMES,
+        )
+
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        return cls(
+            MEMORY * settings.memory,
+            settings.x_size,
+            settings.v_size,
+            CONTACT_FORCE * settings.f_size,
+            settings.correlation,
         )

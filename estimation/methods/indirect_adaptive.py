@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Self
 
-from estimation.checks import positive_values
+from estimation.checks import check_positive, positive_values
 from estimation.linear_gain import (
     LinearGainEstimator,
     LinearGainParameters,
@@ -13,8 +14,16 @@ from estimation.linear_gain import (
     correct,
     linear_gain_state,
 )
+from estimation.method_settings import SIZES, MethodSettings
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, below
+
+RATE = 1.35
+"""Rate of `indirect`, in units of 1 / memory.
+
+The settling time (see `benchmarks/tuning.py`) is 0.64 s. It is 0.44 s for 0.8 times this value, and
+longer than 0.64 s for 0.5 and 2 times this value.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,11 +98,8 @@ class IndirectAdaptive(LinearGainEstimator):
     floor
         A sample has little effect if the sum of (regressor / size)^2 over its regressors is much
         smaller than this value. If they are equal, the force error decays at half of `rate`.
-    model
-        Model f = phi' theta that defines the regressors phi.
-    correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+    model, correlation
+        Model f = phi' theta, and correlation length of the force noise (`LinearGainEstimator`).
 
     Raises
     ------
@@ -109,6 +115,7 @@ class IndirectAdaptive(LinearGainEstimator):
     """
 
     step = staticmethod(step)
+    used_settings = ("forgetting", *SIZES)
 
     def __init__(
         self,
@@ -118,13 +125,21 @@ class IndirectAdaptive(LinearGainEstimator):
         model: Model = KELVIN_VOIGT,
         correlation: float = 1.0,
     ) -> None:
-        for name, value in (("rate", rate), ("floor", floor)):
-            if not 0.0 < value < math.inf:
-                raise ValueError(f"{name} must be positive, got {value}")
+        check_positive(rate=rate, floor=floor)
         per_size = tuple(1.0 / size for size in positive_values("sizes", sizes, model))
         guess_variance = [scale * scale for scale in per_size]
         super().__init__(
             IndirectParameters(correlation, rate, floor, per_size),
             LinearGainState(**linear_gain_state(guess_variance)),
             model,
+        )
+
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        return cls(
+            RATE / settings.memory,
+            settings.sizes,
+            model=settings.model,
+            correlation=settings.correlation,
         )

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
+from typing import Self
 
 from estimation.checks import positive_values
 from estimation.estimator import Estimates
+from estimation.method_settings import MethodSettings
 from estimation.methods.ud_factors import (
     FactoredEstimator,
     FactoredParameters,
@@ -46,25 +48,7 @@ def process_noise(
     constant of the error is T / (s^2 P). This time constant is equal to `memory` if
     Q = T / (memory s)^2.
 
-    Parameters
-    ----------
-    memory
-        Time constant [s] with which the estimate follows a change of a parameter.
-    sample_period
-        Time T between samples [s].
-    sizes
-        Root mean square s of each regressor, in SI units: [m/s] for the velocity, [m] for the
-        displacement.
-
-    Returns
-    -------
-    Q of each parameter: the increase of its variance per second, for force noise with a variance of
-    1 N^2. The unit is that of the squared parameter, divided by seconds.
-
-    Raises
-    ------
-    ValueError
-        A value is not positive.
+    The result is Q of each parameter per second, for force noise with a variance of 1 N^2.
     """
     if not all(0.0 < value < inf for value in (memory, sample_period, *sizes)):
         raise ValueError(
@@ -72,6 +56,11 @@ def process_noise(
             f"{sizes}"
         )
     return tuple(sample_period / (memory * size) ** 2 for size in sizes)
+
+
+def largest_variances(settings: MethodSettings) -> tuple[float, ...]:
+    """Return the default `ceiling` of each parameter, for force noise with a variance of 1 N^2."""
+    return tuple(1.0 / size**2 for size in settings.sizes)
 
 
 def walk(parameters: KalmanParameters, state: FactoredState, dt: float) -> None:
@@ -136,16 +125,12 @@ class RandomWalkKalman(FactoredEstimator):
         [(N/m)^2 / s] and any further parameters of the model, for force noise with a variance of
         1 N^2. The function `process_noise` computes these values.
     initial_covariance
-        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
-        parameters of the model, for force noise with a variance of 1 N^2.
+        As in `RecursiveLeastSquares`.
     ceiling
         Largest variance of each parameter, in the units of `initial_covariance`. Default: the
         initial covariance.
-    model
-        Model of the environment. It defines the regressors phi and the parameters theta.
-    correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+    model, correlation
+        Model f = phi' theta, and correlation length of the force noise (`LinearGainEstimator`).
 
     Raises
     ------
@@ -170,6 +155,17 @@ class RandomWalkKalman(FactoredEstimator):
         growth = tuple(value / first for value, first in zip(q, p0, strict=True))
         room = tuple(value / first for value, first in zip(most, p0, strict=True))
         super().__init__(1.0, p0, None, model, correlation, Q=growth, ceiling=room)
+
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        return cls(
+            process_noise(settings.memory, settings.sample_period, settings.sizes),
+            settings.covariance,
+            largest_variances(settings),
+            settings.model,
+            settings.correlation,
+        )
 
     def note(self, estimates: Estimates) -> str | None:
         """Return None: this estimator gives no warning about its `estimates`.

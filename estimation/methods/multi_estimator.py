@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from estimation.arrays import Floats
 from estimation.checks import check_correlation
 from estimation.estimator import Estimates, Estimator
+from estimation.method_settings import MethodSettings
 from estimation.methods.candidates import GridAxis, grid_axis, least_candidate
 from estimation.methods.grid import Grid
 from estimation.methods.monitoring import (
@@ -99,8 +100,7 @@ class MultiEstimator(Estimator):
         Forgetting rate lambda [1/s], >= 0. The weight of a squared force error of the age t is
         exp(-2 lambda t).
     correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+        Correlation length of the force noise, in samples, see `LinearGainEstimator`.
     own
         Further settings, by name. Only a subclass whose function `step` needs further settings
         gives them.
@@ -113,6 +113,7 @@ class MultiEstimator(Estimator):
 
     step = staticmethod(step)
     gated = False
+    used_settings: ClassVar[tuple[str, ...] | None] = ("grid", "forgetting_rate")
     parameter_type: ClassVar[type[MultiEstimatorParameters]] = MultiEstimatorParameters
     parameters: MultiEstimatorParameters
     state: MonitoringState
@@ -129,6 +130,11 @@ class MultiEstimator(Estimator):
         axes = grid_axis(grid.b), grid_axis(grid.k)
         parameters = self.parameter_type(2.0 * forgetting_rate, *axes, correlation, **own)
         super().__init__(parameters, self.first_state(parameters))
+
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        return cls(settings.grid, settings.forgetting_rate, settings.correlation)
 
     def first_state(self, parameters: Any) -> MonitoringState:
         """Return the state before the first sample.

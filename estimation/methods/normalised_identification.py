@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Self
 
-from estimation.checks import positive_values
+from estimation.checks import check_positive, positive_values
 from estimation.linear_gain import (
     LinearGainEstimator,
     LinearGainParameters,
@@ -13,6 +14,7 @@ from estimation.linear_gain import (
     correct,
     linear_gain_state,
 )
+from estimation.method_settings import SIZES, MethodSettings
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, Vector, below
 
@@ -22,6 +24,13 @@ MOST = 100.0
 """Upper limit of the square of a regressor, divided by the typical mean square."""
 LARGEST_SHARE = 0.1
 """Largest weight of one sample in a mean square, even after a long gap in the data."""
+RATE = 0.55
+"""Rate of `ai_normalised`, in units of 1 / memory.
+
+The settling time (see `benchmarks/tuning.py`) is 0.59 s, and at least 0.50 s for all tested
+multiples of this value. This method is a gradient method. It cannot converge faster than the ratio
+of the regressors v and x changes.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,11 +123,8 @@ class NormalisedIdentification(LinearGainEstimator):
         square of the typical value.
     memory
         Time constant [s] of the mean squares <phi_i^2>.
-    model
-        Model of the environment. It defines the regressors phi and the parameters theta.
-    correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+    model, correlation
+        Model f = phi' theta, and correlation length of the force noise (`LinearGainEstimator`).
 
     Raises
     ------
@@ -127,6 +133,7 @@ class NormalisedIdentification(LinearGainEstimator):
     """
 
     step = staticmethod(step)
+    used_settings = ("forgetting", *SIZES)
 
     def __init__(
         self,
@@ -136,9 +143,7 @@ class NormalisedIdentification(LinearGainEstimator):
         model: Model = KELVIN_VOIGT,
         correlation: float = 1.0,
     ) -> None:
-        for name, value in (("rate", rate), ("memory", memory)):
-            if not 0.0 < value < math.inf:
-                raise ValueError(f"{name} must be positive, got {value}")
+        check_positive(rate=rate, memory=memory)
         per_size = tuple(1.0 / size for size in positive_values("sizes", sizes, model))
         guess_variance = [scale * scale for scale in per_size]
         super().__init__(
@@ -148,3 +153,9 @@ class NormalisedIdentification(LinearGainEstimator):
             ),
             model,
         )
+
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        memory = settings.memory
+        return cls(RATE / memory, settings.sizes, memory, settings.model, settings.correlation)

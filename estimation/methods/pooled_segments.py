@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Self
 
 from estimation.checks import check_correlation
 from estimation.estimator import Estimates, Estimator
+from estimation.method_settings import MethodSettings
 from estimation.step import B, K, Regressors, State
 
 SIGNIFICANT = 3.090232306167813
@@ -209,8 +211,7 @@ class PooledSegments(Estimator):
     length
         Duration of a segment [s]. A suitable duration is about one period of the motion.
     correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+        Correlation length of the force noise, in samples, see `LinearGainEstimator`.
 
     Raises
     ------
@@ -225,6 +226,7 @@ class PooledSegments(Estimator):
     """
 
     step = staticmethod(step)
+    used_settings = ("segment",)
     parameters: SegmentParameters
     state: SegmentState
 
@@ -238,6 +240,11 @@ class PooledSegments(Estimator):
             SegmentParameters(length, correlation),
             SegmentState([0.0, 0.0], [nan, nan], True, *(0.0,) * 6, 0, 0.0, b, k),
         )
+
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        return cls(settings.segment, settings.correlation)
 
     @property
     def correlation(self) -> float:

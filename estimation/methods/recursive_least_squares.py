@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Self
+
+from estimation.method_settings import SIZES, MethodSettings
 from estimation.methods.ud_factors import (
     FactoredEstimator,
     FactoredParameters,
@@ -10,7 +13,6 @@ from estimation.methods.ud_factors import (
     forgetting_factor,
     update_covariance,
 )
-from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, below
 
 
@@ -84,11 +86,8 @@ class RecursiveLeastSquares(FactoredEstimator):
     sample_period
         Time [s] in which the weight of a past sample is multiplied by beta. Forgetting then depends
         on `dt`. Default: the weight is multiplied by beta at each sample, independent of `dt`.
-    model
-        Model of the environment. It defines the regressors phi and the parameters theta.
-    correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+    model, correlation
+        Model f = phi' theta, and correlation length of the force noise (`LinearGainEstimator`).
     guess_variance
         Variances of the error of the initial guess theta = 0, in the units of
         `initial_covariance`. They have an effect only on the standard deviations of the estimates.
@@ -103,16 +102,17 @@ class RecursiveLeastSquares(FactoredEstimator):
 
     step = staticmethod(step)
     gated = False
+    used_settings = ("forgetting", "initial_covariance", *SIZES)
 
-    def __init__(
-        self,
-        forgetting: float,
-        initial_covariance: tuple[float, ...],
-        sample_period: float | None = None,
-        model: Model = KELVIN_VOIGT,
-        correlation: float = 1.0,
-        guess_variance: tuple[float, ...] | None = None,
-    ) -> None:
-        super().__init__(
-            forgetting, initial_covariance, sample_period, model, correlation, guess_variance
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        # initial_covariance as in the paper; it has no values for the parameters besides b and k
+        return cls(
+            settings.forgetting,
+            (*settings.initial_covariance, *settings.covariance[2:]),
+            settings.sample_period,
+            settings.model,
+            settings.correlation,
+            guess_variance=settings.covariance,
         )

@@ -3,12 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, nan, sqrt
+from math import nan, sqrt
+from typing import Self
 
-from estimation.checks import positive_values
+from estimation.checks import check_positive, positive_values
 from estimation.estimator import Estimator
+from estimation.method_settings import SIZES, MethodSettings
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, State, below, zeros
+
+RATE = 1.25
+"""Rate of `reference`, in units of 1 / memory.
+
+The settling time (see `benchmarks/tuning.py`) is 0.65 s. It is longer for all tested multiples of
+this value.
+"""
+BANDWIDTH = 10.0
+"""Bandwidth of the reference model of `reference`, in units of 1 / memory.
+
+The bandwidth is eight times the rate. If the bandwidth were below four times the rate, the error of
+the model would oscillate.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +138,7 @@ class ReferenceModel(Estimator):
     """
 
     step = staticmethod(step)
+    used_settings = ("forgetting", *SIZES)
 
     def __init__(
         self,
@@ -132,9 +148,7 @@ class ReferenceModel(Estimator):
         floor: float = 0.02,
         model: Model = KELVIN_VOIGT,
     ) -> None:
-        for name, value in (("rate", rate), ("bandwidth", bandwidth), ("floor", floor)):
-            if not 0.0 < value < inf:
-                raise ValueError(f"{name} must be positive, got {value}")
+        check_positive(rate=rate, bandwidth=bandwidth, floor=floor)
         per_size = tuple(1.0 / size for size in positive_values("sizes", sizes, model))
         m = model.regressors
         super().__init__(
@@ -142,3 +156,9 @@ class ReferenceModel(Estimator):
             ReferenceState(zeros(m), [nan] * m, False, 0.0),
             model,
         )
+
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        memory = settings.memory
+        return cls(RATE / memory, settings.sizes, BANDWIDTH / memory, model=settings.model)

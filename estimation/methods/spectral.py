@@ -7,8 +7,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Self
 
+from estimation.checks import check_positive
 from estimation.estimator import Estimator
+from estimation.method_settings import MethodSettings
 from estimation.step import B, K, Regressors, State
 
 FASTEST = 500.0
@@ -18,6 +21,14 @@ SLOWEST = 0.5
 DISTINCT = 0.3
 """The two equations for b and k are solved only if their determinant is above this fraction of the
 determinant for a sinusoidal motion, see `sine_determinant`."""
+MOTION = 0.02
+"""The estimate of `spectral` does not change if the standard deviation of x is below this limit.
+
+The limit is relative to the typical displacement. For a typical displacement of 5 mm it is 0.1 mm,
+which is 100 increments of the simulated encoder. The thresholds of the contact gate in
+`scaled_preset` are also 2 % of typical values. In motion, 0.1 and 10 times this value give the same
+result.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,16 +176,8 @@ def update(spectrum: Spectrum, value: float, share: float, cos: float, sin: floa
     time. Since the previous sample, t_0 has increased by the sample period dt. So the earlier value
     of <e s> is first rotated in the complex plane by an angle of about w dt.
 
-    Parameters
-    ----------
-    spectrum
-        The means <s> and <e s>, which are updated in place.
-    value
-        Value of s.
-    share
-        Weight of the sample, from 0 to 1. The earlier value of each mean has the weight 1 - share.
-    cos, sin
-        Cosine and sine of the angle of the rotation, each multiplied by 1 - share.
+    `share`, from 0 to 1, is the weight of the sample. `cos` and `sin` of the angle are already
+    multiplied by 1 - share.
     """
     re, im = spectrum.re, spectrum.im
     spectrum.mean += share * (value - spectrum.mean)
@@ -240,6 +243,7 @@ class SpectralRatio(Estimator):
     """
 
     step = staticmethod(step)
+    used_settings = ("x_size",)
 
     def __init__(
         self,
@@ -258,8 +262,7 @@ class SpectralRatio(Estimator):
             )
         if not 1e-9 <= motion < math.inf:
             raise ValueError(f"motion must be at least 1e-9 m, got {motion}")
-        if not 0.0 < memory < math.inf:
-            raise ValueError(f"memory must be positive, got {memory}")
+        check_positive(memory=memory)
         angle = 2.0 * math.pi * periods
         parameters = SpectralParameters(
             angle=angle,
@@ -274,6 +277,11 @@ class SpectralRatio(Estimator):
             parameters,
             SpectralState([0.0, 0.0], [nan, nan], True, 0.0, 0.0, 0.0, 0.0, 0.0, one, x, v, f),
         )
+
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        return cls(motion=max(MOTION * settings.x_size, 1e-9))
 
 
 def sine_determinant(angle: float) -> float:

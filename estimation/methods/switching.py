@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
+from typing import Self
 
 from estimation.estimator import Estimates
+from estimation.method_settings import MethodSettings
 from estimation.methods.candidates import least_candidate
 from estimation.methods.grid import Grid
 from estimation.methods.monitoring import (
@@ -24,6 +26,31 @@ from estimation.methods.multi_estimator import (
     MultiEstimatorParameters,
 )
 from estimation.step import B, K, Regressors
+
+FORGETTING = 1.5
+"""Forgetting rate of `me_switching`, in units of the forgetting rate of `me`.
+
+The settling time (see `benchmarks/tuning.py`) is 0.28 s, and 0.33 s for 0.8 times this value.
+"""
+HYSTERESIS = 0.05
+"""Hysteresis h of `me_switching`, which switches between candidates (b, k).
+
+The selected candidate changes only if its monitoring signal exceeds 1 + h times the smallest
+monitoring signal. With the settings of the paper, the memory is N = 33 samples. So the candidate
+does not change while it is at most sqrt(h N) = 1.3 standard deviations away from the minimum.
+
+The settling time is 0.28 s, and noise causes 29 switches per second. With 0.1 times this value
+there are 69 switches per second. With 10 times this value there are 2 switches per second, and the
+settling time is 0.33 s.
+"""
+DWELL = 0.25
+"""Minimum time between two switches of `me_switching`, in units of the memory.
+
+During this time, the weight of the past samples in `me_switching` decreases by
+1 - exp(-`FORGETTING` / 4) = 31 %. The settling time is 0.28 s, and 0.37 s for 10 times
+this value. The settling time for 0.5 times this value and that for 2 times this value differ by
+0.02 s.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +154,7 @@ class SwitchingMultiEstimator(MultiEstimator):
     step = staticmethod(step)  # type: ignore[assignment]  # it has more parameters
     gated = True
     parameter_type = SwitchingParameters
+    used_settings = ("forgetting", "grid", "forgetting_rate")
     parameters: SwitchingParameters
     state: SwitchingState
 
@@ -143,6 +171,17 @@ class SwitchingMultiEstimator(MultiEstimator):
         if not 0.0 <= dwell < math.inf:
             raise ValueError(f"dwell time must be >= 0, got {dwell}")
         super().__init__(grid, forgetting_rate, correlation, factor=1.0 + hysteresis, dwell=dwell)
+
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        return cls(
+            settings.grid,
+            FORGETTING * settings.forgetting_rate,
+            HYSTERESIS,
+            DWELL * settings.memory,
+            settings.correlation,
+        )
 
     def first_state(self, parameters: SwitchingParameters) -> SwitchingState:
         """Return the state before the first sample.

@@ -11,12 +11,12 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from estimation.arrays import Floats
-from estimation.checks import positive_values
+from estimation.checks import check_positive, positive_values
 from estimation.estimator import Estimates
 from estimation.linear_gain import (
     LinearGainEstimator,
@@ -25,6 +25,7 @@ from estimation.linear_gain import (
     correct,
     linear_gain_state,
 )
+from estimation.method_settings import SIZES, MethodSettings
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Matrix, Regressors, Vector, below, diagonal, zeros
 
@@ -207,56 +208,31 @@ def correct_with_gain(
 
 
 def forgetting_rate(forgetting: float, sample_period: float | None) -> float:
-    """Return the forgetting rate -ln(forgetting) / sample_period [1/s]; 0 if the period is None.
-
-    Raises
-    ------
-    ValueError
-        The factor is not in (0, 1], or the period is not positive.
-    """
+    """Return the forgetting rate -ln(forgetting) / sample_period [1/s]; 0 if the period is None."""
     if not 0.0 < forgetting <= 1.0:
         raise ValueError(f"forgetting factor must be in (0, 1], got {forgetting}")
-    if sample_period is not None and not 0.0 < sample_period < math.inf:
-        raise ValueError(f"sample period must be positive, got {sample_period}")
+    if sample_period is not None:
+        check_positive(sample_period=sample_period)
     return -math.log(forgetting) / sample_period if sample_period else 0.0
 
 
 class FactoredEstimator(LinearGainEstimator):
     """Base class of estimators whose gain is computed from a covariance in U-D factors.
 
-    Parameters
-    ----------
-    forgetting
-        Factor beta by which the weights of past samples decay, 0 < beta <= 1.
-    initial_covariance
-        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
-        parameters of the model, for force noise with a variance of 1 N^2.
-    sample_period
-        Time [s] of one decay by the factor beta. None: one decay per sample, for every `dt`.
-    model
-        Model that defines the regressors.
-    correlation
-        Correlation length of the force noise, in samples, see `LinearGainEstimator`.
-    guess_variance
-        Variance of the initial error of each parameter. Default: the initial covariance.
-    own
-        Additional settings of a derived class, by name.
-
-    Raises
-    ------
-    ValueError
-        An argument is out of its range.
+    The arguments are those of `RecursiveLeastSquares`. `own` contains the additional settings of a
+    derived class, by name: the further fields of its `parameter_type`.
     """
 
     parameter_type: ClassVar[type[FactoredParameters]] = FactoredParameters
     parameters: FactoredParameters
     state: FactoredState
+    used_settings: ClassVar[tuple[str, ...] | None] = ("forgetting", *SIZES)
 
     def __init__(
         self,
         forgetting: float,
         initial_covariance: tuple[float, ...],
-        sample_period: float | None,
+        sample_period: float | None = None,
         model: Model = KELVIN_VOIGT,
         correlation: float = 1.0,
         guess_variance: tuple[float, ...] | None = None,
@@ -267,6 +243,17 @@ class FactoredEstimator(LinearGainEstimator):
         s = tuple(map(math.sqrt, p0))
         parameters = self.parameter_type(correlation, s, forgetting, rate, **own)
         super().__init__(parameters, self.first_state(guess_variance or p0), model)
+
+    @classmethod
+    def from_settings(cls, settings: MethodSettings) -> Self:
+        """Construct the estimator with the settings of a preset."""
+        return cls(
+            settings.forgetting,
+            settings.covariance,
+            settings.sample_period,
+            model=settings.model,
+            correlation=settings.correlation,
+        )
 
     def first_state(self, guess_variance: tuple[float, ...]) -> FactoredState:
         """Return the state before the first sample: theta is zero, P is the identity matrix I."""

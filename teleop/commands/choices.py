@@ -6,7 +6,7 @@ from typing import get_args
 
 from estimation.model import Model, model_named
 from estimation.registry import named_estimators
-from sim_backend.channel import ChannelSettings, parse_channel
+from teleop.control.channel import ChannelSettings, parse_channel
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import AnySignal, Chirp, Multisine, Sine
 from teleop.errors import InputError, as_input_error

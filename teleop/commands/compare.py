@@ -103,7 +103,7 @@ def compare(
     from teleop.evaluation.across.comparison import check_factors, compared, tidy_rows
     from teleop.evaluation.across.groups import grouped
     from teleop.evaluation.evaluate import KEPT, evaluate
-    from teleop.evaluation.reading.recorded import is_replayed
+    from teleop.evaluation.reading.samples import is_replayed
     from teleop.files import check_outputs
     from teleop.output.comparison_tables import (
         print_comparison,
@@ -117,7 +117,7 @@ def compare(
     from teleop.printable import print_error
     from teleop.studies.anova import check_available
     from teleop.studies.recordings import known_factors, planned_levels, sources, usual_factors
-    from teleop.trial.tracked import recorded_tracking
+    from teleop.trial.recorded_trial import recorded_tracking
 
     if anova:
         check_available()

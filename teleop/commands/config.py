@@ -30,8 +30,8 @@ def init(
     """
     from teleop.files import write_text
     from teleop.output.next_command import print_command
-    from teleop.trial.configuration import read_configuration, write_configuration
-    from teleop.trial.settings import TrialSettings
+    from teleop.settings.configuration import read_configuration, write_configuration
+    from teleop.settings.trial_settings import TrialSettings
 
     settings = read_configuration(source) if source else TrialSettings()
     write_text(out, write_configuration(settings), overwrite)
@@ -53,8 +53,8 @@ def check(file: Path, /, *, json: Annotated[bool, Parameter(negative="")] = Fals
         Print the settings as one JSON document.
     """
     from teleop.output.console import plain_console, print_json
-    from teleop.trial.configuration import read_configuration
-    from teleop.trial.settings_json import to_document
+    from teleop.settings.configuration import read_configuration
+    from teleop.settings.documents import to_document
 
     settings = read_configuration(file, complete=True)
     if json:
@@ -74,7 +74,7 @@ def schema() -> int:
     Example: `teleop config schema > trial.schema.json`
     """
     from teleop.output.console import print_json
-    from teleop.trial.configuration import configuration_schema
+    from teleop.settings.configuration import configuration_schema
 
     print_json(configuration_schema())
     return 0

@@ -134,13 +134,12 @@ def estimate(
     from teleop.evaluation.batch.material import Indenter, elastic_modulus
     from teleop.evaluation.evaluate import KEPT, evaluate
     from teleop.evaluation.evaluation import Evaluation
-    from teleop.evaluation.reading.recorded import is_replayed
+    from teleop.evaluation.reading.samples import is_replayed
     from teleop.evaluation.settings import settings_summary
     from teleop.files import check_outputs, new_file
     from teleop.output import console
     from teleop.output.estimate_tables import print_evaluation
     from teleop.output.result_tables import print_together
-    from teleop.recording.export_formats import TableFile
     from teleop.recording.gaps import gap_rows
 
     if more and (out or plot or plot_force):
@@ -173,7 +172,11 @@ def estimate(
         try:
             settings = chosen(recording, columns.datum, given)
             with new_file(out, overwrite) if out else nullcontext() as table:
-                write = TableFile(table).write if table else None
+                write = None
+                if table:
+                    from teleop.recording.export_formats import TableFile
+
+                    write = TableFile(table).write
                 evaluation = evaluate(samples, settings, KEPT, write)
         except InputError as error:
             raise InputError(f"{path}: {error}" if more else str(error)) from error
@@ -246,12 +249,13 @@ def chosen(recording: Recording | None, datum: str, given: Mapping[str, Any]) ->
         Values of the other options, by the name of the setting. An option that was not given has
         the value None, which does not change the setting.
     """
-    from teleop.evaluation.reading.recorded import recorded_settings
     from teleop.evaluation.settings import EstimateSettings
-    from teleop.trial.averaged import recorded_part
 
     settings = EstimateSettings()
     if recording:
+        from teleop.evaluation.reading.recorded import recorded_settings
+        from teleop.trial.recorded_trial import recorded_part
+
         settings = replace(recorded_settings(recording), averaged=recorded_part(recording))
     if datum != "auto":
         settings = replace(settings, datum=datum)

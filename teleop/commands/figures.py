@@ -24,7 +24,7 @@ def truth_of(recording: Recording | None) -> Truth | None:
         The recorded trial; None for a file of another program.
     """
     from estimation.figures import known_truth
-    from teleop.trial.true_values import recorded_truth
+    from teleop.trial.recorded_trial import recorded_truth
 
     return known_truth(recorded_truth(recording)) if recording else None
 

@@ -44,8 +44,8 @@ def lag(
     """
     from teleop.errors import InputError
     from teleop.evaluation.online.datum import find_datum
-    from teleop.evaluation.reading.recorded import is_replayed, recorded_signals
-    from teleop.evaluation.reading.samples import NEEDED
+    from teleop.evaluation.reading.recorded import NEEDED, recorded_signals
+    from teleop.evaluation.reading.samples import is_replayed
     from teleop.output import console
     from teleop.output.rig_tables import print_lag
     from teleop.recording.recording import load

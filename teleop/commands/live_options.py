@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 if TYPE_CHECKING:
+    from teleop.settings.trial_settings import TrialSettings
     from teleop.trial.live_link import LiveLink
-    from teleop.trial.settings import TrialSettings
 
 POINTER = "pointer"
 """Value of --operator with which the mouse or a finger in the live page moves the handle."""
@@ -70,14 +70,15 @@ class LiveOptions:
         InputError
             Two options contradict each other, or an option contradicts the settings of a trial.
         """
+        from teleop.control.conditions import BY_HAND
         from teleop.errors import InputError
 
         for one in settings:
             if one.operator == POINTER and not self.live:
                 raise InputError("--operator pointer: needs --live")
-            if one.operator == POINTER and (one.rig or one.condition == "autonomous"):
+            if one.operator == POINTER and (one.rig or one.condition not in BY_HAND):
                 raise InputError(
-                    "--operator pointer: expected the simulated rig, and free or mimic"
+                    f"--operator pointer: expected the simulated rig, and {' or '.join(BY_HAND)}"
                 )
             if self.live and one.clock != "real":
                 raise InputError("--live: expected --clock real")
@@ -166,7 +167,7 @@ def choices_of(settings: TrialSettings) -> dict[str, list[Any]]:
     Lists of the values of `condition`, `specimen` and `duration` [s], by the name of the setting.
     """
     from sim_backend import CUBES
-    from teleop.control.conditions import CONDITIONS
+    from teleop.control.conditions import BY_HAND, CONDITIONS
 
     if settings.rig or settings.custom_setup:
         return {
@@ -174,9 +175,8 @@ def choices_of(settings: TrialSettings) -> dict[str, list[Any]]:
             "specimen": [settings.palpated],
             "duration": [settings.duration],
         }
-    by_pointer = settings.operator == POINTER
     return {
-        "condition": [c for c in CONDITIONS if not (by_pointer and c == "autonomous")],
+        "condition": list(BY_HAND if settings.operator == POINTER else CONDITIONS),
         "specimen": list(CUBES),
         "duration": sorted({*DURATIONS, settings.duration}),
     }

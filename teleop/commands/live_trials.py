@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from teleop.commands.one_trial import TrialRunner
+    from teleop.settings.trial_settings import TrialSettings
     from teleop.studies.series.question import Answer, Question
     from teleop.studies.series.trials import PlannedTrial
     from teleop.trial.live_link import LiveLink
-    from teleop.trial.settings import TrialSettings
 
 WAIT = 0.2
 """Time between two checks whether the live process is running [s]."""

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from teleop.names import RealtimeName, WidthName
 
 if TYPE_CHECKING:
+    from teleop.settings.trial_settings import TrialSettings
     from teleop.trial.live_link import LiveLink
     from teleop.trial.result import Trial
-    from teleop.trial.settings import TrialSettings
     from teleop.trial.stop_switch import StopSwitch
 
 

@@ -77,19 +77,24 @@ class Columns:
             was given for a recording of `teleop run`.
         """
         from teleop.errors import InputError
-        from teleop.evaluation.formats.mcap import is_foreign
         from teleop.evaluation.reading import exported
-        from teleop.evaluation.reading.recorded import recorded_signals
-        from teleop.evaluation.reading.samples import RecordedSamples, Samples
+        from teleop.evaluation.reading.samples import Samples
         from teleop.evaluation.reading.signals import chosen_table, signals_of
         from teleop.files import RECORDING
 
-        if file.suffix.lower() != RECORDING or is_foreign(file):
+        is_recording = file.suffix.lower() == RECORDING
+        if is_recording:
+            from teleop.evaluation.formats.mcap import is_foreign
+
+            is_recording = not is_foreign(file)
+        if not is_recording:
             wanted = self.wanted()
             table = chosen_table(file, wanted, () if any(wanted) else exported.COLUMNS)
             recording = exported.exported_recording(table)
             if recording is None:
                 return Samples(signals_of(table, wanted)), None
+            from teleop.evaluation.reading.recorded import recorded_signals
+
             recorded = recording.estimated().estimates()
             samples = Samples(recorded_signals(recording), recorded)
             return samples, recording if recording.settings else None
@@ -98,6 +103,8 @@ class Columns:
                 raise InputError(
                     f"{file}: --{option} is for a table; a recorded trial has its own columns"
                 )
+        from teleop.evaluation.reading.recorded import RecordedSamples
+
         recorded_samples = RecordedSamples(file, is_wanted)
         return recorded_samples, recorded_samples.recording
 

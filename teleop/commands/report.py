@@ -67,14 +67,13 @@ def report(
     from teleop.commands.estimate import chosen
     from teleop.commands.figures import truth_of
     from teleop.evaluation.evaluate import KEPT, evaluate
-    from teleop.evaluation.online.conditioned import FEWEST
-    from teleop.evaluation.reading.recorded import is_reported
+    from teleop.evaluation.online.thresholds import FEWEST_SAMPLES
+    from teleop.evaluation.reading.samples import is_reported
     from teleop.evaluation.settings import settings_summary
     from teleop.files import check_ending, check_outputs, write_text
     from teleop.output import console
     from teleop.output.report_page import report_page
-    from teleop.trial.performed import recorded_motion
-    from teleop.trial.tracked import recorded_tracking
+    from teleop.trial.recorded_trial import recorded_motion, recorded_tracking
 
     page = out or file.with_suffix(".html")
     check_ending(page, ".html")
@@ -89,7 +88,7 @@ def report(
     samples, recording = columns.read(file, is_reported)
     evaluation = summary = None
     settings = chosen(recording, columns.datum, given)
-    few = settings.averaged.contains(samples.signals.t).sum() < FEWEST
+    few = settings.averaged.contains(samples.signals.t).sum() < FEWEST_SAMPLES
     if not (recording and recording.fault and few):
         evaluation = evaluate(samples, settings, KEPT)
         summary = {**settings_summary(settings), **evaluation.summary()}

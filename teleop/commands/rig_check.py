@@ -54,11 +54,11 @@ def check(
     from teleop.rig.channel_check import list_problems, listen, round_trips
     from teleop.rig.drive_check import arming_text, check_drives
     from teleop.safety.events import time_text
+    from teleop.settings.rig_loading import load_rig_file
+    from teleop.settings.trial_settings import TrialSettings
     from teleop.trial.arming import is_armed
     from teleop.trial.realtime import realtime
     from teleop.trial.rehearsal import tick_cost
-    from teleop.trial.rig_loading import load_rig_file
-    from teleop.trial.settings import TrialSettings
 
     if not 0.1 <= seconds <= 3600.0:
         raise InputError(f"seconds {seconds:g}: expected 0.1 to 3600")

@@ -98,10 +98,10 @@ def emulate(
         read_fault,
         with_checksum,
     )
-    from teleop.trial.ranges import COUNT_IN
+    from teleop.settings.ranges import COUNT_IN
+    from teleop.settings.rig_loading import load_rig_file
+    from teleop.settings.trial_settings import TrialSettings
     from teleop.trial.realtime import realtime
-    from teleop.trial.rig_loading import load_rig_file
-    from teleop.trial.settings import TrialSettings
 
     rig = load_rig_file(file)
     overwrite = overwrite or is_unchanged(out, WRITER)

@@ -69,8 +69,8 @@ def tare(
     from teleop.rig.zeroing import ForceZero, confirmed_zero, force_zero
     from teleop.safety import Limits
     from teleop.safety.rig_limits import rig_limits
+    from teleop.settings.rig_loading import load_rig_file
     from teleop.trial.arming import answer, check_person, is_armed
-    from teleop.trial.rig_loading import load_rig_file
 
     given = 0.0 if contact in ("keep", "touch") else quantity(contact, "position")
     if given is None or not abs(given) <= FARTHEST:

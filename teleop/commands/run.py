@@ -167,21 +167,21 @@ def run(
     )
     from teleop.commands.live_trials import run_from_page
     from teleop.commands.one_trial import TrialRunner
+    from teleop.control.conditions import CONDITIONS
     from teleop.control.tare import read_tare
     from teleop.errors import InputError
     from teleop.files import RECORDING, check_ending, check_outputs, make_folder
     from teleop.printable import print_error
+    from teleop.settings.configuration import read_configuration
+    from teleop.settings.feedback_checks import check_feedback
+    from teleop.settings.rig_loading import load_rig_file
+    from teleop.settings.trial_settings import TrialSettings
     from teleop.trial.arming import arming_text, check_stated, is_armed
-    from teleop.trial.configuration import read_configuration
-    from teleop.trial.feedback_checks import check_feedback
-    from teleop.trial.ranges import FREQUENCY
-    from teleop.trial.rig_loading import load_rig_file
-    from teleop.trial.settings import TrialSettings
 
     settings = read_configuration(config) if config else TrialSettings()
     rig_file = load_rig_file(rig) if rig else None
     if signal or frequency is not None:
-        usual = FREQUENCY.get(condition or settings.condition, 2.0)
+        usual = CONDITIONS[condition or settings.condition].default_frequency
         kind = signal or settings.excitation.kind
         excitation = make_signal(kind, usual if frequency is None else frequency)
     else:
@@ -225,8 +225,13 @@ def run(
         check_ending(record, RECORDING)
         make_folder(record)
     sources = (config, rig, tare)
-    if plot_tracking and settings.condition != "mimic":
-        raise InputError("--plot-tracking: expected --condition mimic, in which there is a target")
+    if plot_tracking and not settings.target:
+        motion = settings.intended_motion
+        followed = [name for name, one in CONDITIONS.items() if one.target_for(motion)]
+        raise InputError(
+            f"--plot-tracking: expected --condition {' or '.join(followed)}, in which there is a "
+            "target"
+        )
     pictures = (plot, plot_force, plot_tracking)
     check_outputs(record, pictures=pictures, sources=sources, overwrite=overwrite)
     live = live.requested([settings])

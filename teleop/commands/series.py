@@ -15,11 +15,11 @@ from teleop.commands.live_options import NOT_LIVE, Live
 from teleop.names import RealtimeName
 
 if TYPE_CHECKING:
+    from teleop.settings.trial_settings import TrialSettings
     from teleop.studies.series.question import Answer, Question
     from teleop.studies.series.trials import PlannedTrial
     from teleop.trial.live_link import LiveLink
     from teleop.trial.result import Trial
-    from teleop.trial.settings import TrialSettings
 
 
 def series(

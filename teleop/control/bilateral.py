@@ -11,8 +11,8 @@ import math
 from typing import NamedTuple
 
 from drivers import Command, Measurement, new_tuple
-from sim_backend.channel import ChannelSettings, Direction
 from teleop.control.admittance import Admittance
+from teleop.control.channel import ChannelSettings, Direction
 from teleop.control.coupling import Coupling
 from teleop.control.feedback.law import Master, Motion, Report, Slave
 from teleop.control.feedback.oscillation import MOST_SHARE, SLOWEST, Oscillation

@@ -1,29 +1,86 @@
-"""Control conditions, which compute the force that moves the master.
+"""Control conditions. Each class states all that distinguishes one condition from the others.
 
-In the conditions `free` and `mimic`, this force is the force of the operator. In the condition
-`autonomous`, the PE (persistent excitation) injector computes the force, so that the slave follows
-a known signal.
+To add a condition, write a class here, and add its name to `CONDITIONS` and to
+`teleop.names.ConditionName`.
 """
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from typing import get_args
+from dataclasses import dataclass
+from typing import ClassVar, Literal
 
 from drivers import Measurement
-from teleop.control.injector import Injector
+from teleop.control.admittance import AdmittanceParameters
+from teleop.control.excitation_signals import AnySignal
+from teleop.control.injector import Injector, ramp_time
 from teleop.control.target import Target
-from teleop.names import ConditionName
 
-CONDITIONS = get_args(ConditionName)
+
+@dataclass(frozen=True)
+class IntendedMotion:
+    """Settings of a trial that determine the intended motion of the slave."""
+
+    signal: AnySignal
+    depth: float
+    """Largest displacement of the slave [m]."""
+    count_in: float
+    """Time at the start in which a target does not move [s]."""
+    duration: float
+    """Duration of the trial [s]."""
+    admittance: AdmittanceParameters
+    scale: float
+    """Ratio of the motion of the slave to the motion of the master."""
 
 
 class Condition(ABC):
-    """Base class of control conditions, which compute the force that moves the master."""
+    """Base class of control conditions, which compute the force that moves the master.
+
+    The attributes and class methods below have values for a condition without special properties,
+    so that a class of the user needs `drive_force` only.
+    """
+
+    instruction: ClassVar[str] = ""
+    """Instruction to the person, shown on the live page while the drives are active."""
+    moved_by: ClassVar[Literal["hand", "injector"]] = "hand"
+    """What moves the master. With `injector`, nobody holds the handle."""
+    signal_kinds: ClassVar[tuple[str, ...]] = ("sine", "multisine", "chirp")
+    """Kinds of excitation signal that the condition accepts."""
+    default_frequency: ClassVar[float] = 2.0
+    """Frequency of the sine if the settings have no signal [Hz]."""
 
     finished = False
     """Whether the condition has finished. The trial then ends, even before its full duration."""
+
+    @classmethod
+    def create(cls, motion: IntendedMotion) -> Condition:
+        """Return a new object of this class for a trial."""
+        return cls()
+
+    @classmethod
+    def target_for(cls, motion: IntendedMotion) -> Target | None:
+        """Return the target that the person follows in a trial; None if there is none."""
+        return None
+
+    @classmethod
+    def is_free(cls, motion: IntendedMotion) -> bool:
+        """Return whether a person chooses the motion."""
+        return cls.moved_by == "hand" and cls.target_for(motion) is None
+
+    @classmethod
+    def motion_texts(cls, motion: IntendedMotion) -> dict[str, str]:
+        """Return texts by name that describe the intended motion in a report."""
+        return {"depth": f"{motion.depth * 1e3:.4g} mm"}
+
+    @classmethod
+    def averaged_times(cls, motion: IntendedMotion) -> tuple[float, float, str]:
+        """Return which part of a trial the averages of the estimates use.
+
+        The result contains the start and the end of this part [s] after the drives were armed, and
+        a description of what is left out, which is empty for the whole trial.
+        """
+        return -math.inf, math.inf, ""
 
     @abstractmethod
     def drive_force(self, t: float, measurement: Measurement) -> float:
@@ -56,6 +113,8 @@ class Condition(ABC):
 class Teleoperation(Condition):
     """Control condition `free`: the force of the operator moves the master."""
 
+    instruction = "palpate freely"
+
     def drive_force(self, t: float, measurement: Measurement) -> float:
         """Return the measured force of the operator's hand on the handle [N]."""
         return measurement.master_force
@@ -64,8 +123,39 @@ class Teleoperation(Condition):
 class Mimicry(Teleoperation):
     """Control condition `mimic`: the operator follows a moving target with the slave."""
 
+    instruction = "follow the target with the slave"
+    signal_kinds = ("sine",)
+    default_frequency = 1.0
+
     def __init__(self, target: Target) -> None:
         self._target = target
+
+    @classmethod
+    def create(cls, motion: IntendedMotion) -> Mimicry:
+        """Return a new object, with the target of the trial."""
+        return cls(cls.target_for(motion))
+
+    @classmethod
+    def target_for(cls, motion: IntendedMotion) -> Target:
+        """Return the sinusoidal target of a trial."""
+        return Target(motion.signal.highest, motion.depth, motion.count_in)
+
+    @classmethod
+    def motion_texts(cls, motion: IntendedMotion) -> dict[str, str]:
+        """Return descriptions of the depth, the target and the count-in."""
+        target = cls.target_for(motion)
+        low, high = (1e3 * depth for depth in (target.position(0.0), target.depth))
+        return super().motion_texts(motion) | {
+            "target": f"sine of {target.frequency:g} Hz, from {low:.4g} to {high:.4g} mm",
+            "count-in": f"{target.count_in:g} s",
+        }
+
+    @classmethod
+    def averaged_times(cls, motion: IntendedMotion) -> tuple[float, float, str]:
+        """Leave out the count-in: without motion, b and k cannot be identified."""
+        if not motion.count_in:
+            return super().averaged_times(motion)
+        return motion.count_in, math.inf, f"the count-in of {motion.count_in:g} s"
 
     def target(self, t: float) -> float:
         """Return the target position of the slave [m], t [s] after the drives were armed."""
@@ -73,18 +163,42 @@ class Mimicry(Teleoperation):
 
 
 class Autonomous(Condition):
-    """Control condition `autonomous`: the slave follows a known signal, without an operator.
+    """Control condition `autonomous`: the PE injector moves the slave along a known signal."""
 
-    The PE (persistent excitation) injector computes the force that moves the master in this way.
-    """
+    instruction = "the controller moves the slave; leave the handle free"
+    moved_by = "injector"
 
     def __init__(self, injector: Injector) -> None:
         self._injector = injector
 
-    def drive_force(self, t: float, measurement: Measurement) -> float:
-        """Return the force [N] with which the slave follows the excitation signal.
+    @classmethod
+    def create(cls, motion: IntendedMotion) -> Autonomous:
+        """Return a new object, with an injector for the signal of the trial."""
+        signal, depth, duration = motion.signal, motion.depth, motion.duration
+        return cls(Injector(signal, depth, motion.admittance, motion.scale, duration))
 
-        The force acts on the virtual mass of the master. The PE injector computes it from the time
-        t [s] since the drives were armed.
-        """
+    @classmethod
+    def motion_texts(cls, motion: IntendedMotion) -> dict[str, str]:
+        """Return descriptions of the depth and of the excitation signal."""
+        return super().motion_texts(motion) | {"signal": motion.signal.text}
+
+    @classmethod
+    def averaged_times(cls, motion: IntendedMotion) -> tuple[float, float, str]:
+        """Leave out the ramp at the end, in which the excitation decreases to zero."""
+        ramp = ramp_time(motion.duration)
+        text = f"the ramp of the excitation to zero, the last {ramp:g} s"
+        return -math.inf, motion.duration - ramp, text
+
+    def drive_force(self, t: float, measurement: Measurement) -> float:
+        """Return the force [N] with which the slave follows the excitation signal."""
         return self._injector.force(t)
+
+
+CONDITIONS: dict[str, type[Condition]] = {
+    "free": Teleoperation,
+    "mimic": Mimicry,
+    "autonomous": Autonomous,
+}
+"""Control conditions by the name in the settings."""
+BY_HAND = tuple(name for name, one in CONDITIONS.items() if one.moved_by == "hand")
+"""Names of the conditions in which a person holds the handle."""

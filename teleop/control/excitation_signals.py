@@ -27,6 +27,11 @@ class Signal(ABC):
     def highest(self) -> float:
         """Highest frequency that the signal contains [Hz]."""
 
+    @property
+    @abstractmethod
+    def text(self) -> str:
+        """Short description: kind and frequencies."""
+
     @abstractmethod
     def at(self, t: float) -> Motion:
         """Return the value of the signal and its first two derivatives at time t [s]."""
@@ -54,6 +59,11 @@ class Sine(Signal):
     def highest(self) -> float:
         """Highest frequency that the signal contains [Hz], which is the frequency of the sine."""
         return self.frequency
+
+    @property
+    def text(self) -> str:
+        """Short description: kind and frequency."""
+        return f"sine of {self.frequency:g} Hz"
 
     def at(self, t: float) -> Motion:
         """Return the value of the sine and its first two derivatives at time t [s]."""
@@ -92,6 +102,11 @@ class Multisine(Signal):
     def highest(self) -> float:
         """Highest frequency that the signal contains [Hz]."""
         return max(self.frequencies)
+
+    @property
+    def text(self) -> str:
+        """Short description: kind and frequencies."""
+        return f"multisine of {', '.join(f'{one:g}' for one in self.frequencies)} Hz"
 
     def at(self, t: float) -> Motion:
         """Return the value of the signal and its first two derivatives at time t [s]."""
@@ -136,6 +151,11 @@ class Chirp(Signal):
     def highest(self) -> float:
         """Highest frequency of the chirp [Hz]."""
         return self.high
+
+    @property
+    def text(self) -> str:
+        """Short description: kind, frequencies and time of a sweep."""
+        return f"chirp from {self.low:g} to {self.high:g} Hz and back in {self.sweep:g} s"
 
     def at(self, t: float) -> Motion:
         """Return the value of the chirp and its first two derivatives at time t [s]."""

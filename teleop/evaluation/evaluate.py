@@ -19,8 +19,7 @@ from estimation import (
     paper_preset,
     scaled_preset,
 )
-from estimation.conditioner_choice import make_conditioner
-from estimation.conditioning import BANDWIDTH
+from estimation.conditioning import BANDWIDTH, make_conditioner
 from estimation.excitation import dominant_frequency
 from estimation.least_squares import no_fit
 from estimation.model import KELVIN_VOIGT
@@ -30,7 +29,6 @@ from teleop.evaluation.batch.analysis import analyse
 from teleop.evaluation.evaluation import Evaluation
 from teleop.evaluation.formats.units import SMALLEST
 from teleop.evaluation.online.conditioned import (
-    FEWEST,
     ConditionedBlocks,
     conditioned,
     kept_variance,
@@ -40,6 +38,7 @@ from teleop.evaluation.online.contact_bank import ContactBank, contact_at
 from teleop.evaluation.online.datum import find_datum, moving_part
 from teleop.evaluation.online.model_comparison import RunningComparison
 from teleop.evaluation.online.run import OnlineRun, Table
+from teleop.evaluation.online.thresholds import FEWEST_SAMPLES, RESOLUTIONS
 from teleop.evaluation.reading.force_filter import without_filter_delay
 from teleop.evaluation.reading.samples import Samples
 from teleop.evaluation.reading.sampling_gaps import closed_up
@@ -47,8 +46,6 @@ from teleop.evaluation.reading.signals import Signals
 from teleop.evaluation.reading.smallest_step import smallest_step
 from teleop.evaluation.settings import EstimateSettings
 
-RESOLUTIONS = 1e-12, 1.0
-"""Range of the setting `resolution` of `EstimateSettings` [m]."""
 KEPT = 1 << 17
 """Value that the commands use for the parameter `most` of `evaluate`: largest number of estimates
 that are kept, for all estimators together."""
@@ -70,27 +67,6 @@ def evaluate(
     omitted until the filters have settled. The next sample that the estimators receive has a long
     sample period: the whole time since the last sample that they received. Therefore, the
     estimators reduce the weight of the old samples according to the true time that has passed.
-
-    Parameters
-    ----------
-    samples
-        The record.
-    settings
-        Settings of the evaluation.
-    most
-        Approximate limit of the number of estimates in the result, for all estimators together. If
-        the record has too many samples for this limit, the result contains only the estimates at
-        evenly spaced samples and at the last sample.
-    write
-        Function that receives signals and estimates of each block, for example to write them to a
-        file. Its argument has two elements: the columns by name, and the unit of each column. None:
-        no function is called.
-
-    Raises
-    ------
-    InputError
-        A setting is out of its range, position or force is constant or its changes are too small,
-        or too few samples remain between gaps.
     """
     lag, note = settings.force_lag, None
     if isinstance(samples, Signals):
@@ -99,9 +75,10 @@ def evaluate(
     if lag is None:
         lag, (signals, note) = 0.0, without_filter_delay(signals)
         samples = Samples(signals) if samples.signals is not signals else samples
-    if len(signals.t) < FEWEST:
+    if len(signals.t) < FEWEST_SAMPLES:
         raise InputError(
-            f"the estimators received only {len(signals.t)} samples: expected at least {FEWEST}"
+            f"the estimators received only {len(signals.t)} samples: "
+            f"expected at least {FEWEST_SAMPLES}"
         )
     for quantity, values in (("position", signals.x), ("force", signals.f)):
         if 0.0 < np.ptp(values) < SMALLEST:
@@ -112,8 +89,10 @@ def evaluate(
     if np.ptp(signals.f) == 0.0:
         raise InputError("nothing to estimate from: the force is the same in every sample")
     motion = slice(None) if settings.whole else moving_part(signals.x)
-    if len(signals.dt[motion]) < FEWEST:
-        raise InputError(f"only {len(signals.dt[motion])} samples move: expected at least {FEWEST}")
+    if len(signals.dt[motion]) < FEWEST_SAMPLES:
+        raise InputError(
+            f"only {len(signals.dt[motion])} samples move: expected at least {FEWEST_SAMPLES}"
+        )
     with as_input_error():
         batch = within(signals, settings.averaged)
         analysis = analyse(batch, lag)
@@ -213,15 +192,6 @@ def comparisons(bank: Bank, regression: Regression, fit: Fit) -> list[RunningCom
     Each object compares the estimators of one model. The estimators of the Kelvin-Voigt model
     f = b v + k x are compared with a fit of this model. The other estimators are compared with
     `fit`. If there are no other estimators than those of the paper (`PAPER`), the result is empty.
-
-    Parameters
-    ----------
-    bank
-        The estimators.
-    regression
-        Conditioned samples of the record.
-    fit
-        Least-squares fit to these samples, with the same model as the other estimators.
     """
     if set(bank) <= set(PAPER):
         return []

@@ -6,6 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any
 
+from estimation.model import UNITS
+from estimation.quantities import RESULTS, SIGNALS
 from teleop.live.history import History
 
 NAMES = (
@@ -33,44 +35,34 @@ NAMES = (
     "pointer_grip",
 )
 """Columns of a tick that are sent to the live page, in addition to those of the estimators."""
+QUANTITIES = {
+    symbol: {"unit": one.unit, "factor": one.factor, "decimals": one.decimals}
+    for symbol, one in (RESULTS | SIGNALS).items()
+}
+"""How the page shows the quantities, by symbol."""
 PARTS = ("k", "b", "k_std", "b_std", "held", "misfit")
 """Ends of the names of the columns that are sent to the live page for every estimator."""
-
-
-def further_parameters(names: Sequence[str], estimator: str) -> list[str]:
-    """Return the parameters besides b and k that the model of an estimator has.
-
-    Each has a column `rls_k3` and a column `rls_k3_std`. The name of a parameter has no underscore,
-    but that of an estimator may have one: `rls_sift_k3` belongs to `rls_sift`, not to `rls`.
-    """
-    prefix = f"{estimator}_"
-    ends = [name.removeprefix(prefix) for name in names if name.startswith(prefix)]
-    return [p for p in ends if f"{p}_std" in ends and "_" not in p and p not in PARTS]
+FURTHER = tuple(name for name in UNITS if name not in PARTS)
+"""Parameters besides b and k, which are sent if the model of the estimator has them."""
 
 
 def shown_columns(names: Sequence[str], estimators: Sequence[str]) -> list[str]:
     """Return those of the recorded columns that are sent to the live page, in their order."""
-    of_estimators = [
-        f"{name}_{part}"
-        for name in estimators
-        for part in (*PARTS, *further_parameters(names, name))
-    ]
+    of_estimators = [f"{name}_{part}" for name in estimators for part in (*PARTS, *FURTHER)]
     return [name for name in (*NAMES, *of_estimators) if name in set(names)]
 
 
-def estimator_indices(
-    recorded: Sequence[str], shown: Sequence[str], estimators: Sequence[str]
-) -> list[dict[str, Any]]:
+def estimator_indices(names: Sequence[str], estimators: Sequence[str]) -> list[dict[str, Any]]:
     """Return the name of each estimator, and the places of its values in a row; None if not shown.
 
     `further` contains the places of the parameters besides b and k, by their names.
     """
-    place = {name: i for i, name in enumerate(shown)}
+    place = {name: i for i, name in enumerate(names)}
     return [
         {
             "name": name,
             **{part: place.get(f"{name}_{part}") for part in PARTS},
-            "further": {p: place[f"{name}_{p}"] for p in further_parameters(recorded, name)},
+            "further": {p: place[f"{name}_{p}"] for p in FURTHER if f"{name}_{p}" in place},
         }
         for name in estimators
     ]

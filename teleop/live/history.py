@@ -5,13 +5,10 @@ from __future__ import annotations
 import struct
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from estimation.arrays import Floats
-
+from estimation.arrays import Floats
 
 SHOWN = 10.0
 """Length of the time axis of the live page [s]."""

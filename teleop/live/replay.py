@@ -5,17 +5,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from teleop.live.feed import Feed, estimator_indices, shown_columns
+from estimation.arrays import Floats
+from teleop.live.feed import QUANTITIES, Feed, estimator_indices, shown_columns
 from teleop.live.history import SHOWN, History, decimated, decimation
 from teleop.live.requests import BadRequest
-
-if TYPE_CHECKING:
-    from estimation.arrays import Floats
-
 
 POSITION_PERIOD = 0.1
 """Time between two messages with the position of the replay [s]."""
@@ -60,11 +57,12 @@ class Replay(Feed):
         self._welcome = {
             "type": "welcome",
             "version": 1,
+            "quantities": QUANTITIES,
             "kind": "replay",
             "columns": [
                 known.get(name, {"name": name, "unit": "-", "meaning": ""}) for name in names
             ],
-            "estimators": estimator_indices(tuple(columns), names, estimators),
+            "estimators": estimator_indices(names, estimators),
             "may_arm": False,
             "pointer": False,
             "choices": {"condition": [], "specimen": [], "duration": []},

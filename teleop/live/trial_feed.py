@@ -5,22 +5,19 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from estimation.arrays import Floats
 from teleop.json_documents import loads
 from teleop.live.cells import ARM, END, PROCESS, STOP, CellWriter
-from teleop.live.feed import Feed, estimator_indices, shown_columns
+from teleop.live.feed import QUANTITIES, Feed, estimator_indices, shown_columns
 from teleop.live.history import History, decimated, decimation
 from teleop.live.requests import ANSWERS, BadRequest
 from teleop.live.ring import RingReader
 from teleop.safety.events import ACTIVE, READY, Mode
-
-if TYPE_CHECKING:
-    from estimation.arrays import Floats
-
 
 RECENT = 1.0
 """Length of the time window [s]. The live page shows the largest lateness within this window."""
@@ -28,12 +25,6 @@ SILENCE = 0.5
 """Time without a new tick after which the page shows that the loop has ended [s]."""
 DEEPEST = 0.1
 """Largest magnitude of the depth that the pointer of the live page can request [m]."""
-IN_CONDITION = {
-    "free": "palpate freely",
-    "mimic": "follow the target with the slave",
-    "autonomous": "the controller moves the slave; leave the handle free",
-}
-"""Instruction to the operator, by control condition."""
 SENT = {"name": "sent", "unit": "s", "meaning": "time at which the loop wrote the tick"}
 """Description of a column that is not recorded. It is the last column of each row for the page."""
 
@@ -258,11 +249,10 @@ class TrialFeed(Feed):
         self._valid["welcome"] = {
             "type": "welcome",
             "version": 1,
+            "quantities": QUANTITIES,
             "kind": "live",
             "columns": [*columns, SENT] if columns else [],
-            "estimators": estimator_indices(
-                tuple(self._column), [c["name"] for c in columns], estimators
-            ),
+            "estimators": estimator_indices([c["name"] for c in columns], estimators),
             "rate": rate,
             **self._session,
         }
@@ -312,5 +302,5 @@ class TrialFeed(Feed):
             return "UNLOCK, then START within 2 s, arms the drives"
         if mode == "active" and self._session["pointer"]:
             return "press and hold in the picture of the tool to palpate"
-        condition = self._valid.get("trial", {}).get("condition")
-        return IN_CONDITION.get(str(condition), "") if mode == "active" else ""
+        instruction: str = self._valid.get("trial", {}).get("instruction", "")
+        return instruction if mode == "active" else ""

@@ -9,13 +9,11 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from estimation.arrays import Floats
+from estimation.arrays import Floats
 
 CDR = b"\0\1\0\0"
 """First bytes of a little-endian message in CDR (Common Data Representation)."""

@@ -27,10 +27,10 @@ from teleop.rig.pausable_rig import PausableRig
 from teleop.rig.zeroing import ForceZero, force_zero
 from teleop.safety import Limits
 from teleop.safety.rig_limits import rig_limits
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.arming import motion_text
 from teleop.trial.assembly import make_controller
 from teleop.trial.loop import Loop
-from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 BAND = 0.25

@@ -17,8 +17,8 @@ from sim_backend.wire.mechanism import NEVER
 from sim_backend.wire.wire_faults import FAULTS, ON_CAN, ON_SERIAL_LINES
 from teleop.control.conditions import CONDITIONS
 from teleop.errors import InputError
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.assembly import make_simulated_rig
-from teleop.trial.settings import TrialSettings
 
 if TYPE_CHECKING:
     from sim_backend import SimulatedRig

@@ -29,12 +29,13 @@ from numpy.typing import NDArray
 
 from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
+from estimation.quantities import STIFFNESS
 from estimation.stiffening import Interval, lagged
 from sim_backend import Cube, Setup, paper_setup
 from teleop.control.excitation_signals import Chirp
 from teleop.errors import InputError
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 SPRING = 5000.0
 """Stiffness of the reference spring [N/m]."""
@@ -45,7 +46,7 @@ SPRING_DEPTH = 5e-3
 def measure_simulated_lag(seed: int = 0) -> tuple[ForceLag, Setup]:
     """Measure lag and lost motion of the simulated rig with a simulated reference spring."""
     spring = Cube(SPRING, 0.0, 1e-9)
-    setup = replace(paper_setup("autonomous", "soft"), cube=spring, depth=SPRING_DEPTH)
+    setup = replace(paper_setup("injector", "soft"), cube=spring, depth=SPRING_DEPTH)
     columns = run_trial(
         TrialSettings(
             condition="autonomous",
@@ -213,8 +214,8 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
     fit = record.fit(alone, 0.0)
     if fit.k <= 0.0:
         raise InputError(
-            f"the estimated stiffness of the spring is {fit.k:.4g} N/m: expected force and "
-            "position to be positive in compression"
+            f"the estimated stiffness of the spring is {STIFFNESS.text(fit.k, '.4g')}: "
+            "expected force and position to be positive in compression"
         )
     if not 1e-5 < alone < 0.99 * LONGEST:
         raise InputError(

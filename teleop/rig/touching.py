@@ -25,9 +25,9 @@ from teleop.recording.recording import Recording
 from teleop.rig.zeroing import ForceZero
 from teleop.safety import Limits
 from teleop.safety.rig_limits import rig_limits
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.arming import motion_text
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 SPEED = 1e-3

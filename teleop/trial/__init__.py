@@ -1,1 +1,1 @@
-"""Run a trial: check the settings, assemble the parts, and run the control loop."""
+"""Run a trial: assemble the parts from the settings, and run the control loop."""

@@ -15,20 +15,19 @@ from sim_backend import (
     PointerOperator,
     SimulatedRig,
 )
-from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import Admittance
 from teleop.control.bilateral import BilateralLink
+from teleop.control.channel import ChannelSettings
 from teleop.control.clock import Clock, RealClock, VirtualClock
-from teleop.control.conditions import Autonomous, Condition, Mimicry, Teleoperation
+from teleop.control.conditions import Condition
 from teleop.control.controller import Controller
 from teleop.control.estimation import Estimation
-from teleop.control.injector import Injector
 from teleop.control.link import DirectLink, Link
 from teleop.errors import InputError
 from teleop.recording.columns import FEEDBACK_COLUMNS, Layout
-from teleop.trial.custom_class import create_condition
-from teleop.trial.feedback_checks import expected_stiffness
-from teleop.trial.settings import TrialSettings
+from teleop.settings.custom_class import create_condition
+from teleop.settings.feedback_checks import expected_stiffness
+from teleop.settings.trial_settings import TrialSettings
 
 LINK_GAIN = 20.0
 """Gain from the position error of the slave to the velocity of the slave [1/s].
@@ -93,40 +92,23 @@ def make_simulated_rig(
 def make_operator(
     settings: TrialSettings, mimic: type[MimickedSine] = MimickedSine
 ) -> Operator | None:
-    """Return a new simulated operator for the control condition; None for `autonomous`."""
+    """Return a new simulated operator; None if no hand moves the master."""
     depth = settings.setup.depth / settings.coupling.scale
     seed, model = settings.seed, settings.operator_model
-    if settings.condition == "free" and model.aim_force:
-        return ForcePalpation(depth, seed, model.aim_force, model.arm_stiffness, model.withdrawal)
-    if settings.condition == "free":
-        return FreePalpation(depth, seed, model.withdrawal)
-    if settings.condition == "mimic":
-        target = settings.target
+    if settings.named_condition.moved_by != "hand":
+        return None
+    if target := settings.named_condition.target_for(settings.intended_motion):
         return mimic(depth, seed, target.frequency, target.count_in)
-    return None
+    if model.aim_force:
+        return ForcePalpation(depth, seed, model.aim_force, model.arm_stiffness, model.withdrawal)
+    return FreePalpation(depth, seed, model.withdrawal)
 
 
 def make_condition(settings: TrialSettings) -> Condition:
-    """Return a new object for the control condition that the settings state.
-
-    In `mimic`, the object contains the target that the operator follows. In `autonomous`, it
-    contains the PE injector, which moves the slave along a given signal.
-    """
+    """Return a new object for the control condition that the settings state."""
     if settings.custom_condition:
         return create_condition(settings.custom_condition)
-    if settings.condition == "free":
-        return Teleoperation()
-    if settings.condition == "mimic":
-        return Mimicry(settings.target)
-    return Autonomous(
-        Injector(
-            settings.excitation,
-            settings.setup.depth,
-            settings.admittance,
-            settings.coupling.scale,
-            settings.duration,
-        )
-    )
+    return settings.named_condition.create(settings.intended_motion)
 
 
 def make_link(settings: TrialSettings) -> Link:

@@ -9,12 +9,10 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from teleop.errors import InputError
 from teleop.recording.columns import COLUMNS, DROPPED, POINTER
 from teleop.recording.recording import Recording
-from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_json import from_document
-from teleop.trial.true_values import recorded_truth, truth
+from teleop.settings.trial_settings import TrialSettings
+from teleop.trial.recorded_trial import recorded_truth, trial_settings, truth
 
 MEANINGS = {column.name: column.meaning for column in (*COLUMNS, DROPPED, *POINTER)}
 OF_ESTIMATOR = {
@@ -53,6 +51,7 @@ def trial_document(
         "type": "trial",
         "number": number,
         "condition": settings.condition_name,
+        "instruction": settings.condition_type.instruction,
         "specimen": settings.palpated,
         "duration": settings.duration,
         "choice": {
@@ -77,7 +76,7 @@ def trial_document(
             "low": target.position(0.0),
             "count_in": target.count_in,
         }
-        if settings.condition_name == "mimic"
+        if target
         else None,
         "feedback": None,
         "operator": settings.operator,
@@ -90,12 +89,11 @@ def recorded_document(recording: Recording) -> dict[str, Any]:
 
     The result is an empty dictionary if the settings in the recording are not valid.
     """
-    try:
-        document = trial_document(from_document(recording.settings))
-    except InputError:
+    settings = trial_settings(recording)
+    if not settings:
         return {}
     true = recorded_truth(recording)
-    return document | {"truth": true and shown_truth(true)}
+    return trial_document(settings) | {"truth": true and shown_truth(true)}
 
 
 def shown_truth(true: dict[str, Any]) -> dict[str, float]:

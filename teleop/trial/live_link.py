@@ -18,11 +18,11 @@ from teleop.recording.columns import Layout
 from teleop.recording.message import CDR, MESSAGE_NAME
 from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Event
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.child_process import ChildProcess
 from teleop.trial.live_documents import trial_document
 from teleop.trial.page_requests import WAITING_SILENCE, PagePointer, PageRequests
 from teleop.trial.result import Trial
-from teleop.trial.settings import TrialSettings
 
 EVENT_SLOTS, EVENT_SIZE = 128, 8192
 """Largest number of events in the ring buffer of events, and largest size of an event [bytes]. The

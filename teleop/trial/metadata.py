@@ -10,9 +10,9 @@ from importlib.metadata import PackageNotFoundError, version
 
 from drivers.registry import device_class
 from teleop.json_documents import dumps
+from teleop.settings.documents import to_document
+from teleop.settings.trial_settings import TrialSettings
 from teleop.software import software
-from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_json import to_document
 
 TEXTS = ("operator", "notes")
 """Settings that are part of the session metadata if they are not empty."""

@@ -15,10 +15,10 @@ from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import Recording, from_messages
 from teleop.recording.recording_file import RecordingFile, recorded_ticks
 from teleop.recording.sinks import Memory, Outcome, Sink
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.later_estimates import LaterEstimates
 from teleop.trial.live_link import LiveLink
 from teleop.trial.metadata import session_metadata
-from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 
@@ -57,7 +57,7 @@ class Outputs:
                 overwrite,
                 switch.hint,
                 "" if switch.explained else switch.instructions,
-                (target.depth, target.count_in) if settings.condition_name == "mimic" else None,
+                (target.depth, target.count_in) if target else None,
             )
         self._memory = None if record else Memory()
         self._box = BlackBox(layout, settings.loop_rate)

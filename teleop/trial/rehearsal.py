@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from drivers import Rig
-from sim_backend.channel import ChannelSettings
+from teleop.control.channel import ChannelSettings
 from teleop.control.clock import Clock
 from teleop.control.tare import NO_TARE
 from teleop.errors import InputError
@@ -20,9 +20,9 @@ from teleop.recording.black_box import BlackBox
 from teleop.recording.sinks import Memory
 from teleop.safety.events import ACTIVE
 from teleop.safety.tightened_limits import NOT_TIGHTENED
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.assembly import make_clock, make_controller, make_layout, make_simulated_rig
 from teleop.trial.loop import Loop
-from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 TICKS = 600

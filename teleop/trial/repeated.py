@@ -16,11 +16,11 @@ from teleop.recording.sinks import Memory
 from teleop.safety import Fault
 from teleop.safety.channels import DetectedFault
 from teleop.safety.events import ACTIVE
+from teleop.settings.documents import from_document
 from teleop.trial.assembly import make_controller, make_layout, make_simulated_rig
 from teleop.trial.loop import Loop
 from teleop.trial.metadata import session_metadata
 from teleop.trial.page_requests import NoPage
-from teleop.trial.settings_json import from_document
 from teleop.trial.stop_switch import StopSwitch
 
 BY_PERSON = (Fault.EMERGENCY_STOP, Fault.PAGE_LOST)

@@ -11,6 +11,9 @@ from sim_backend import SimulatedRig
 from teleop.control.conditions import Condition
 from teleop.errors import InputError
 from teleop.names import RealtimeName
+from teleop.settings.custom_class import described
+from teleop.settings.ranges import IN_MEMORY
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.arming import check_stated
 from teleop.trial.assembly import (
     RigMaker,
@@ -20,15 +23,12 @@ from teleop.trial.assembly import (
     make_layout,
     make_rig,
 )
-from teleop.trial.custom_class import described
 from teleop.trial.live_link import LiveLink
 from teleop.trial.loop import Loop
 from teleop.trial.outputs import Outputs
-from teleop.trial.ranges import IN_MEMORY
 from teleop.trial.realtime import realtime
 from teleop.trial.rehearsal import check_rate, check_wire
 from teleop.trial.result import Trial
-from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 

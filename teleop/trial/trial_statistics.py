@@ -11,16 +11,16 @@ import numpy as np
 from estimation import Bank
 from estimation.presets import GATE
 from teleop.control.feedback.law import STIFF_PRIOR
-from teleop.evaluation.online.averages import RunningAverages
+from teleop.evaluation.online.run import RunningAverages
 from teleop.evaluation.teleoperation.rendering import RunningHand, RunningRendering
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
 from teleop.recording.timing import RunningTiming
 from teleop.safety.events import ACTIVE, STOPPING
 from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
-from teleop.trial.averaged import averaged_part
-from teleop.trial.feedback_checks import arm_damping
-from teleop.trial.settings import TrialSettings
+from teleop.settings.feedback_checks import arm_damping
+from teleop.settings.trial_settings import TrialSettings
+from teleop.trial.recorded_trial import averaged_part
 
 LIMITS = {
     "velocity": VELOCITY,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import get_args
 
-from estimation.conditioner_choice import CONDITIONERS
+from estimation.conditioning import CONDITIONERS
 from estimation.model import MODELS
 from estimation.registry import named_estimators
-from sim_backend import CUBES, DEPTH
+from sim_backend import CUBES
 from teleop.commands.choices import make_coupling, make_signal
+from teleop.control.conditions import CONDITIONS
 from teleop.names import (
     ESTIMATOR_NAMES,
     ConditioningName,
@@ -21,7 +22,7 @@ from teleop.names import (
 
 
 def test_each_name_of_an_option_chooses_a_part_and_each_part_has_a_name():
-    assert get_args(ConditionName) == tuple(DEPTH)
+    assert get_args(ConditionName) == tuple(CONDITIONS)
     assert get_args(CubeName) == tuple(CUBES)
     assert get_args(ConditioningName) == CONDITIONERS
     assert get_args(ModelName) == tuple(MODELS)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from drivers.rig_file import RigFile
 from teleop.control.admittance import Admittance
+from teleop.control.conditions import BY_HAND
 from teleop.control.coupling import Coupling
 from teleop.control.feedback.law import STIFF_PRIOR, Master, Slave
 from teleop.control.feedback.local_model import LocalModel, ModelMediatedSlave
@@ -60,10 +61,10 @@ class FeedbackSettings:
         rig
             Content of the rig file of the hardware rig; None for the simulated rig.
         """
-        if self.law != "none" and condition == "autonomous":
+        if self.law != "none" and condition not in BY_HAND:
             yield (
-                f"feedback {self.law}: nobody holds the handle in the condition autonomous: "
-                "expected free or mimic"
+                f"feedback {self.law}: nobody holds the handle in the condition {condition}: "
+                f"expected {' or '.join(BY_HAND)}"
             )
         if self.law != "none" and rig and not rig.sections.drives.master:
             yield (

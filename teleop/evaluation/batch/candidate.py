@@ -15,25 +15,13 @@ from numpy.typing import NDArray
 from estimation.arrays import Floats
 from estimation.robust_error import bayesian_criterion
 from teleop.evaluation.batch.contact_rows import Rows
-from teleop.evaluation.batch.prepared import Prepared
-
-BAND = 0.08
-"""Samples are used for the slope if the distance of their force from half of the force range is
-less than this fraction of the range."""
-SLOPE_SAMPLES = 3
-"""Smallest average number of samples for the slope in one pass through half of the force range. If
-there are fewer, the neighbouring samples are used in addition (`with_neighbours`)."""
-SLOPE_NOISE = 50.0
-"""Smallest distance between two positions from which a slope is computed (`surroundings`), in
-standard deviations of the noise of the smoothed position."""
-
-FINEST = 0.0005
-"""Relative standard deviation of k due to smoothing and resampling, for models with relaxing parts.
-
-This value is the median error of k for synthetic records without noise
-(`estimation.testing_records`). For a model without relaxing parts the error is zero, because such a
-model holds exactly for the smoothed signals.
-"""
+from teleop.evaluation.batch.smoothed_record import SmoothedRecord
+from teleop.evaluation.batch.thresholds import (
+    FEWEST_SLOPE_SAMPLES,
+    LEAST_SLOPE_STEP_NOISE,
+    SLOPE_BAND,
+    SMOOTHING_ERROR,
+)
 
 
 class Candidate(NamedTuple):
@@ -69,7 +57,7 @@ class Candidate(NamedTuple):
     position, relaxing parts."""
 
 
-def evaluate(
+def fit_candidate(
     rows: Rows,
     degree: int,
     times: tuple[float, ...],
@@ -81,20 +69,6 @@ def evaluate(
     The model is f = baseline + P(x) + b v + sum_j c_j z_j. The signals z_j are the relaxing parts
     of the force, which decay with the time constants tau_j
     (`teleop.evaluation.batch.local_stiffness`).
-
-    Parameters
-    ----------
-    rows
-        Samples that are fitted.
-    degree
-        Degree of the polynomial P.
-    times
-        The time constants tau_j [s]; empty for a model without relaxing parts.
-    relaxing
-        The signals z_j after smoothing: one array of shape (n,) for each time constant.
-    cornered
-        The same signals, but with the values before the smoothing at sharp corners of z_j (see
-        `with_corners`).
     """
     fit = rows.fit(degree, relaxing)
     theta, first = fit.theta, rows.v_column + 1
@@ -126,7 +100,7 @@ def evaluate(
         force_effect[0] = -0.5
     force = 0.5 * (low + high)
     distance = np.abs(without - force)
-    near = with_neighbours(rows.loading & (distance < BAND * (high - low)), index)
+    near = with_neighbours(rows.loading & (distance < SLOPE_BAND * (high - low)), index)
     if len(near) < 6:
         order = np.argsort(np.where(rows.loading, distance, np.inf))
         near = np.sort(order[: min(6, int(rows.loading.sum()))])
@@ -161,7 +135,7 @@ def evaluate(
         top_slope * rows.record.count / math.sqrt(12.0), rows.phases.free_error
     )
     range_doubt = force_std * curvature / (k or 1e-300)
-    smoothing = FINEST * k if times else 0.0
+    smoothing = SMOOTHING_ERROR * k if times else 0.0
     return Candidate(
         degree,
         times,
@@ -179,26 +153,15 @@ def evaluate(
     )
 
 
-def surroundings(x: Floats, at: int, most: int, record: Prepared) -> tuple[int, int]:
+def surroundings(x: Floats, at: int, most: int, record: SmoothedRecord) -> tuple[int, int]:
     """Return the indices of two samples, before and after the sample `at`, to compute a slope.
 
     The slope is that of any signal against the position x. For an accurate slope, the positions of
     the two samples must differ by much more than the noise. Therefore, the two samples are first
     the direct neighbours of the sample `at`. Then their distance is doubled, until their positions
     differ enough, or until a further doubling would exceed `most`.
-
-    Parameters
-    ----------
-    x
-        Position [m], shape (n,).
-    at
-        Index of the sample at which the slope is computed.
-    most
-        Largest difference of the two indices.
-    record
-        The prepared record.
     """
-    least = SLOPE_NOISE * record.x_noise * record.noise_gain
+    least = LEAST_SLOPE_STEP_NOISE * record.x_noise * record.noise_gain
     half = 1
     while True:
         before, after = max(at - half, 0), min(at + half, len(x) - 1)
@@ -212,24 +175,13 @@ def with_neighbours(mask: NDArray[np.bool_], index: NDArray[np.intp]) -> NDArray
 
     The mask selects samples near half of the force range. Each time the force passes this value,
     the selected samples form a run of successive samples. To compute a slope, a run must have at
-    least `SLOPE_SAMPLES` samples. In fast motions, the runs are shorter. If the mean length of the
-    runs is less than `SLOPE_SAMPLES`, the samples directly before and after each run are added.
-
-    Parameters
-    ----------
-    mask
-        True for each selected sample, shape (n,).
-    index
-        Index of each sample in the record, shape (n,), increasing. If the indices of two samples
-        differ by more than 1, the samples are not in the same run.
-
-    Returns
-    -------
-    Indices of samples in `mask`, increasing.
+    least `FEWEST_SLOPE_SAMPLES` samples. In fast motions, the runs are shorter. If the mean length
+    of the runs is less than `FEWEST_SLOPE_SAMPLES`, the samples directly before and after each run
+    are added.
     """
     chosen = np.flatnonzero(mask)
     passes = np.count_nonzero(np.diff(index[chosen]) > 1) + 1
-    if len(chosen) >= SLOPE_SAMPLES * passes:
+    if len(chosen) >= FEWEST_SLOPE_SAMPLES * passes:
         return chosen
     joined = np.diff(index) == 1
     wider = mask.copy()
@@ -243,13 +195,6 @@ def middle_position(x: Floats, f: Floats, force: float) -> float:
 
     The position is modelled as a polynomial of degree 2 in the force. If the samples are too few,
     or if their force is constant, the result is their mean position.
-
-    Parameters
-    ----------
-    x, f
-        Position [m] and force [N] of samples near this force, shape (n,).
-    force
-        Force at which the position is computed [N].
     """
     if np.ptp(f) == 0.0 or len(x) < 4:
         return float(x.mean())
@@ -266,14 +211,6 @@ def loading_slope(x: Floats, v: Floats, z: Floats, pass_of: NDArray[np.int_]) ->
     is called a pass. The fit is z = a x + c_i, where a is the slope, and c_i is a constant that is
     different for each pass i. If the velocity v varies enough, the fit is z = a x + d v + c_i. Then
     a part of z that is proportional to v does not change the slope.
-
-    Parameters
-    ----------
-    x, v, z
-        Position [m], velocity [m/s] and signal of the samples, each of shape (n,). The signal is a
-        relaxing part of the force.
-    pass_of
-        Number i of the pass of each sample, from 0, shape (n,).
     """
     spread = float(np.std(v) / np.mean(np.abs(v)))
     x, v, z = (values - pass_means(values, pass_of) for values in (x, v, z))
@@ -287,12 +224,5 @@ def pass_means(values: Floats, pass_of: NDArray[np.int_]) -> Floats:
     """Return for each sample the mean of the values in its pass, shape (n,).
 
     A pass consists of successive samples near half of the force range.
-
-    Parameters
-    ----------
-    values
-        Value of each sample, shape (n,).
-    pass_of
-        Number of the pass of each sample, from 0, shape (n,).
     """
     return np.asarray((np.bincount(pass_of, values) / np.bincount(pass_of))[pass_of])

@@ -13,44 +13,27 @@ from numpy.typing import NDArray
 from estimation.arrays import Floats
 from estimation.baseline import without_baseline
 from teleop.evaluation.batch.masks import runs
-from teleop.evaluation.batch.prepared import Prepared
+from teleop.evaluation.batch.smoothed_record import SmoothedRecord
+from teleop.evaluation.batch.thresholds import (
+    FEWEST_CLIPPED,
+    FREE_TRAVEL,
+    LAG_FACTOR,
+    LEAST_MOVED,
+    LEAST_PEAK,
+    SHORTEST_CLIPPING,
+)
 from teleop.evaluation.reading.smallest_step import smallest_step
 
-TRAVEL = 4.0
-"""Smallest travel at a nearly constant force that counts as free motion or as saturation, as a
-multiple of the travel that the stiffness of the specimen permits."""
-LAG = 1.5
-"""Safety factor on the travel between a peak of the force and the later peak of the position."""
-MOVED = 0.5
-"""The travel is computed from the position without its baseline. The position with its baseline
-must travel at least this fraction of the required travel. Otherwise the tip is at rest, and only
-the removed baseline changes."""
-PEAKED = 0.3
-"""Smallest height (`peak_height`) of a smooth peak of the force, as a fraction of the parameter
-`width` of `levels`. A force with a smaller height counts as constant."""
-SHORTEST, FEWEST = 3, 8
-"""Smallest numbers of samples at exactly the highest force that indicate saturation: in one cycle,
-and in total."""
 
-
-def levels(record: Prepared, width: float) -> tuple[NDArray[np.bool_] | None, bool]:
+def free_and_saturated(
+    record: SmoothedRecord, width: float
+) -> tuple[NDArray[np.bool_] | None, bool]:
     """Find the samples in free motion, and find out whether the force sensor is saturated.
+
+    The result is None if there is no free motion.
 
     In free motion, the force stays near its minimum while the position changes. If the force sensor
     is saturated, the force stays near its maximum while the position changes.
-
-    Parameters
-    ----------
-    record
-        The prepared record.
-    width
-        Distance from the minimum or maximum of the force within which the force counts as constant
-        [N].
-
-    Returns
-    -------
-    Two values. The first is a mask of the samples in free motion, shape (n,); None if there is no
-    free motion. The second is True if the sensor is saturated.
     """
     x, f = record.palpation, record.f
     low, high = record.force_range
@@ -76,16 +59,16 @@ def levels(record: Prepared, width: float) -> tuple[NDArray[np.bool_] | None, bo
         if beside.sum() < 3:
             continue
         stiffness = float(np.median(rate[beside] / v[beside]))
-        allowed = TRAVEL * width / max(stiffness, 1e-300)
+        allowed = FREE_TRAVEL * width / max(stiffness, 1e-300)
         if bottom or b > 0.0:  # the peak of a force that lags is not earlier
-            allowed += LAG * lag
+            allowed += LAG_FACTOR * lag
         resting = np.zeros(len(f), dtype=np.bool_)
         for start, end in runs(level):
-            peak = not bottom and peak_height(f[start:end]) > PEAKED * width
+            peak = not bottom and peak_height(f[start:end]) > LEAST_PEAK * width
             travel, moved = (
                 continued(one, start, end, not bottom, margin) for one in (x, record.x)
             )
-            if not peak and travel > allowed and moved > MOVED * allowed:
+            if not peak and travel > allowed and moved > LEAST_MOVED * allowed:
                 resting[start:end] = True
         if resting.any():
             if bottom:
@@ -101,11 +84,6 @@ def peak_height(f: Floats) -> float:
     The samples are divided into three parts of equal length. The result is the mean of the middle
     part minus the mean of the two outer parts. For a peak that is a parabola, the result is 4/9 of
     its height. For a constant force, the result is nearly zero.
-
-    Parameters
-    ----------
-    f
-        Successive samples of the force [N], shape (n,).
     """
     third = len(f) // 3
     if third == 0:
@@ -120,18 +98,6 @@ def continued(x: Floats, start: int, end: int, inwards: bool, margin: int = 0) -
     lost motion (backlash) between the position sensor and the tip. This travel, in the opposite
     direction, is not counted. If the constant force is at the start or at the end of the record, a
     reversal cannot be detected. Then the whole travel is counted.
-
-    Parameters
-    ----------
-    x
-        Position [m], shape (n,).
-    start, end
-        Index of the first sample with the constant force, and index after the last such sample.
-    inwards
-        True if the force became constant in loading (the tip moves into the specimen), False if it
-        became constant in unloading.
-    margin
-        Number of samples that count as the start of the record, and as its end.
     """
     part = x[start:end] if inwards else -x[start:end]
     if start <= margin or end >= len(x) - margin:
@@ -139,22 +105,22 @@ def continued(x: Floats, start: int, end: int, inwards: bool, margin: int = 0) -
     return float(part.max() - part[0])
 
 
-def clipped(record: Prepared) -> bool:
+def clipped(record: SmoothedRecord) -> bool:
     """Return whether the force sensor is saturated.
 
     At many samples, the force of a saturated sensor is exactly equal to its maximum, while the
     position changes. Without saturation, the force can also be constant during a small travel, if
     it changes by less than the resolution of the sensor. Therefore, saturation requires a travel
-    that is several times larger (`TRAVEL`).
+    that is several times larger (`FREE_TRAVEL`).
     """
     f, x = record.raw_f, record.raw_x
     count = smallest_step(f)
-    least = TRAVEL * count * float(np.std(record.palpation)) / max(float(np.std(f)), 1e-300)
+    least = FREE_TRAVEL * count * float(np.std(record.palpation)) / max(float(np.std(f)), 1e-300)
     least = max(least, 20.0 * record.x_noise)
     at_rest = 0
     for start, end in runs(f == f.max()):
-        if end - start >= SHORTEST and continued(x, start, end, True) > least:
+        if end - start >= SHORTEST_CLIPPING and continued(x, start, end, True) > least:
             around = np.concatenate([f[max(0, 2 * start - end) : start], f[end : 2 * end - start]])
             if len(around) and f.max() - around.min() > 0.02 * np.ptp(f):
                 at_rest += end - start
-    return at_rest >= FEWEST
+    return at_rest >= FEWEST_CLIPPED

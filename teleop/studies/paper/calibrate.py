@@ -38,6 +38,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from sim_backend import CUBES, DEPTH, FORCE_LAG, LOSS_TIME, TRANSMISSION, Cube, Setup
+from teleop.control.conditions import CONDITIONS
 from teleop.names import ConditionName, CubeName
 from teleop.studies.paper.table1 import CALIBRATED, table1
 from teleop.studies.paper.trials import paper_trial
@@ -97,8 +98,9 @@ def setups(values: Vector) -> dict[tuple[str, str], Setup]:
     }
     transmission = replace(TRANSMISSION, lost_motion=lost_motion)
     return {
-        (condition, cube): Setup(cubes[cube], lag, DEPTH[condition][cube], transmission)
+        (condition, cube): Setup(cubes[cube], lag, DEPTH[moved_by][cube], transmission)
         for condition, cube in TRIALS
+        for moved_by in [CONDITIONS[condition].moved_by]
     }
 
 

@@ -14,7 +14,6 @@ from markupsafe import Markup
 
 from estimation.figures import estimates_figure
 from sim_backend import CUBES
-from teleop.control.conditions import CONDITIONS
 from teleop.errors import InputError
 from teleop.files import check_outputs, unwritable, write_text
 from teleop.output.figure_files import save
@@ -25,7 +24,7 @@ from teleop.studies.paper.claims import Claim, check_claims
 from teleop.studies.paper.methods import MethodResult, Methods, averages
 from teleop.studies.paper.page import reproduction_page
 from teleop.studies.paper.study import RESPONSES, effects_on
-from teleop.studies.paper.table1 import table1
+from teleop.studies.paper.table1 import CONDITIONS, table1
 from teleop.studies.paper.trials import (
     NO_METHODS,
     Outcome,

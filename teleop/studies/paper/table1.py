@@ -7,6 +7,11 @@ from functools import cache
 from importlib.resources import files
 from typing import NamedTuple
 
+from estimation.quantities import DAMPING, FORCE_ERROR, STIFFNESS
+from teleop.names import ConditionName
+
+TABLE_1 = (DAMPING, STIFFNESS, FORCE_ERROR)
+"""Columns of Table I."""
 ESTIMATORS = ("rls", "ai", "me")
 """Estimators of the paper: recursive least squares, adaptive identification, multi-estimator."""
 
@@ -37,6 +42,8 @@ def table1() -> dict[tuple[str, str, str], Cell]:
     }
 
 
+CONDITIONS: tuple[ConditionName, ...] = ("free", "mimic", "autonomous")
+"""Control conditions of the paper. Further conditions of the program are no part of its study."""
 CALIBRATED = ("free", "autonomous")
 """Conditions for which b and k from RLS were used to calibrate the simulated rig."""
 

@@ -19,11 +19,11 @@ from estimation.arrays import Floats
 from estimation.stiffening import Interval, MatchedSignals
 from teleop.control.excitation_signals import Sine
 from teleop.names import ConditionName, CubeName
+from teleop.settings.trial_settings import TrialSettings
 from teleop.studies.paper.methods import MethodResult, Methods, compare_methods
 from teleop.studies.paper.table1 import is_calibrated, table1
 from teleop.trial.result import Trial
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 DURATION = 10.0
 """Duration of a trial [s]."""

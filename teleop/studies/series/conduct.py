@@ -11,6 +11,7 @@ from typing import Any
 from drivers import RigError
 from teleop.errors import InputError, SafetyStop
 from teleop.files import make_folder
+from teleop.settings.trial_settings import TrialSettings
 from teleop.studies.json_lines import LOCK, locked
 from teleop.studies.series.journal import INTERRUPTED, NAME, RECORDINGS, Journal
 from teleop.studies.series.plan import Plan
@@ -19,7 +20,6 @@ from teleop.studies.series.table import write_results
 from teleop.studies.series.trials import PlannedTrial
 from teleop.trial.result import Trial
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 Ask = Callable[[Question], tuple[Answer, str]]
 """Function that asks a person whether to run a trial. It returns the answer and a note."""

@@ -13,7 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from sim_backend import DEPTH
+from teleop.control.conditions import CONDITIONS, Condition
 from teleop.errors import InputError
+from teleop.settings.configuration import complete_settings
+from teleop.settings.trial_settings import TrialSettings
 from teleop.studies.series.order import ordered
 from teleop.studies.series.plan import (
     MOST_TRIALS,
@@ -23,8 +26,6 @@ from teleop.studies.series.plan import (
     on_rig,
     plan_document,
 )
-from teleop.trial.configuration import complete_settings
-from teleop.trial.settings import TrialSettings
 
 PLACES = "[settings] or [levels]"
 """Parts of a plan in which a setting can be stated; used in error messages."""
@@ -212,7 +213,8 @@ def document_of(plan: Plan, levels: Mapping[str, str]) -> dict[str, Any]:
     if "rig" in document and "cube" in plan.factors and "cube" in document:
         cube = document.pop("cube")
         document.setdefault("specimen", cube)
-        depths = DEPTH.get(document.get("condition", "free"), {})
+        condition = CONDITIONS.get(document.get("condition", "free"), Condition)
+        depths = DEPTH[condition.moved_by]
         if cube in depths:
             document.setdefault("depth_m", depths[cube])
     return document

@@ -17,22 +17,23 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
+from estimation.quantities import DAMPING, STIFFNESS
 from estimation.summary import summarise
 from teleop.errors import InputError, SafetyStop
+from teleop.settings.configuration import settings_from
+from teleop.settings.trial_settings import TrialSettings
 from teleop.studies.series.table import RESULTS
 from teleop.studies.sweep.origin import Origin, file, origin_of, plug_ins_in
 from teleop.studies.sweep.plan import Range, SweepPlan
 from teleop.studies.sweep.points import Point, evenly
-from teleop.trial.configuration import settings_from
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 if TYPE_CHECKING:
     from teleop.studies.sweep.replay import RecordedTrial
 
 CHECKED = 100
 """Approximate number of points that are checked before a sweep begins; see `evenly`."""
-TRUTH = {"k_deepest": "true k [N/m]", "b": "true b [N s/m]"}
+TRUTH = {"k_deepest": f"true {STIFFNESS.column}", "b": f"true {DAMPING.column}"}
 """Headings of the columns with true values of a simulated trial, by the key in its summary."""
 SEED, ESTIMATOR = "seed", "estimator"
 """Headings of the columns with the seed of the trial and the name of the estimator."""

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 
 from sim_backend import CUBES, OperatorModel, Setup
-from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
+from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.recording.sinks import Memory
 from teleop.safety import Fault, Mode
 from teleop.safety.tightened_limits import TightenedLimits
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial import run as run_module
 from teleop.trial.assembly import make_clock, make_controller, make_layout, make_rig
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 SETTINGS = TrialSettings(
     clock="virtual",

@@ -26,8 +26,8 @@ from teleop.recording.recording import from_messages
 from teleop.safety import Fault, Limits, Mode, Request
 from teleop.safety.channels import DetectedFault
 from teleop.safety.limits import default_channel_limits
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.assembly import make_controller
-from teleop.trial.settings import TrialSettings
 
 PERIOD = 1e-3
 FAILED = Request(faults=(DetectedFault(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan),))

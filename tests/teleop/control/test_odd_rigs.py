@@ -14,10 +14,10 @@ from drivers import Ages, Command, RigError
 from sim_backend import SimulatedRig
 from teleop.control.conditions import Condition
 from teleop.safety import Fault, Mode
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.assembly import make_simulated_rig
 from teleop.trial.loop import Loop
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 AT = 300
 """Number of the first faulty call of the rig or the condition; the drives move then."""

@@ -9,10 +9,10 @@ from teleop.cli import main
 from teleop.control.excitation_signals import Sine
 from teleop.control.target import Target
 from teleop.errors import InputError
-from teleop.trial.configuration import read_configuration
+from teleop.settings.configuration import read_configuration
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.metadata import to_document
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 QUICK = {"clock": "virtual", "estimators": ("rls",)}
 

@@ -9,7 +9,7 @@ import pytest
 from sim_backend import OperatorModel, Transmission
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.safety.tightened_limits import TightenedLimits
-from teleop.trial.settings import TrialSettings
+from teleop.settings.trial_settings import TrialSettings
 
 
 @pytest.fixture(scope="session")

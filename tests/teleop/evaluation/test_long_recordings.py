@@ -20,17 +20,22 @@ from teleop.evaluation.batch.analysis import analyse
 from teleop.evaluation.evaluate import evaluate
 from teleop.evaluation.online.conditioned import within
 from teleop.evaluation.online.contact_bank import contact_at
+from teleop.evaluation.reading import recorded as kept_parts
 from teleop.evaluation.reading import samples
-from teleop.evaluation.reading import samples as kept_parts
-from teleop.evaluation.reading.recorded import is_replayed, recorded_settings, recorded_signals
-from teleop.evaluation.reading.samples import RecordedSamples, Samples, Sections
+from teleop.evaluation.reading.recorded import (
+    RecordedSamples,
+    Sections,
+    recorded_settings,
+    recorded_signals,
+)
+from teleop.evaluation.reading.samples import Samples, is_replayed
 from teleop.evaluation.settings import AveragedPart
 from teleop.output.fit_figures import fit_figure
 from teleop.recording import recovery, stream
 from teleop.recording.mcap_reader import read_intact
 from teleop.recording.recording import load
 from teleop.recording.recovery import messages, write_contents
-from teleop.trial.averaged import recorded_part
+from teleop.trial.recorded_trial import recorded_part
 
 
 @pytest.fixture(scope="module")

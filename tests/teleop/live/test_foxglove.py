@@ -17,8 +17,8 @@ from teleop.live.foxglove_process import FoxgloveBridge
 from teleop.live.ring import RingReader, RingWriter, ring_size
 from teleop.recording.columns import Layout
 from teleop.recording.message import MESSAGE_NAME
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 LAYOUT = Path(__file__).parents[3] / "docs/_static/foxglove-layout.json"
 

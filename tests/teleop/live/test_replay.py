@@ -10,9 +10,9 @@ import pytest
 
 from teleop.live.replay import Replay
 from teleop.live.requests import BadRequest
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.live_documents import column_documents, recorded_document
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 from .live_client import page, served
 

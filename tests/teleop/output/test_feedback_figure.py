@@ -11,8 +11,8 @@ from teleop.output.feedback_figure import feedback_figure
 from teleop.output.report_page import report_page
 from teleop.recording.recording import load
 from teleop.safety.events import ACTIVE
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 
 @pytest.fixture(scope="module")

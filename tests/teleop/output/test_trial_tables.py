@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from teleop.output.trial_tables import print_trial
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 
 @pytest.fixture(scope="module")

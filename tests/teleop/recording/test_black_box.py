@@ -16,8 +16,8 @@ from teleop.cli import main
 from teleop.output.fault_report import fault_text
 from teleop.recording.recording import load
 from teleop.safety.events import Fault, describe
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 
 @contextlib.contextmanager

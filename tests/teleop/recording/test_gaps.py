@@ -14,17 +14,17 @@ from estimation import MatchedFilter
 from teleop.cli import main
 from teleop.errors import InputError
 from teleop.evaluation.evaluate import evaluate
-from teleop.evaluation.reading.recorded import is_replayed, recorded_settings, recorded_signals
-from teleop.evaluation.reading.samples import RecordedSamples
+from teleop.evaluation.reading.recorded import RecordedSamples, recorded_settings, recorded_signals
+from teleop.evaluation.reading.samples import is_replayed
 from teleop.evaluation.reading.sampling_gaps import PiecewiseConditioner
 from teleop.evaluation.reading.signals import Signals, periods, read_signals
 from teleop.evaluation.settings import EstimateSettings
 from teleop.recording.gaps import GapFinder, missing_text, missing_ticks
 from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import load
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.later_estimates import LaterEstimates
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 
 def ticks_without(lost, count=200, skipped=()):

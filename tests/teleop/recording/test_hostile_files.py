@@ -18,14 +18,14 @@ from mcap.writer import CompressionType, Writer
 from estimation.estimate_columns import estimators_in
 from teleop.cli import main
 from teleop.errors import InputError
-from teleop.evaluation.reading.samples import MEASURED, measured
+from teleop.evaluation.reading.recorded import MEASURED, measured
 from teleop.recording import mcap_checks
 from teleop.recording.mcap_checks import message_size, read_event
 from teleop.recording.mcap_reader import read_intact
 from teleop.recording.recording import load
 from teleop.recording.stream import RecordingStream
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 DEFINITION = "float64 time  # [s] since\nfloat64 x  # [m] displacement\n"
 

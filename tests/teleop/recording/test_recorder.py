@@ -24,8 +24,8 @@ from teleop.recording.process import FLUSH
 from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import load
 from teleop.safety import Event, Fault, Mode
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 QUICK = TrialSettings(clock="virtual", duration=1.0)
 LAYOUT = Layout(paper_preset().bank())

@@ -7,7 +7,7 @@ import pytest
 from mcap.records import MessageIndex
 
 from teleop.cli import main
-from teleop.evaluation.reading.recorded import is_replayed
+from teleop.evaluation.reading.samples import is_replayed
 from teleop.recording import stream
 from teleop.recording.recording import load
 

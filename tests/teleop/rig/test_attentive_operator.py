@@ -7,10 +7,10 @@ import pytest
 
 from sim_backend import AttentiveOperator
 from sim_backend.wire.mechanism import NEVER
+from teleop.settings.ranges import COUNT_IN
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.assembly import make_simulated_rig
-from teleop.trial.ranges import COUNT_IN
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 
 def trial(condition, cube="soft", seed=1):

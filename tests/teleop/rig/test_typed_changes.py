@@ -12,8 +12,8 @@ from drivers.rig_file import read_rig_file
 from sim_backend.wire.mechanism import NEVER, PUT_BACK, Mechanism
 from teleop.errors import InputError
 from teleop.rig.emulation import Palpation, TypedLines
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.assembly import make_simulated_rig
-from teleop.trial.settings import TrialSettings
 
 BOARD = Path(__file__).parents[3] / "rigs" / "serial-board.toml"
 

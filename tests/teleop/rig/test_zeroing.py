@@ -31,9 +31,9 @@ from teleop.rig.zeroing import (
 )
 from teleop.safety import Fault, Limits
 from teleop.safety.channels import ChannelLimits
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.assembly import make_controller
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 FILE = {"master_force": 0.5, "contact_force": -0.25, "slave_position": 1e-3, "date": "2026"}
 """A file of teleop 0.1, without the name of a rig."""

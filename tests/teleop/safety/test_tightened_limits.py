@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from teleop.errors import InputError
 from teleop.safety import Limits
 from teleop.safety.tightened_limits import TightenedLimits
-from teleop.trial.settings import TrialSettings
+from teleop.settings.trial_settings import TrialSettings
 
 RIG = Limits()
 NAMES = [field.name for field in fields(TightenedLimits)]

@@ -18,10 +18,10 @@ from teleop.cli import main
 from teleop.commands.series import note_of_person
 from teleop.control.excitation_signals import Sine
 from teleop.errors import InputError
+from teleop.settings.configuration import read_configuration
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.arming import arming_text, is_armed
-from teleop.trial.configuration import read_configuration
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 BOARD = Path(__file__).parents[3] / "rigs" / "serial-board.toml"
 STATED = ("--specimen", "liver", "--depth", "3mm")

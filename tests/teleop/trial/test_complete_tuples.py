@@ -8,8 +8,8 @@ import pytest
 
 from drivers import new_tuple
 from teleop.control.feedback.settings import FeedbackSettings
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 
 @pytest.fixture

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from estimation import MODELS
-from sim_backend.channel import ChannelSettings
 from teleop.cli import main
+from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.errors import InputError
-from teleop.evaluation.reading import samples as kept_parts
+from teleop.evaluation.reading import recorded as kept_parts
 from teleop.evaluation.teleoperation import loop_oscillation, rendering
 from teleop.evaluation.teleoperation.tracking import tracking
 from teleop.recording import recording_file, recovery, stream, timing
@@ -21,9 +21,9 @@ from teleop.recording.mcap_reader import read_intact
 from teleop.recording.recording import load
 from teleop.recording.recording_file import RecordingFile, recorded_ticks
 from teleop.recording.recovery import messages, write_contents
+from teleop.settings.trial_settings import TrialSettings
+from teleop.trial.recorded_trial import tracked_ticks
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
-from teleop.trial.tracked import tracked_ticks
 
 STIFFENING = MODELS["stiffening"]
 QUICK = TrialSettings(clock="virtual", duration=2.0, seed=2)

@@ -13,8 +13,8 @@ from teleop.evaluation.teleoperation.tracking import tracking
 from teleop.output.tracking_figure import tracking_figure
 from teleop.output.web_page import svg
 from teleop.recording.recording import Recording, load
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 
 @pytest.fixture(scope="module")

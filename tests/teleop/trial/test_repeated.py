@@ -16,10 +16,10 @@ from teleop.live.cells import ARM, END, PROCESS, SIZE, STOP, CellReader, CellWri
 from teleop.live.ring import RingWriter, ring_size
 from teleop.recording.recording import load
 from teleop.recording.sinks import Outcome, Sink
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.page_requests import PagePointer, PageRequests
 from teleop.trial.repeated import repeated
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 DURATIONS = ("read_time", "compute_time", "write_time")
 

@@ -26,21 +26,21 @@ from sim_backend import (
 )
 from sim_backend.faults import Disobedient, FaultyRig
 from teleop.control.clock import VirtualClock
-from teleop.control.conditions import Teleoperation
+from teleop.control.conditions import CONDITIONS, Teleoperation
 from teleop.control.tare import NO_TARE, Tare
 from teleop.errors import InputError
 from teleop.recording.recording import Recording, load
 from teleop.recording.timing import PARTS, RunningTiming
 from teleop.safety import Mode, Request
 from teleop.safety.checks import REST
+from teleop.settings.configuration import read_configuration
+from teleop.settings.documents import to_document
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial import later_estimates
 from teleop.trial.assembly import make_clock
-from teleop.trial.configuration import read_configuration
 from teleop.trial.loop import Loop
 from teleop.trial.rehearsal import check_wire, tick_cost
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_json import to_document
 from teleop.trial.stop_switch import StopSwitch
 
 RIGS = Path(__file__).parents[3] / "rigs"
@@ -58,7 +58,7 @@ def palpation(condition="free", cube="soft"):
 def test_each_condition_palpates_each_cube_and_finds_its_stiffness(condition, cube):
     columns = palpation(condition, cube).columns
     assert 3000 <= len(columns["time"]) <= 3020
-    depth = DEPTH[condition][cube]
+    depth = DEPTH[CONDITIONS[condition].moved_by][cube]
     assert 0.6 * depth < columns["slave_position"].max() < 1.4 * depth
     assert columns["slave_position"].min() > -0.05 * depth
     body = CUBES[cube]
@@ -359,7 +359,7 @@ def test_the_rehearsal_is_active_for_any_tare_and_limits(monkeypatch, tare):
 
 def test_a_rehearsal_with_a_safety_stop_is_refused(monkeypatch):
     limits = replace(QUICK.raw_limits, soft_force=0.1, hard_force=0.2)
-    monkeypatch.setattr("teleop.trial.settings.palpation_limits", lambda *_: limits)
+    monkeypatch.setattr("teleop.settings.trial_settings.palpation_limits", lambda *_: limits)
     with pytest.raises(InputError, match="rehearsal on the simulated rig: stopped .* force limit"):
         tick_cost(TrialSettings(condition="autonomous", duration=1.0))
 

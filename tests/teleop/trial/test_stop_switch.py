@@ -8,8 +8,8 @@ import signal
 import pytest
 
 from teleop.safety import Fault
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 

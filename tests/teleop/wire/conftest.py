@@ -27,10 +27,10 @@ from drivers.wired_rig import WiredRig
 from sim_backend.wire.emulator import Emulator, PlannedFault, host_file
 from sim_backend.wire.mechanism import NEVER
 from teleop.safety.rig_limits import rig_limits
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.assembly import make_simulated_rig
 from teleop.trial.result import Trial
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 RIGS = Path(__file__).parents[3] / "rigs"
 

@@ -10,9 +10,9 @@ from teleop.recording.columns import Layout
 from teleop.recording.recording import from_messages
 from teleop.safety.soft_limits import VELOCITY
 from teleop.safety.tightened_limits import TightenedLimits
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.metadata import session_metadata
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 SECONDS = 2.0
 

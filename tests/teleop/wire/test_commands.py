@@ -20,7 +20,7 @@ from drivers.transports.can_bus import CanBus
 from sim_backend.wire.emulator import Emulator, host_file
 from teleop.cli import main
 from teleop.rig.emulation import make_emulator
-from teleop.trial.settings import TrialSettings
+from teleop.settings.trial_settings import TrialSettings
 
 from .conftest import was_busy
 

@@ -180,7 +180,7 @@ def test_a_wrong_sign_or_scale_of_the_velocity_channel_alone_is_refused(in_memor
 
 @pytest.mark.parametrize("name", RIGS)
 def test_a_sound_rig_passes_and_its_watchdogs_act(in_memory, name):
-    rigid = replace(paper_setup("autonomous", "soft"), transmission=RIGID)
+    rigid = replace(paper_setup("injector", "soft"), transmission=RIGID)
     checked = Checked(in_memory(name, custom_setup=rigid))
     assert checked.stayed_small()
     assert checked.report.fault is None

@@ -22,8 +22,8 @@ from sim_backend.wire.emulator import host_file
 from teleop.cli import main
 from teleop.recording.recording_file import recorded_ticks
 from teleop.rig.emulation import make_emulator
+from teleop.settings.trial_settings import TrialSettings
 from teleop.studies.series.journal import Journal
-from teleop.trial.settings import TrialSettings
 
 from .conftest import was_busy
 

@@ -10,19 +10,19 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from sim_backend import OperatorModel, Transmission
-from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.bilateral import BilateralLink
+from teleop.control.channel import ChannelSettings
 from teleop.control.feedback import oscillation
 from teleop.control.feedback.oscillation import MEMORY, MOST_SHARE, Oscillation
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.evaluation.teleoperation import loop_oscillation
-from teleop.evaluation.teleoperation.rendering import SETTLING
+from teleop.evaluation.teleoperation.thresholds import SETTLING
 from teleop.safety import Fault
 from teleop.safety.tightened_limits import TightenedLimits
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.assembly import make_link
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 SECONDS = MEMORY + 2.0
 FREQUENCIES = st.floats(7.0, 40.0)

@@ -7,9 +7,9 @@ import pytest
 
 from estimation import MODELS, Regression, paper_preset
 from teleop.evaluation.online.model_comparison import compare
+from teleop.settings.trial_settings import TrialSettings
 from teleop.studies.paper.methods import Methods, averages, compare_methods
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 
 def palpation(seconds=6.0, k=2100.0, seed=0):

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_backend import operators
-from sim_backend.channel import ChannelSettings
 from teleop.control import bilateral
+from teleop.control.channel import ChannelSettings
 from teleop.evaluation.teleoperation.loop_oscillation import (
     LEAST_DAMPING,
     MOST_SUSTAINED,
@@ -21,7 +21,7 @@ from teleop.evaluation.teleoperation.loop_oscillation import (
 )
 from teleop.evaluation.teleoperation.rendering import hand
 from teleop.safety.events import ACTIVE
-from teleop.trial.feedback_checks import arm_damping
+from teleop.settings.feedback_checks import arm_damping
 from teleop.trial.run import run_trial
 
 STEP = 1e-3

@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from sim_backend import Sensors
-from sim_backend.channel import ChannelSettings
+from teleop.control.channel import ChannelSettings
 from teleop.evaluation.teleoperation.rendering import hand
 from teleop.safety.events import ACTIVE
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 
 def test_stiffness_at_hand_and_slave_is_that_of_the_same_motion(feedback_settings):

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from teleop.control.target import Target
 from teleop.evaluation.teleoperation.tracking import tracking
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 T = np.arange(0.0, 12.0, 1e-3)
 

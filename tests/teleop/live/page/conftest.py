@@ -179,9 +179,8 @@ class TrialFeed(Feed):
     def __init__(self, mode="active", estimators=("rls", "me"), further=(), values=None, **trial):
         self.estimators, self.values = estimators, values or {}
         known = [column.name for column in COLUMNS] + ["dropped", "pointer_depth", "pointer_grip"]
-        parts = ("k", "b", "k_std", "b_std", "held", "misfit", *further)
-        parts += tuple(f"{part}_std" for part in further)
-        known += [f"{name}_{part}" for name in self.estimators for part in parts]
+        parts = ("k", "b", "k_std", "b_std", "held", "misfit")
+        known += [f"{name}_{part}" for name in self.estimators for part in (*parts, *further)]
         self.names = shown_columns(known, self.estimators)
         self.history = History(len(self.names))
         self.mode = mode
@@ -197,7 +196,7 @@ class TrialFeed(Feed):
             "version": 1,
             "kind": "live",
             "columns": [{"name": name, "unit": "-", "meaning": ""} for name in self.names],
-            "estimators": estimator_indices(known, self.names, self.estimators),
+            "estimators": estimator_indices(self.names, self.estimators),
             "rate": 1000.0,
             "may_arm": True,
             "pointer": True,

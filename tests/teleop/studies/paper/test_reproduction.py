@@ -6,12 +6,12 @@ import json
 
 import pytest
 
-from sim_backend import CUBES, DEPTH
+from sim_backend import CUBES
 from teleop.cli import main
 from teleop.studies.paper.claims import check_claims
 from teleop.studies.paper.page import reproduction_page
 from teleop.studies.paper.reproduction import reproduce
-from teleop.studies.paper.table1 import is_calibrated, table1
+from teleop.studies.paper.table1 import CONDITIONS, is_calibrated, table1
 from teleop.studies.paper.trials import Damping, Outcome, paper_trial
 
 from ...html_page import Page
@@ -33,7 +33,7 @@ def test_calibrated_are_the_rls_cells_of_free_and_autonomous():
 
 
 def test_force_channel_and_slave_are_the_same_in_all_nine_trials():
-    setups = [paper_trial(condition, cube).setup for condition in DEPTH for cube in CUBES]
+    setups = [paper_trial(condition, cube).setup for condition in CONDITIONS for cube in CUBES]
     assert len({(setup.force_lag, setup.transmission) for setup in setups}) == 1
 
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from sim_backend import DEPTH
+from teleop.control.conditions import CONDITIONS
 from teleop.errors import InputError
 from teleop.studies.series import trials as series_trials
 from teleop.studies.series.plan import Plan, checked_plan, plan_document
@@ -184,7 +185,7 @@ def test_on_a_rig_of_devices_a_cube_is_a_specimen_with_the_depth_of_the_paper():
         assert settings.rig_name == "serial board"
         assert settings.clock == "real"
         assert (settings.condition, settings.specimen) == (levels["condition"], levels["cube"])
-        assert settings.depth == DEPTH[levels["condition"]][levels["cube"]]
+        assert settings.depth == DEPTH[CONDITIONS[levels["condition"]].moved_by][levels["cube"]]
 
 
 def test_a_stated_depth_replaces_that_of_the_paper(tmp_path):

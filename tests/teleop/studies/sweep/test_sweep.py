@@ -22,6 +22,7 @@ from estimation.registry import Offered
 from teleop.cli import main
 from teleop.control.admittance import AdmittanceParameters
 from teleop.errors import InputError
+from teleop.settings.trial_settings import TrialSettings
 from teleop.studies.sweep.conduct import conduct
 from teleop.studies.sweep.executors import in_processes
 from teleop.studies.sweep.origin import differences, plug_in, plug_ins_in, versions
@@ -29,7 +30,6 @@ from teleop.studies.sweep.plan import SweepPlan, read_plan
 from teleop.studies.sweep.points import Point, points_of
 from teleop.studies.sweep.tasks import Computed, computed, results, task_of
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 PLAN = """
 name = "short"

@@ -17,14 +17,14 @@ from teleop.cli import main
 from teleop.control.tare import Tare, write_tare
 from teleop.errors import InputError
 from teleop.recording.recording import load
-from teleop.trial.configuration import (
+from teleop.settings.configuration import (
     configuration_schema,
     read_configuration,
     write_configuration,
 )
+from teleop.settings.documents import NAMES, from_document, to_document
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_json import NAMES, from_document, to_document
 
 SHORT = ["--clock", "virtual", "--duration", "0.3"]
 RIG = Path(__file__).parents[3] / "rigs" / "serial-board.toml"

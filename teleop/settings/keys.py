@@ -11,7 +11,7 @@ from difflib import get_close_matches
 from types import UnionType
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
-from teleop.trial.settings import TrialSettings
+from teleop.settings.trial_settings import TrialSettings
 
 NAMES = {
     "duration": "duration_s",

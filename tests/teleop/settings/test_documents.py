@@ -32,9 +32,9 @@ from teleop.errors import InputError
 from teleop.json_documents import dumps, loads
 from teleop.safety import Limits
 from teleop.safety.tightened_limits import NOT_TIGHTENED, TightenedLimits
-from teleop.trial.configuration import read_configuration, write_configuration
-from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_json import from_document, to_document
+from teleop.settings.configuration import read_configuration, write_configuration
+from teleop.settings.documents import from_document, to_document
+from teleop.settings.trial_settings import TrialSettings
 
 RIGS = sorted((Path(__file__).parents[3] / "rigs").glob("*.toml"))
 

@@ -1,6 +1,6 @@
 """Read and write configuration files, which contain the settings of a trial in TOML.
 
-The keys are the same as in the JSON document of the settings, see `teleop.trial.settings_json`.
+The keys are the same as in the JSON document of the settings, see `teleop.settings.documents`.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from teleop.control.tare import read_tare
 from teleop.errors import InputError
 from teleop.files import RECORDING, unreadable
 from teleop.recording.recording import load
-from teleop.trial.feedback_checks import check_feedback
-from teleop.trial.rig_loading import load_rig_file
-from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_checks import SettingsError
-from teleop.trial.settings_json import DERIVED, adapter, from_document, to_document
-from teleop.trial.settings_keys import NAMES
+from teleop.settings.checks import SettingsError
+from teleop.settings.documents import DERIVED, adapter, from_document, to_document
+from teleop.settings.feedback_checks import check_feedback
+from teleop.settings.keys import NAMES
+from teleop.settings.rig_loading import load_rig_file
+from teleop.settings.trial_settings import TrialSettings
 
 if TYPE_CHECKING:
     from tomlkit.items import Table

@@ -10,14 +10,14 @@ from pydantic import Discriminator
 
 from drivers.rig_file import RigFile
 from estimation import Preset, paper_preset
-from estimation.conditioner_choice import make_conditioner
-from estimation.conditioning import BANDWIDTH, Conditioner
+from estimation.conditioning import BANDWIDTH, Conditioner, make_conditioner
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.own_settings import OwnSettings
 from estimation.registry import PAPER
 from sim_backend import DEPTH, OperatorModel, PlantParameters, Sensors, Setup, paper_setup
-from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
+from teleop.control.channel import ChannelSettings
+from teleop.control.conditions import CONDITIONS, Condition, IntendedMotion
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import AnySignal, Sine
 from teleop.control.feedback.settings import FeedbackSettings
@@ -25,12 +25,12 @@ from teleop.control.tare import NO_TARE, Tare
 from teleop.control.target import Target
 from teleop.names import ClockName, ConditioningName, ConditionName, CubeName
 from teleop.safety import Limits
-from teleop.safety.palpation_limits import palpation_limits
 from teleop.safety.rig_limits import rig_limits
 from teleop.safety.tightened_limits import NOT_TIGHTENED, TightenedLimits
-from teleop.trial import ranges
-from teleop.trial.custom_class import CustomClass
-from teleop.trial.settings_checks import check_settings
+from teleop.settings import ranges
+from teleop.settings.checks import check_settings
+from teleop.settings.custom_class import CustomClass
+from teleop.settings.palpation_limits import palpation_limits
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ class TrialSettings:
 
         On a hardware rig, only the depth of palpation is used.
         """
-        setup = self.custom_setup or paper_setup(self.condition, self.cube)
+        setup = self.custom_setup or paper_setup(self.named_condition.moved_by, self.cube)
         return replace(setup, depth=self.depth) if self.depth else setup
 
     @property
@@ -136,16 +136,40 @@ class TrialSettings:
         """Excitation signal in the condition `autonomous`, or motion of the target in `mimic`.
 
         This is the setting `signal` or, if `signal` is None, a sine whose frequency depends on the
-        condition (`ranges.FREQUENCY`).
+        condition.
         """
-        return self.signal or Sine(ranges.FREQUENCY.get(self.condition, 2.0))
+        return self.signal or Sine(self.named_condition.default_frequency)
 
     @property
-    def target(self) -> Target:
-        """Sinusoidal target position, which the operator follows in the condition `mimic`."""
+    def named_condition(self) -> type[Condition]:
+        """Class of the condition with the name `condition`. It selects the simulated operator."""
+        return CONDITIONS.get(self.condition, Condition)  # a wrong name is found by the checks
+
+    @property
+    def condition_type(self) -> type[Condition]:
+        """Class that states the properties of the condition of this trial.
+
+        Only the name of a class of the user is known here. It has the properties of `Condition`.
+        """
+        return Condition if self.custom_condition else self.named_condition
+
+    @property
+    def intended_motion(self) -> IntendedMotion:
+        """Settings that determine the intended motion of the slave, for the condition."""
         usual = ranges.COUNT_IN if self.rig else 0.0
-        count_in = usual if self.count_in is None else self.count_in
-        return Target(self.excitation.highest, self.setup.depth, count_in)
+        return IntendedMotion(
+            self.excitation,
+            self.setup.depth,
+            usual if self.count_in is None else self.count_in,
+            self.duration,
+            self.admittance,
+            self.coupling.scale,
+        )
+
+    @property
+    def target(self) -> Target | None:
+        """Target position, which the operator follows; None if the condition has no target."""
+        return self.condition_type.target_for(self.intended_motion)
 
     @property
     def loop_rate(self) -> float:
@@ -260,7 +284,7 @@ class TrialSettings:
             return self.preset
         preset = paper_preset("soft" if self.rig else self.cube)
         if self.rig and self.depth:
-            preset = preset.for_depth(self.depth, DEPTH[self.condition]["soft"])
+            preset = preset.for_depth(self.depth, DEPTH[self.named_condition.moved_by]["soft"])
         return replace(
             preset,
             estimators=self.estimators,

@@ -16,12 +16,10 @@ NAME = 100
 """Largest number of characters of the name of a specimen or an operator."""
 NOTES = 10_000
 """Largest number of characters of the notes."""
-FREQUENCY = {"mimic": 1.0, "autonomous": 2.0}
-"""Frequency of the sine [Hz] if the settings have no signal, by condition."""
 RATE = 1000.0
 """Rate of the control loop [Hz], if neither the settings nor a rig file state it."""
 COUNT_IN = 3.0
-"""Time at the start of a `mimic` trial in which the target does not move, on a hardware rig [s]."""
+"""Time at the start of a trial in which a target does not move, on a hardware rig [s]."""
 
 
 def longest_duration(rate: float) -> float:

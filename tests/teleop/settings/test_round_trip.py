@@ -13,17 +13,17 @@ from hypothesis import strategies as st
 from estimation import MODELS
 from estimation.own_settings import OwnSettings
 from sim_backend import OperatorModel, Sensors
-from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
+from teleop.control.channel import ChannelSettings
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import Chirp, Multisine, Sine
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.control.tare import Tare
 from teleop.recording.recording import load
 from teleop.safety.tightened_limits import TightenedLimits
-from teleop.trial.configuration import read_configuration, write_configuration
+from teleop.settings.configuration import read_configuration, write_configuration
+from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 VARIED = {
     "cube": st.sampled_from(["soft", "medium", "hard"]),

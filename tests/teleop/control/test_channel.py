@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_backend.channel import ChannelSettings, Direction, parse_channel
+from teleop.control.channel import ChannelSettings, Direction, parse_channel
 
 SETTINGS = st.builds(
     ChannelSettings,

@@ -25,8 +25,8 @@ from sim_backend import (
     Setup,
     Transmission,
 )
-from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
+from teleop.control.channel import ChannelSettings
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import Chirp, Multisine, Sine
 from teleop.control.feedback.settings import FeedbackSettings
@@ -34,10 +34,10 @@ from teleop.control.tare import Tare
 from teleop.errors import InputError
 from teleop.safety import ChannelLimits, Limits
 from teleop.safety.tightened_limits import TightenedLimits
-from teleop.trial.custom_class import CustomClass
-from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_checks import SettingsError
-from teleop.trial.settings_keys import FIELDS, NAMES, expected_form, unknown_key
+from teleop.settings.checks import SettingsError
+from teleop.settings.custom_class import CustomClass
+from teleop.settings.keys import FIELDS, NAMES, expected_form, unknown_key
+from teleop.settings.trial_settings import TrialSettings
 
 DERIVED = {
     "preset": ": expected estimator_parameters or custom_preset",

@@ -7,12 +7,13 @@ import math
 import numpy as np
 
 from estimation.arrays import Floats
-from sim_backend.channel import ChannelSettings
+from estimation.quantities import STIFFNESS
 from sim_backend.plant import UNATTENDED
+from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.control.feedback.stability import DelayedLoop
 from teleop.errors import InputError
-from teleop.trial.settings import TrialSettings
+from teleop.settings.trial_settings import TrialSettings
 
 LOOP_DELAY = 1.5
 """Delay of the control loop in periods. A sample is at most one period old. A command is held for
@@ -51,7 +52,7 @@ def check_feedback(settings: TrialSettings) -> str:
     if delay < loop.safe_delay:
         return warning
     raise InputError(
-        f"feedback position-force: unstable with k = {loop.k:.0f} N/m and a delay of "
+        f"feedback position-force: unstable with k = {STIFFNESS.text(loop.k)} and a delay of "
         f"{delay * 1e3:.1f} ms, of which {trip * 1e3:.1f} ms are the round trip: expected a delay "
         f"below {loop.safe_delay * 1e3:.1f} ms, or feedback model-mediated"
     )

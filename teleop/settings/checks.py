@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, get_args
 
 from sim_backend import CUBES
 from teleop.control.conditions import CONDITIONS
-from teleop.control.excitation_signals import Sine
 from teleop.errors import InputError
 from teleop.names import ClockName
 from teleop.printable import is_unicode
-from teleop.trial import ranges
+from teleop.settings import ranges
 
 if TYPE_CHECKING:
-    from teleop.trial.settings import TrialSettings
+    from teleop.settings.trial_settings import TrialSettings
 
 RIG_FIELDS = frozenset(("condition", "cube", "depth", "rig", "signal", "tare"))
 """Names of the settings that `problems_of_rig` needs to check the limits of the rig."""
@@ -94,7 +93,7 @@ def values_out_of_range(settings: TrialSettings) -> Iterator[tuple[tuple[str, ..
     For each problem, a tuple with the names of the settings that cause the problem, and a message.
     """
     for name, value, allowed in (
-        ("condition", settings.condition, CONDITIONS),
+        ("condition", settings.condition, tuple(CONDITIONS)),
         ("cube", settings.cube, tuple(CUBES)),
         ("clock", settings.clock, get_args(ClockName)),
     ):
@@ -154,11 +153,19 @@ def inconsistent_values(settings: TrialSettings) -> Iterator[str]:
     For example, the signal must be a sine in the condition `mimic`. `problems_of_rig` finds the
     problems that depend on the rig.
     """
-    if settings.condition == "mimic" and not isinstance(settings.excitation, Sine):
-        yield f"signal {settings.excitation.kind}: expected a sine, which the operator follows"
+    condition, motion = settings.named_condition, settings.intended_motion
+    if settings.excitation.kind not in condition.signal_kinds:
+        kinds = " or ".join(condition.signal_kinds)
+        yield (
+            f"signal {settings.excitation.kind}: not in {settings.condition}: expected a {kinds}"
+        )
     yield from settings.feedback.problems(settings.condition, None)
-    if settings.operator_model.aim_force and settings.condition != "free":
-        yield f"operator_model.aim_force: not in {settings.condition}: expected condition free"
+    if settings.operator_model.aim_force and not condition.is_free(motion):
+        free = [name for name, one in CONDITIONS.items() if one.is_free(motion)]
+        yield (
+            f"operator_model.aim_force: not in {settings.condition}: expected condition "
+            f"{' or '.join(free)}"
+        )
     try:
         settings.estimation_preset.bank()
     except ValueError as error:
@@ -172,15 +179,13 @@ def inconsistent_values(settings: TrialSettings) -> Iterator[str]:
 
 def problems_of_rig(settings: TrialSettings) -> Iterator[str]:
     """Yield a message for each problem that depends on the rig and its limits."""
-    if (
-        settings.condition == "mimic"
-        and settings.rig
-        and isinstance(settings.excitation, Sine)
-        and settings.duration < settings.target.shortest
-    ):
+    condition = settings.named_condition
+    target = condition.target_for(settings.intended_motion)
+    accepted = settings.excitation.kind in condition.signal_kinds
+    if target and accepted and settings.rig and settings.duration < target.shortest:
         yield (
             f"duration {settings.duration:g} s: expected count-in and two periods of the target, "
-            f"{settings.target.shortest:g} s or more"
+            f"{target.shortest:g} s or more"
         )
     yield from settings.feedback.problems(settings.condition, settings.rig)
     if settings.rig and settings.clock != "real":

@@ -12,26 +12,26 @@ import pytest
 
 from drivers import Command
 from sim_backend import CUBES, OperatorModel
-from sim_backend.channel import ChannelSettings
 from sim_backend.plant import Plant, PlantParameters
 from teleop.cli import main
 from teleop.control.admittance import AdmittanceParameters
+from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.errors import InputError
-from teleop.trial.assembly import make_link
-from teleop.trial.configuration import read_configuration, write_configuration
-from teleop.trial.feedback_checks import (
+from teleop.settings.configuration import read_configuration, write_configuration
+from teleop.settings.feedback_checks import (
     PASSIVITY_OFFERED,
     arm_damping,
     check_feedback,
     delayed_loop,
     lag,
 )
+from teleop.settings.rig_loading import load_rig_file
+from teleop.settings.trial_settings import TrialSettings
+from teleop.trial.assembly import make_link
 from teleop.trial.rehearsal import tick_cost
-from teleop.trial.rig_loading import load_rig_file
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 ROOT = Path(__file__).parents[3]
 RUN = ("run", "--clock", "virtual", "--no-record", "--duration", "1.5")

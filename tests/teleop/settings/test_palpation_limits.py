@@ -8,9 +8,9 @@ import pytest
 
 from sim_backend import CUBES, DEPTH, TRANSMISSION, Setup, Transmission
 from teleop.safety import Limits
-from teleop.safety.palpation_limits import palpation_limits
+from teleop.settings.palpation_limits import palpation_limits
 
-CASES = [(condition, cube) for condition in DEPTH for cube in CUBES]
+CASES = [(moved_by, cube) for moved_by in DEPTH for cube in CUBES]
 COMPLIANCE = 2e-6
 
 
@@ -26,8 +26,8 @@ def fastest(request):
 
 @pytest.fixture(params=CASES, ids="-".join)
 def case(request):
-    condition, cube = request.param
-    return CUBES[cube], DEPTH[condition][cube]
+    moved_by, cube = request.param
+    return CUBES[cube], DEPTH[moved_by][cube]
 
 
 @pytest.fixture
