@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
 
 # A process that needs only one light module, such as `estimation.quantities`, does not load all
-# estimators: the recorder and the live process start 0.35 s earlier.
+# estimators: the recorder and the live process start 0.35 s earlier. No public name may be the name
+# of a module of this package, because the import of that module would hide it.
 def __getattr__(name: str) -> Any:
     """Return a public name of the package, and load the estimators at its first use."""
     return getattr(import_module("estimation.public"), name)

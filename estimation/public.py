@@ -1,6 +1,7 @@
 """The public names of the package, which `estimation` provides."""
 
 from estimation.bank import Bank
+from estimation.batch_fit import Fit, least_squares
 from estimation.conditioning import (
     Conditioner,
     FilteredDifference,
@@ -13,7 +14,6 @@ from estimation.estimator import Estimate, Estimates, Estimator
 from estimation.excitation import Excitation
 from estimation.gate import Gate, GateSettings
 from estimation.identification import Identification, identify
-from estimation.least_squares import Fit, least_squares
 from estimation.methods.adaptive_identification import AdaptiveIdentification
 from estimation.methods.batch_window import BatchWindow
 from estimation.methods.grid import Axis, Grid
