@@ -293,7 +293,7 @@ def check_estimator(estimator: Estimator) -> None:
         check(deepcopy(estimator))
 
 
-class Signals(NamedTuple):
+class CheckSignals(NamedTuple):
     """Signals of n samples. They are the arguments of `Estimator.run`."""
 
     x: Floats
@@ -308,7 +308,9 @@ class Signals(NamedTuple):
     """The model's regressors besides v and x, shape (n, regressors - 2)."""
 
 
-def palpation(estimator: Estimator, n: int = 2000, noise: float = 0.1, seed: int = 0) -> Signals:
+def palpation(
+    estimator: Estimator, n: int = 2000, noise: float = 0.1, seed: int = 0
+) -> CheckSignals:
     """Return the signals of a palpation of a Kelvin-Voigt body, with noise and uneven sampling.
 
     The displacement is a sum of two sines around a depth of 5 mm.
@@ -321,7 +323,7 @@ def palpation(estimator: Estimator, n: int = 2000, noise: float = 0.1, seed: int
     x = 5e-3 + 3e-3 * np.sin(8.0 * t) + 0.5e-3 * np.sin(31.0 * t)
     v = 24e-3 * np.cos(8.0 * t) + 15.5e-3 * np.cos(31.0 * t)
     f = 20.0 * v + 2100.0 * x + rng.normal(0.0, noise, n)
-    return Signals(x, v, f, dt, further_regressors(estimator, x, v, f))
+    return CheckSignals(x, v, f, dt, further_regressors(estimator, x, v, f))
 
 
 def further_regressors(estimator: Estimator, x: Floats, v: Floats, f: Floats) -> Floats | None:
@@ -334,7 +336,7 @@ def further_regressors(estimator: Estimator, x: Floats, v: Floats, f: Floats) ->
     return np.column_stack(columns) if columns else None
 
 
-def degenerate(estimator: Estimator) -> Iterator[Signals]:
+def degenerate(estimator: Estimator) -> Iterator[CheckSignals]:
     """Yield signals that can cause a division by zero, an overflow or an underflow.
 
     Displacement, velocity and force are zero, constant, sinusoidal or random. Their magnitudes are
@@ -362,10 +364,10 @@ def degenerate(estimator: Estimator) -> Iterator[Signals]:
             for period in (1e-9, 1e-3, 1e6):
                 xs, vs, fs = size * x, size * v, size * f
                 further = further_regressors(estimator, np.clip(xs, -1e6, 1e6), vs, fs)
-                yield Signals(xs, vs, fs, np.full(n, period), further)
+                yield CheckSignals(xs, vs, fs, np.full(n, period), further)
 
 
-def held_and_gaps(s: Signals) -> Iterator[Signals]:
+def held_and_gaps(s: CheckSignals) -> Iterator[CheckSignals]:
     """Yield two variants of the signals `s`.
 
     In the first variant, x, v and f are zero for 200 samples. In the second variant, the time
@@ -373,7 +375,7 @@ def held_and_gaps(s: Signals) -> Iterator[Signals]:
     """
     moving = np.ones_like(s.x)
     moving[200:400] = 0.0
-    yield Signals(s.x * moving, s.v * moving, s.f * moving, s.dt, s.further)
+    yield CheckSignals(s.x * moving, s.v * moving, s.f * moving, s.dt, s.further)
     dt = s.dt.copy()
     dt[[300, 800, 801]] = (0.5, 100.0, 1e-6)
     yield s._replace(dt=dt)

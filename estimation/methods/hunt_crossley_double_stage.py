@@ -19,8 +19,9 @@ from estimation.methods.hunt_crossley import (
     STEEPEST,
     STIFFNESS,
     TOUCH,
-    check_contact,
+    HuntCrossleyParameters,
     clamp,
+    contact_parameters,
 )
 from estimation.step import B, K, Regressors, State
 
@@ -30,22 +31,6 @@ FARTHEST = 20.0
 """Upper limit of ln(x / x0)."""
 LEAST_RELATIVE = 1e-30
 """The fit of ln f uses a sample only if (K x0^n + B x0^n v) / f is larger than this value."""
-
-
-@dataclass(frozen=True, slots=True)
-class DoubleStageParameters:
-    """Constant settings of the estimator `DoubleStage`, which `step` reads."""
-
-    rate: float
-    """1 / memory [1/s]."""
-    x0: float
-    """Typical displacement [m]."""
-    v0: float
-    """Typical velocity [m/s]."""
-    threshold: float
-    """A sample with this force or less is treated as no contact [N]."""
-    log_x0: float
-    """ln x0."""
 
 
 @dataclass(slots=True)
@@ -71,7 +56,7 @@ class DoubleStageState(State):
 
 
 def step(
-    parameters: DoubleStageParameters,
+    parameters: HuntCrossleyParameters,
     state: DoubleStageState,
     phi: Regressors,
     f: float,
@@ -143,7 +128,7 @@ def second_stage(
 
 
 def report(
-    parameters: DoubleStageParameters,
+    parameters: HuntCrossleyParameters,
     state: DoubleStageState,
     x: float,
     lx: float,
@@ -217,15 +202,8 @@ class DoubleStage(Estimator):
         velocity: float = 25e-3,
         threshold: float = 0.03,
     ) -> None:
-        check_contact(memory, displacement, velocity, threshold)
         super().__init__(
-            DoubleStageParameters(
-                rate=1.0 / memory,
-                x0=displacement,
-                v0=velocity,
-                threshold=threshold,
-                log_x0=log(displacement),
-            ),
+            HuntCrossleyParameters(**contact_parameters(memory, displacement, velocity, threshold)),
             DoubleStageState([0.0, 0.0, 0.0, 0.0, HERTZ], [nan] * 5, False, *(0.0,) * 8),
             names=NAMES,
         )

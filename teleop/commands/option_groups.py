@@ -7,8 +7,6 @@ from typing import Annotated, Any, get_type_hints
 
 from cyclopts import Group, Parameter
 
-from teleop.names import ESTIMATOR_NAMES
-
 GROUPS = {
     "Trial": (
         "config",
@@ -55,9 +53,9 @@ GROUPS = {
 }
 """Options in each group of the help, by the title of the group, in the order of the help."""
 ESTIMATORS = (
-    f"Names of estimators, separated by commas, or all: {', '.join(ESTIMATOR_NAMES)}. "
-    "Default: the estimators of the recording, and rls,ai,me for a new trial or a file of another "
-    "program."
+    "Names of estimators, separated by commas, or all. The message about an unknown name lists "
+    "all names. Default: the estimators of the recording, and rls,ai,me for a new trial or a file "
+    "of another program."
 )
 """Help of the option --estimators."""
 

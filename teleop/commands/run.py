@@ -112,9 +112,8 @@ def run(
         velocity: the slave follows the velocity of the master, as in the paper. position: the slave
         also follows the position of the master. Default: velocity.
     feedback
-        Force feedback to the hand: none; the contact force (position-force); a local model of the
-        specimen at the master (model-mediated); or the contact force with passivity control
-        (passivity). Default: none.
+        Force feedback to the hand: none; the contact force (position-force); or a local model of
+        the specimen at the master (model-mediated). Default: none.
     channel
         Communication channel between master and slave, such as delay=100ms,jitter=20ms,loss=5%.
         The delay is one-way, so the round trip is twice the delay. Default: none.

@@ -28,54 +28,55 @@ from teleop.evaluation.reading.smallest_step import smallest_step
 def free_and_saturated(
     record: SmoothedRecord, width: float
 ) -> tuple[NDArray[np.bool_] | None, bool]:
-    """Find the samples in free motion, and find out whether the force sensor is saturated.
+    """Return a mask of the samples in free motion, and whether the force sensor is saturated.
 
-    The result is None if there is no free motion.
-
-    In free motion, the force stays near its minimum while the position changes. If the force sensor
-    is saturated, the force stays near its maximum while the position changes.
+    In free motion, the force stays within `width` [N] of its minimum while the position changes. If
+    the sensor is saturated, it stays within `width` of its maximum. Without free motion, the mask
+    is None.
     """
     x, f = record.palpation, record.f
     low, high = record.force_range
     if width > 0.2 * (high - low):
         return None, False
+
+    # A force that lags behind the position by the phase delta stays near its peak while the
+    # position moves on. For a sine, the force is within `width` of its peak over the phase `turn`
+    # on both sides of it, and the position then travels by ptp(x) sin(delta) turn.
     v = np.gradient(x, record.period)
     elastic = without_baseline(f, record.order)
     b, k, _ = np.linalg.lstsq(np.column_stack([v, x, np.ones(len(x))]), elastic, rcond=None)[0]
-    loss = min(1.0, abs(b) * float(np.std(v)) / max(abs(k) * float(np.std(x)), 1e-300))
+    tan_delta = min(1.0, abs(b) * float(np.std(v)) / max(abs(k) * float(np.std(x)), 1e-300))
     turn = float(np.arccos(1.0 - min(1.0, 2.0 * width / (high - low))))
-    lag = float(np.ptp(x)) * np.sin(np.arctan(loss)) * turn
+    lag = float(np.ptp(x)) * np.sin(np.arctan(tan_delta)) * turn
+
     fast = np.abs(v) > 0.1 * np.percentile(np.abs(v), 95)
     rate = np.gradient(elastic, record.period)
     margin = round(record.width / record.period)
-    free = None
-    saturated = False
-    for bottom in (True, False):
-        level = f < low + width if bottom else f > high - width
-        middle = 0.5 * (low + high)
-        beside = fast & ~level & ((f < middle) if bottom else (f > middle))
+
+    def constant(level: NDArray[np.bool_], half: NDArray[np.bool_], top: bool) -> NDArray[np.bool_]:
+        """Mask of the runs of `level` in which the position travels too far for contact."""
+        found = np.zeros(len(f), dtype=np.bool_)
+        # The stiffness next to the level, because the specimen can be much stiffer elsewhere.
+        beside = fast & ~level & half
         if beside.sum() < 3:
             beside = fast & ~level
         if beside.sum() < 3:
-            continue
+            return found
         stiffness = float(np.median(rate[beside] / v[beside]))
         allowed = FREE_TRAVEL * width / max(stiffness, 1e-300)
-        if bottom or b > 0.0:  # the peak of a force that lags is not earlier
+        if not top or b > 0.0:  # the peak of a force that lags is not earlier
             allowed += LAG_FACTOR * lag
-        resting = np.zeros(len(f), dtype=np.bool_)
         for start, end in runs(level):
-            peak = not bottom and peak_height(f[start:end]) > LEAST_PEAK * width
-            travel, moved = (
-                continued(one, start, end, not bottom, margin) for one in (x, record.x)
-            )
-            if not peak and travel > allowed and moved > LEAST_MOVED * allowed:
-                resting[start:end] = True
-        if resting.any():
-            if bottom:
-                free = resting
-            else:
-                saturated = True
-    return free, saturated
+            is_peak = top and peak_height(f[start:end]) > LEAST_PEAK * width
+            travel, moved = (continued(one, start, end, top, margin) for one in (x, record.x))
+            if not is_peak and travel > allowed and moved > LEAST_MOVED * allowed:
+                found[start:end] = True
+        return found
+
+    middle = 0.5 * (low + high)
+    free = constant(f < low + width, f < middle, top=False)
+    saturated = constant(f > high - width, f > middle, top=True)
+    return (free if free.any() else None), bool(saturated.any())
 
 
 def peak_height(f: Floats) -> float:

@@ -37,10 +37,10 @@ Wald confidence intervals", Computational Statistics & Data Analysis 56(9), 2012
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from estimation.arrays import Floats
@@ -58,8 +58,6 @@ from teleop.evaluation.batch.thresholds import (
 
 LARGEST_SCORE = 10.0
 """Distance from the mean beyond which a normal density is taken as 0 [standard deviations]."""
-HALVINGS = 60
-"""Number of bisection steps. With this number, only rounding errors remain."""
 
 
 @dataclass(frozen=True)
@@ -192,17 +190,9 @@ def averaged(weights: Floats, values: list[tuple[float, float]]) -> tuple[float,
         return float(weights @ ndtr((x - value) / std))
 
     span = float(np.ptp(value)) + LARGEST_SCORE * float(std.max())
-    median = crossing(share, 0.5, float(value.min()) - span, float(value.max()) + span)
-    half = crossing(lambda h: share(median + h) - share(median - h), 0.95, 0.0, 2.0 * span)
-    return median, half / LEVEL_95
-
-
-def crossing(function: Callable[[float], float], level: float, low: float, high: float) -> float:
-    """Return the argument between `low` and `high` at which an increasing function is `level`."""
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        if function(middle) < level:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
+    # No absolute tolerance, because b can have any size, and be 0.
+    exact = {"xtol": 1e-300, "rtol": 4.0 * np.finfo(float).eps}
+    low, high = float(value.min()) - span, float(value.max()) + span
+    median = float(brentq(lambda x: share(x) - 0.5, low, high, **exact))
+    half = brentq(lambda h: share(median + h) - share(median - h) - 0.95, 0.0, 2.0 * span, **exact)
+    return median, float(half) / LEVEL_95

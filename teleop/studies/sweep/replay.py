@@ -17,7 +17,7 @@ from teleop.evaluation.online.datum import OWN_ZERO
 from teleop.evaluation.reading.recorded import recorded_signals
 from teleop.recording.recording import load
 from teleop.settings.configuration import as_recorded_now
-from teleop.settings.documents import DERIVED
+from teleop.settings.problems import DERIVED
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.recorded_trial import recorded_part
 
