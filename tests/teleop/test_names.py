@@ -7,7 +7,7 @@ from typing import get_args
 from estimation.conditioning import CONDITIONERS
 from estimation.model import MODELS
 from sim_backend import CUBES
-from teleop.commands.choices import make_coupling, make_signal
+from teleop.commands.trial_options import make_coupling, make_signal
 from teleop.control.conditions import CONDITIONS
 from teleop.names import (
     ConditioningName,
