@@ -16,9 +16,8 @@ from teleop.live.clients import MOST_CLIENTS, MOST_UNSENT_TEXT
 from teleop.live.feed import Feed
 from teleop.live.history import History
 from teleop.live.limited_connection import LONGEST_HEAD, MOST_FRAMES, MOST_WAITING
-from teleop.live.pages import Page
 from teleop.live.security import HEADERS, new_token
-from teleop.live.server import Server
+from teleop.live.server import Page, Server
 
 from .live_client import TOKEN, page, served, until
 
