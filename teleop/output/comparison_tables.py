@@ -45,7 +45,7 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
     that are averaged. If a method has no value for some recordings of a group, n has a mark. A note
     below the table begins with the same mark and states the reasons.
 
-    The parameter `by` contains the names of the factors by which the recordings are grouped.
+    The parameter
     """
     rows, notes = [], [("", CAPTION)]
     if kinds := {kind for group in groups for kind in group.kinds[RESULT]["b"]}:
@@ -116,7 +116,7 @@ def tracking_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable | No
     """Return the table that states how well the slave followed the target in the condition `mimic`.
 
     The table has one row of means for each group of recordings. If there is no such recording, None
-    is returned. `by` contains the names of the factors by which the recordings are grouped.
+    is returned.
     """
     rows = [
         [
@@ -159,10 +159,7 @@ def mean_text(mean: Mean) -> str:
 
 
 def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequence[str]) -> None:
-    """Print k and b of each recording, and the means over groups of recordings.
-
-    `by` contains the names of the factors by which the recordings are grouped.
-    """
+    """Print k and b of each recording, and the means over groups of recordings."""
     console = plain_console()
     pattern, names = common_part([row.file for row in rows])
     kinds = kinds_of_b(rows)
@@ -248,18 +245,11 @@ def shared(texts: Iterable[Iterable[str]]) -> list[tuple[str, int]]:
 
 
 def common_part(files: Sequence[str]) -> tuple[str, list[str]]:
-    """Divide the names of files into a common pattern and the parts that are different.
+    """Divide the names of files into a common pattern and the part of each that differs.
 
-    Returns
-    -------
-    The pattern, and the different part of each name. They depend on the files:
-
-    - All files are recordings in one folder: the pattern is the folder with `*` and the ending
-      `RECORDING`. The parts are the names of the files without the ending.
-    - All files are in one folder, but not all are recordings: the pattern is the folder. The parts
-      are the names of the files.
-    - The files are in several folders, or in the current folder: the pattern is empty. The parts
-      are the unchanged names.
+    For recordings in one folder, the pattern is the folder with `*` and the ending `RECORDING`, and
+    the parts are the names without ending. For other files in one folder, it is the folder, and the
+    parts are the names. Otherwise the pattern is empty, and the names are unchanged.
     """
     paths = [Path(file) for file in files]
     if len({path.parent for path in paths}) > 1 or str(paths[0].parent) == ".":

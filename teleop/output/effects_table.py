@@ -9,18 +9,7 @@ from teleop.output.table_files import TextTable
 
 
 def effects_table(effects: Iterable[Mapping[str, Any]], response: str, design: str) -> TextTable:
-    """Return the table of an analysis of variance, with one row for each effect.
-
-    Parameters
-    ----------
-    effects
-        The effects of factors and of their interactions, as dictionaries with the fields of
-        `teleop.studies.anova.Effect`.
-    response
-        Name of the response (dependent variable). It is a part of the heading of the first column.
-    design
-        Text that describes the design of the experiment. It is a note below the table.
-    """
+    """Return the table of an analysis of variance, with one row for each effect."""
     headings = (f"effect on {response}", "F", "df", "p", "eta^2", "partial eta^2")
     return TextTable(headings, effect_cells(effects), 1, [("", design)])
 
@@ -28,8 +17,7 @@ def effects_table(effects: Iterable[Mapping[str, Any]], response: str, design: s
 def effect_cells(effects: Iterable[Mapping[str, Any]]) -> list[list[str]]:
     """Return the text of the cells of the table of `effects_table`, one row for each effect.
 
-    An effect belongs to a factor or to an interaction of factors. The columns are the name of the
-    factor, F, the degrees of freedom, p, eta^2 and partial eta^2.
+    The columns are the name of the factor, F, the degrees of freedom, p, eta^2 and partial eta^2.
     """
     return [
         [

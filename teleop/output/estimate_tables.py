@@ -80,16 +80,7 @@ def with_interval(quantity: Quantity, value: float, half: float, decimals: int) 
 def print_estimates(
     rows: Mapping[str, Mapping[str, Any]], further: Mapping[str, Mapping[str, Any]]
 ) -> None:
-    """Print the final estimates, the averages over the record, and remarks on each estimator.
-
-    Parameters
-    ----------
-    rows
-        Summary of the estimates (the fields of `EstimatorSummary`), by the name of the estimator.
-    further
-        Further rows of the table of averages, by name. They are not in the other tables. An example
-        is a least-squares fit.
-    """
+    """Print the final estimates, the averages over the record, and remarks on each estimator."""
     console = plain_console()
     headings, cells = interval_table(rows)
     print_table(console, AT_END, headings, cells)
@@ -167,12 +158,6 @@ def comparison_table(
     The first column is the error of the predicted force, divided by the same error of batch least
     squares with a sliding window. The two other columns are the fractions of samples at which the
     95 % intervals of k and b contain the values of one least-squares fit to the whole record.
-
-    Parameters
-    ----------
-    rows
-        Results of each estimator, by its name. If no estimator has these three results
-        (`teleop.evaluation.online.model_comparison.Comparison`), the function returns None.
     """
     cells = [
         [

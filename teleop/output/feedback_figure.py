@@ -16,12 +16,6 @@ def feedback_figure(recording: Recording) -> Figure:
 
     The left panel shows the force that the hand felt against the position of the master. The right
     panel shows the contact force against the position of the slave.
-
-    Parameters
-    ----------
-    recording
-        Recording of a trial with force feedback or with a communication channel (a simulated
-        connection with delay). The recording must contain the settings of the trial.
     """
     settings = recording.settings
     admittance = settings["admittance"]

@@ -63,29 +63,11 @@ def report_page(
     tracking: Mapping[str, Any] | None = None,
     motion: Mapping[str, str] | None = None,
 ) -> str:
-    """Return the HTML page for one recording.
+    """Return a page with the results of a file.
 
-    Parameters
-    ----------
-    name
-        File name of the recording. It is the title of the page.
-    evaluation, summary
-        Results of the evaluation of the recording, as an object, and as a dictionary that also
-        contains the settings of the evaluation. Both are None if a fault stopped the trial before
-        there were enough samples.
-    recording
-        The recorded trial; None if another program wrote the file.
-    truth
-        True stiffness and damping of the simulated specimen; None if they are not known.
-    link
-        Path of the recording, relative to the folder of the page. The page contains a link to this
-        path. If it is empty, the link is `name`.
-    tracking
-        Gain and phase of the slave relative to the target, and tracking error, in a trial of the
-        condition `mimic` (the operator follows a target); None for any other file.
-    motion
-        Texts that describe the motion in a recorded trial, by name: the depth, and the target or
-        the excitation signal. None if they are not known.
+    `evaluation` and `summary` are None if a fault stopped the trial before there were enough
+    samples, `recording` if another program wrote the file. `link` is the path of the recording,
+    relative to the folder of the page. `motion` has texts that describe the motion, by name.
     """
     values = of_recording(recording, motion or {}) | of_evaluation(name, evaluation, summary, truth)
     values["tracking"] = ""
@@ -99,15 +81,10 @@ def report_page(
 def of_recording(recording: Recording | None, motion: Mapping[str, str]) -> dict[str, Any]:
     """Return the part of a report page that describes a recorded trial.
 
+    `recording`: None if another program wrote the file.
+
     The result contains the values for the variables of the page template, by name. If `recording`
     is None, these values are empty.
-
-    Parameters
-    ----------
-    recording
-        The recorded trial; None if another program wrote the file.
-    motion
-        Texts that describe the motion, by name: the depth, and the target or the excitation signal.
     """
     values: dict[str, Any] = {
         "facts": [],
@@ -159,13 +136,6 @@ def facts(recording: Recording, motion: Mapping[str, str]) -> Iterator[tuple[str
 
     Each row is a name and a text. The rows are the date, the rig, the settings named in `STATED`,
     the motion, the software with its libraries, and the computer.
-
-    Parameters
-    ----------
-    recording
-        The recorded trial.
-    motion
-        Texts that describe the motion, by name: the depth, and the target or the excitation signal.
     """
     session = recording.session
     settings = stated_settings(recording.settings)

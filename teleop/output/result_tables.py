@@ -20,13 +20,6 @@ def print_result(summary: Mapping[str, Any], name: str) -> None:
     """Print the result of the evaluation of a file: k and b, or the reasons why there are none.
 
     The motion in the file, its phases and the contact point are also printed.
-
-    Parameters
-    ----------
-    summary
-        The dictionary that `Evaluation.summary` returned.
-    name
-        Name of the file.
     """
     console = plain_console()
     result = summary["result"]
@@ -113,11 +106,6 @@ def tangent_lines(tangent: Mapping[str, Any]) -> list[str]:
 
     A second line states the secant stiffness (force divided by depth) at this point, if it is
     known. There are no lines if the data are not sufficient for k.
-
-    Parameters
-    ----------
-    tangent
-        The item `tangent` of the dictionary that `Result.summary` returned.
     """
     if tangent["force_n"] is None:
         return []
@@ -191,13 +179,6 @@ def parameter_text(name: str, one: Mapping[str, Any]) -> str:
     """Return the estimate of a parameter, and the half width of its 95 % interval, as text.
 
     If the data do not determine the parameter, the text is its name and "not identifiable".
-
-    Parameters
-    ----------
-    name
-        Name of the parameter.
-    one
-        The fields of its `Parameter` (value, interval, unit, and whether it is identifiable).
     """
     if not one["identifiable"]:
         return f"{name} not identifiable"
@@ -222,16 +203,7 @@ def shown_half(quantity: Quantity, value: float, half: float) -> str:
 
 
 def significant(value: float, width: float) -> str:
-    """Return a value as text, rounded according to its uncertainty.
-
-    Parameters
-    ----------
-    value
-        The value.
-    width
-        Uncertainty of the value, in the unit of the value. The value is rounded to the decimal
-        place of the second significant digit of this uncertainty.
-    """
+    """Return a value, rounded to the second significant digit of its uncertainty `width`."""
     decimals = 3
     if width > 0.0:
         decimals = min(1 - math.floor(math.log10(width)), MOST_DECIMALS)
@@ -244,11 +216,6 @@ def print_together(together: Mapping[str, Any]) -> None:
     The first table contains k and b of a fit to each file, and of one fit to all files together.
     The second table contains the complex modulus of each file. Then follow the ratio of the largest
     to the smallest k, the same ratio for b, and the conclusions as text.
-
-    Parameters
-    ----------
-    together
-        The dictionary that `evaluate_together` returned.
     """
     console = plain_console()
     names = [Path(row["file"]).name for row in together["alone"]]

@@ -1,4 +1,4 @@
-"""Print tables of a rig: channels (measured quantities), drives, ports, zero offsets and lag."""
+"""Print tables of a rig: channels, drives, ports, zero offsets and lag."""
 
 from __future__ import annotations
 
@@ -55,16 +55,9 @@ CHANNEL_HEADINGS = (
 
 
 def channel_tables(title: str, channels: Sequence[Row]) -> list[TrimmedTable | str]:
-    """Return a table of a rig's channels (measured quantities), with one row for each channel.
+    """Return a table of a rig's channels, with one row for each channel.
 
     A table that is too wide for the terminal is divided into several tables.
-
-    Parameters
-    ----------
-    title
-        Title of the table.
-    channels
-        Result of the check of each channel.
     """
     rows = []
     for c in channels:
@@ -88,20 +81,10 @@ def channel_tables(title: str, channels: Sequence[Row]) -> list[TrimmedTable | s
 
 @contextlib.contextmanager
 def live_channels(stream: TextIO) -> Iterator[Callable[[Sequence[Row]], None]]:
-    """Show a table of a rig's channels (measured quantities) in a terminal.
+    """Show a table of a rig's channels in a terminal.
 
-    This is a context manager. The table is shown until the end of the `with` block. If the stream
-    is not a terminal, nothing is shown.
-
-    Parameters
-    ----------
-    stream
-        Output stream, for example standard error.
-
-    Yields
-    ------
-    Function that updates the table. Its argument is a sequence with the latest result of the check
-    of each channel.
+    The table is shown until the end of the `with` block. If the stream is not a terminal, nothing
+    is shown.
     """
     if not stream.isatty():
         yield lambda channels: None
@@ -113,13 +96,7 @@ def live_channels(stream: TextIO) -> Iterator[Callable[[Sequence[Row]], None]]:
 
 
 def print_check(check: Mapping[str, Any]) -> None:
-    """Print the result of the check of a rig: channels, devices, drives and problems.
-
-    Parameters
-    ----------
-    check
-        The dictionary that `teleop rig check --json` prints as a JSON document.
-    """
+    """Print the result of the check of a rig: channels, devices, drives and problems."""
     console = plain_console()
     for part in channel_tables(check["rig"], check["channels"]):
         console.print(part)
@@ -163,18 +140,6 @@ def print_emulation(
 
     The devices of an emulated rig are simulated. They communicate over ports with the same
     protocols as the real devices.
-
-    Parameters
-    ----------
-    name
-        Name of the rig.
-    ports
-        Mapping from the name of each bus of the rig to the port of its emulated devices.
-    out
-        Rig file that refers to these ports. The printed command contains it.
-    palpation
-        Options of the printed command that describe the palpation, for example the specimen: a
-        mapping from the name of each option to its value.
     """
     console = plain_console()
     body = f"{palpation['specimen']} cube, depth {palpation['depth'].removesuffix('mm')} mm"
@@ -193,12 +158,6 @@ def print_lag(summary: Mapping[str, Any]) -> None:
     """Print the lag of the force channel and the lost motion (backlash) of a rig.
 
     Both have 95 % intervals. The command that compensates the lag in an evaluation is also printed.
-
-    Parameters
-    ----------
-    summary
-        The dictionary that `ForceLag.summary` returned; for the simulated rig, also the true lag
-        and the true lost motion.
     """
     console = plain_console()
     low, high = summary["lag_low_s"] * 1e3, summary["lag_high_s"] * 1e3
@@ -233,18 +192,7 @@ def print_tare(
 ) -> None:
     """Print the zero offsets of a rig, and the command that starts a trial with them.
 
-    A zero offset is the reading of a sensor when the measured quantity is zero.
-
-    Parameters
-    ----------
-    tare
-        The zero offsets.
-    master_noise, contact_noise
-        Root mean square of the noise of the master force and of the contact force [N].
-    path
-        File in which the zero offsets are stored.
-    rig
-        Rig file; None for the simulated rig.
+    `rig`: None for the simulated rig.
     """
     on_rig = ["--rig", str(rig)] if rig else []
     needed = ["--specimen", "NAME", "--depth", "DEPTH"] if rig else []

@@ -33,13 +33,6 @@ def settings_rows(settings: Mapping[str, Any], start: str = "") -> Iterator[tupl
     A setting that is None, an empty text or an empty list is omitted. If a setting is a dictionary
     of further settings, each of these is yielded. A dot then joins the names, for example in
     `limits.max_velocity`.
-
-    Parameters
-    ----------
-    settings
-        Settings by name.
-    start
-        Text that is added before each name. It is empty, except in recursive calls.
     """
     for name, value in settings.items():
         if isinstance(value, Mapping):

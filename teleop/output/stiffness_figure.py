@@ -20,16 +20,8 @@ def stiffness_figure(
 ) -> Figure:
     """Return a figure of the estimated stiffness in several trials, one panel for each trial.
 
-    Parameters
-    ----------
-    panels
-        Data of each trial, by the title of its panel: the time [s], shape (n,), and a mapping from
-        the name of each estimator to its estimates.
-    paper
-        Average stiffness of each trial in the paper that this package reproduces [N/m], by the
-        title of its panel. It is drawn as a horizontal line.
-    same_scale
-        Whether the stiffness axes of all panels have the same limits.
+    By the title of the panel, `panels` has the times [s] and the estimates, and `paper` the average
+    stiffness in the paper [N/m].
     """
     figure = new_figure(0.29 * len(panels) + 0.08, rows=len(panels))
     axes = figure.subplots(len(panels), 1, sharex=True, sharey=same_scale)

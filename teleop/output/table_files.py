@@ -37,13 +37,7 @@ class TextTable:
 
 
 def check_table_ending(path: Path) -> None:
-    """Check that a file name ends with one of the endings of table files, `ENDINGS`.
-
-    Raises
-    ------
-    InputError
-        The ending is not one of `ENDINGS`.
-    """
+    """Check that a file name ends with one of the endings of table files, `ENDINGS`."""
     if path.suffix.lower() not in ENDINGS:
         raise InputError(f"{path}: expected a file ending in {', '.join(ENDINGS)}")
 
@@ -114,18 +108,10 @@ def markdown(text: str) -> str:
 
 
 def shortened(rows: Sequence[Sequence[str]], left: int) -> list[list[str]]:
-    """Return the rows of a table, with empty cells instead of repeated texts in the first columns.
+    """Return rows with empty cells instead of texts that repeat those of the row above.
 
-    A cell is replaced by an empty cell if it, and all cells to its left, have the same text as in
-    the row above.
-
-    Parameters
-    ----------
-    rows
-        Texts of the cells, row by row.
-    left
-        Number of columns that are aligned to the left; they are the first columns of the table.
-        Only these columns are changed, except the last of them.
+    This concerns the first `left` columns, except the last of them. A cell is emptied only if all
+    cells to its left are also repeated.
     """
     found = []
     for i, row in enumerate(rows):
@@ -146,23 +132,6 @@ def write_table_file(
 
     The results are given in two forms. Only the form that suits the format of the file is
     written.
-
-    Parameters
-    ----------
-    path
-        The file. Its name ends with one of `ENDINGS`.
-    tidy
-        Results for a CSV file: a list of rows. Each row is a mapping from the heading of a column
-        to the value in the cell.
-    tables
-        Results for a LaTeX or Markdown file: tables of text.
-    overwrite
-        Whether to overwrite an existing file.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written, or exists and may not be overwritten.
     """
     if path.suffix.lower() == ".csv":
         text = csv_text(tidy)

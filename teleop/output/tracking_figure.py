@@ -19,16 +19,6 @@ def tracking_figure(title: str, recording: Recording, tracking: Mapping[str, Any
     """Return a figure of target, slave position and tracking error over time.
 
     The tracking error is the slave position minus the target.
-
-    Parameters
-    ----------
-    title
-        Title of the figure.
-    recording
-        All ticks of a trial of the condition `mimic`, in which the operator follows the target.
-    tracking
-        The fields of a `Tracking`: gain and phase of the slave relative to the target, and tracking
-        error. The title of the figure states them.
     """
     t, target, position = (recording[name] for name in ("time", "target", "slave_position"))
     shown = np.isfinite(target)

@@ -30,15 +30,8 @@ from teleop.recording.recording import Recording
 def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
     """Return a figure of the measured signals and the commands shortly before and after a fault.
 
-    A fault is a condition for which the supervisor stops the drives. The panels show forces,
-    positions, velocities, and the lateness of each tick (delay of its start).
-
-    Parameters
-    ----------
-    recording
-        Ticks before and after the fault.
-    fault
-        Event of the fault, as a dictionary that the recording contains.
+    The panels show forces, positions, velocities, and the lateness of each tick (delay of its
+    start).
     """
     t = recording["time"]
     part = (t > fault["time"] - 0.5) & (t < fault["time"] + 0.5)
@@ -85,13 +78,8 @@ def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
 def timing_figure(recording: Recording) -> Figure:
     """Return a figure with histograms of the lateness and the duration of the ticks.
 
-    A tick is one cycle of the control loop. Its lateness is the delay of its start. Its duration is
-    the time from its start until the loop waits for the next tick.
-
-    Parameters
-    ----------
-    recording
-        All ticks of a trial.
+    Its lateness is the delay of its start. Its duration is the time from its start until the loop
+    waits for the next tick.
     """
     figure = new_figure(0.35)
     axes = figure.subplots(1, 2, sharey=True)
@@ -113,14 +101,6 @@ def ambiguity_figure(t: Floats, tied: Ambiguity) -> Figure:
 
     The candidates are the pairs (b, k) from which the multi-estimator selects its estimate. A
     candidate is tied if it fits the data about as well as the best candidate.
-
-    Parameters
-    ----------
-    t
-        Times at which the candidates are compared [s], shape (n,).
-    tied
-        For each time: k and b of the best candidate, and the smallest and the largest k and b of
-        the tied candidates.
     """
     figure = new_figure(0.57, rows=2)
     upper, lower = figure.subplots(2, 1, sharex=True)

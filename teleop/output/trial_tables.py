@@ -19,13 +19,7 @@ STALL = 0.05
 
 
 def print_trial(summary: Mapping[str, Any]) -> None:
-    """Print the results of a trial.
-
-    Parameters
-    ----------
-    summary
-        The dictionary that `Trial.summary` returned.
-    """
+    """Print the results of a trial."""
     console = plain_console()
     print_fault(console, summary["safety"])
     console.print(
@@ -61,13 +55,6 @@ def print_results(console: Console, summary: Mapping[str, Any]) -> None:
 
     These quantities are the true values of the simulated rig, how well the slave followed the
     target, the force feedback, the excitation, and the fraction of samples without contact.
-
-    Parameters
-    ----------
-    console
-        The terminal.
-    summary
-        The dictionary that `Trial.summary` returned.
     """
     if summary["estimates"]:
         print_estimates(summary["estimates"], {})
@@ -129,8 +116,8 @@ def duration(summary: Mapping[str, Any]) -> str:
 def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
     """Print the true values of the simulated rig: stiffness, damping, lag and lost motion.
 
-    The lag is that of the force channel. The lost motion is the backlash between the slave's
-    position sensor and its tip. `truth` is the item of this name that `Trial.summary` returned.
+    The lag is that of the force channel. `truth` is the item of this name that `Trial.summary`
+    returned.
     """
     console.print(
         f"  true values of the simulated rig: b {DAMPING.text(truth['b'], '.3g')}, "
@@ -182,13 +169,6 @@ def print_feedback(console: Console, feedback: Mapping[str, Any] | None) -> None
     The stiffness that the hand felt and the error of the felt force are printed. The lowest energy
     that the hand had given to the displayed environment at any time is also printed. This energy is
     negative if the environment gave energy to the hand.
-
-    Parameters
-    ----------
-    console
-        The terminal.
-    feedback
-        The dictionary that `Trial.feedback` returned. If it is None, nothing is printed.
     """
     if not feedback:
         return

@@ -27,7 +27,7 @@ from teleop.errors import InputError
 ESTIMATOR = "estimator"
 """Name of the factor `estimator`, which varies within a trial."""
 VALUE = "y"
-"""Name of the column of the response (dependent variable) in the data frames."""
+"""Name of the column of the response in the data frames."""
 LARGEST = 1e100
 """Largest response, whose squares can be summed."""
 NO_VARIANCE = 1e-24
@@ -55,13 +55,7 @@ class Effect(NamedTuple):
 
 
 def check_available() -> None:
-    """Check that statsmodels is installed.
-
-    Raises
-    ------
-    InputError
-        statsmodels is not installed.
-    """
+    """Check that statsmodels is installed."""
     try:
         import statsmodels.formula.api  # noqa: F401
     except ImportError as error:
@@ -77,32 +71,11 @@ def analysis_of_variance(
     trial: str,
     subject: str | None = None,
 ) -> list[Effect]:
-    """Return the effects of the factors on a response, in a balanced design.
+    """Return the effects of factors and of their interactions on a response (balanced design).
 
-    Parameters
-    ----------
-    rows
-        One row for each trial and estimator. A row is a dictionary of values by the name of the
-        column. The columns are `estimator` and those that the other parameters name.
-    response
-        Name of the column of the response (dependent variable).
-    factors
-        Names of the columns of the factors that vary between trials.
-    trial
-        Name of a column with a different value for each trial.
-    subject
-        Name of the column that contains the subject, which is a random factor; None for a design
-        without subjects.
-
-    Returns
-    -------
-    The effects of the factors that have two or more levels, and of the interactions of these
-    factors.
-
-    Raises
-    ------
-    InputError
-        The response is not finite, the design is not balanced, or it has too few trials.
+    A row has the values of one estimator in one trial, by column. `response`, `factors`, `trial`
+    and `subject` name columns; `trial` differs between trials, and `subject` is a random factor.
+    Factors with one level are left out. An InputError states why the design cannot be analysed.
     """
     check_available()
     import pandas as pd
@@ -142,15 +115,7 @@ def design_text(
 ) -> str:
     """Return a text that states the design of an analysis of variance.
 
-    Parameters
-    ----------
-    effects
-        Effects of the factors, from `analysis_of_variance`.
-    pooled
-        Names of factors that the analysis ignores although their levels differ between the trials,
-        for example repetition. The text names these factors.
-    subject
-        Name of the random factor; None for a design without subjects.
+    `pooled` names factors that are ignored although their levels differ between the trials.
     """
     between = [e.source for e in effects if " x " not in e.source and e.source != ESTIMATOR]
     within = [ESTIMATOR] if any(e.source == ESTIMATOR for e in effects) else []
@@ -172,18 +137,7 @@ def design_text(
 
 
 def check_design(frame: Any, factors: Sequence[str], response: str, subject: str | None) -> None:
-    """Check that the design is balanced and has enough trials.
-
-    In a balanced design, each combination of the levels of the factors has the same number of
-    trials. The data frame has one row for each trial and estimator, and the response (dependent
-    variable) in the column `VALUE`. `response` is the name of the response in error messages.
-
-    Raises
-    ------
-    InputError
-        The response is not finite, is constant or too large, or does not vary between trials with
-        the same levels. The design is not balanced, or it has too few trials or subjects.
-    """
+    """Check that the design is balanced, has enough trials, and that the response varies."""
     values = frame[VALUE]
     if not values.map(math.isfinite).all() or values.nunique() < 2:
         raise InputError(
@@ -252,20 +206,7 @@ def split_plot(
     squares: Mapping[tuple[str, ...], tuple[float, int]],
     within: str,
 ) -> Tests:
-    """Return the F tests of a split-plot design.
-
-    Parameters
-    ----------
-    frame
-        Data frame with one row for each trial and estimator. The column `VALUE` is the response.
-    factors
-        Names of the columns of the factors.
-    squares
-        Sum of squares and degrees of freedom of each effect, from `sums_of_squares`.
-    within
-        Name of the only factor that varies within a trial (the estimator). All other factors vary
-        only between trials.
-    """
+    """Return the F tests of a split-plot design: only the factor `within` varies within a trial."""
     from scipy.special import fdtrc
 
     between = [name for name in factors if name != within]
@@ -295,13 +236,6 @@ def repeated_measures(frame: Any, factors: Sequence[str]) -> Tests:
     """Return the F tests of a design in which each subject does all trials.
 
     The trials of a subject that have the same levels of all factors are averaged.
-
-    Parameters
-    ----------
-    frame
-        Data frame with the subject in the column `subject`, and the response in the column `VALUE`.
-    factors
-        Names of the columns of the factors.
     """
     from statsmodels.stats.anova import AnovaRM
 

@@ -1,8 +1,4 @@
-"""Find the factors of a study that have levels with different depths of the palpation.
-
-A factor is a property in which the trials of a study differ, such as the control condition. A level
-is a value of a factor, such as `free`.
-"""
+"""Find the factors of a study that have levels with different depths of the palpation."""
 
 from __future__ import annotations
 
@@ -23,13 +19,6 @@ def depth_note(rows: Sequence[Compared], factors: Sequence[str]) -> str:
     specimens increases with the depth. If two levels of a factor have different depths, the
     stiffness can therefore also differ between these levels. The analysis of variance then counts
     this difference as an effect of the factor.
-
-    Parameters
-    ----------
-    rows
-        The evaluated recordings. Recordings without a result are not used.
-    factors
-        Names of the factors.
     """
     ratios = {name: depth_ratio(rows, name, factors) for name in factors}
     large = {name: ratio for name, ratio in ratios.items() if ratio > LARGE}
@@ -48,15 +37,6 @@ def depth_ratio(rows: Sequence[Compared], factor: str, factors: Sequence[str]) -
     Only recordings with the same levels of all other factors are compared. The depth at a level is
     the median of the depths of the recordings with this level. The result is 1 if there are no
     depths to compare.
-
-    Parameters
-    ----------
-    rows
-        The evaluated recordings. Recordings without a depth are not used.
-    factor
-        Name of the factor.
-    factors
-        Names of all factors.
     """
     others = [name for name in factors if name != factor]
     depths: dict[tuple[str, ...], dict[str, list[float]]] = {}

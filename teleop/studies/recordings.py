@@ -1,9 +1,8 @@
 """Find the recordings that are to be compared, and the levels of the factors of each recording.
 
-A factor is a property in which recordings differ, for example `condition`. A level of a factor is
-its value for a recording, for example `mimic`. A series is a set of trials that are run according
-to a plan. The folder of a series contains the journal (a file with a line for each event), the
-table of the results (a CSV file), and the folder of the recordings.
+A level of a factor is its value for a recording, for example `mimic`. The folder of a series
+contains the journal (a file with a line for each event), the table of the results (a CSV file), and
+the folder of the recordings.
 """
 
 from __future__ import annotations
@@ -29,10 +28,7 @@ from teleop.studies.series.trials import cells
 
 @dataclass(frozen=True)
 class Source:
-    """A file that is to be compared with other files, and the levels of its factors.
-
-    A factor is a property in which files differ, for example `condition` with the level `mimic`.
-    """
+    """A file that is to be compared with other files, and the levels of its factors."""
 
     path: Path
     """The file."""
@@ -42,20 +38,7 @@ class Source:
 
 
 def sources(paths: Iterable[Path]) -> list[Source]:
-    """Return the files that are to be compared.
-
-    Parameters
-    ----------
-    paths
-        Files and folders. For the folder of a series, the recordings of the trials that are done
-        are returned. For any other folder, all recordings in it and in its subfolder `recordings`
-        are returned.
-
-    Raises
-    ------
-    InputError
-        A folder contains no recordings or cannot be read, or a file is given twice.
-    """
+    """Return the files that are to be compared."""
     found: dict[str, Source] = {}
     for path in paths:
         for source in of_folder(path) if path.is_dir() else [of_file(path)]:
@@ -70,11 +53,6 @@ def of_folder(folder: Path) -> list[Source]:
     """Return the recordings in a folder, with the levels of their factors.
 
     In the folder of a series, only the recordings of trials that are done are returned.
-
-    Raises
-    ------
-    InputError
-        The folder contains no recordings, or cannot be read.
     """
     series = trials(folder)
     if series:
@@ -99,8 +77,7 @@ def of_folder(folder: Path) -> list[Source]:
 def of_file(path: Path) -> Source:
     """Return a file, with the levels of its factors if it is a recording of a series.
 
-    A factor is a property in which recordings differ, for example `condition` with the level
-    `mimic`. A file that is not part of a series is returned without levels.
+    A file that is not part of a series is returned without levels.
     """
     folder = path.absolute().parent
     if folder.name != RECORDINGS:
@@ -114,15 +91,6 @@ def trials(folder: Path) -> dict[str, dict[str, str]]:
     The levels are read from the journal of the series. If there is no journal, they are read from
     the table of the results (CSV). If the folder contains neither of these files, the result is
     empty.
-
-    Returns
-    -------
-    The level of each factor, by the file name of the recording and by the name of the factor.
-
-    Raises
-    ------
-    InputError
-        The journal or the table of the series cannot be read.
     """
     for name, read in ((JOURNAL, journal_trials), (NAME, table_trials)):
         path = folder / name
@@ -172,17 +140,6 @@ def planned_levels(found: Iterable[Source]) -> dict[str, list[str]]:
     """Return the levels of each factor, in the order in which the plans of the series list them.
 
     The plan of a series is read from the journal in the folder of the series.
-
-    Parameters
-    ----------
-    found
-        The files that are compared. Files that belong to no series are ignored, and so are files of
-        a series without a journal.
-
-    Raises
-    ------
-    InputError
-        A journal cannot be read.
     """
     levels: dict[str, list[str]] = {}
     for folder in dict.fromkeys(
@@ -198,11 +155,6 @@ def plan_factors(journal: Path) -> dict[str, list[str]]:
 
     The levels are read from the plan of the series, which is in the first line of the journal. If
     the journal does not exist, the result is empty.
-
-    Parameters
-    ----------
-    journal
-        Path of the journal.
     """
     try:
         with journal.open("rb") as file:
@@ -233,13 +185,6 @@ def known_factors(source: Source, settings: Mapping[str, Any]) -> dict[str, str]
 
     The factors are the name of the file, the name of its folder, all settings of the trial whose
     value is a text or a number, and the factors of the series to which the file belongs.
-
-    Parameters
-    ----------
-    source
-        The file.
-    settings
-        Settings of the recorded trial by name; empty if another program wrote the file.
     """
     found = {"file": source.path.name, "folder": source.path.absolute().parent.name}
     for name, value in stated_settings(settings).items():

@@ -60,17 +60,6 @@ def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
     stiffness from an estimator without the parameter k3 is compared with k1 + k3 x^2, the secant
     stiffness of the cube at the x of each sample. The stiffness from an estimator that also
     estimates k3 is compared with k1, the stiffness at the surface of the cube.
-
-    Parameters
-    ----------
-    trial
-        The simulated trial.
-    methods
-        The estimators, and their model.
-
-    Returns
-    -------
-    The errors of each estimator, by the name of the estimator.
     """
     settings, columns = trial.settings, trial.columns
     model = methods.model
@@ -110,15 +99,6 @@ def averages(results: Sequence[Mapping[str, MethodResult]]) -> dict[str, MethodR
     """Average the results of each estimator over several trials.
 
     The average of `k_error` is the root mean square. All other averages are arithmetic means.
-
-    Parameters
-    ----------
-    results
-        One dictionary for each trial: the results in this trial, by the name of the estimator.
-
-    Returns
-    -------
-    The averages, by the name of the estimator.
     """
     found = {}
     for name in results[0]:

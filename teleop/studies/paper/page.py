@@ -40,11 +40,6 @@ def method_cells(methods: Mapping[str, MethodResult]) -> list[list[str]]:
 
     Further estimators are those that a user requested in addition to the three of the paper. The
     headings of the columns are `METHOD_HEADINGS`.
-
-    Parameters
-    ----------
-    methods
-        Results of the further estimators, by the name of the estimator.
     """
 
     def percent(value: float, digits: int = 0) -> str:
@@ -73,11 +68,6 @@ def table_one(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, list[dict[str,
     Its entry `ours` is the simulated value, and its entry `paper` is the value in the paper. Its
     entry `calibrated` states whether this value of the paper was used to calibrate the simulated
     rig.
-
-    Parameters
-    ----------
-    outcomes
-        Results of the nine trials of one seed.
     """
     by_trial = {(outcome.condition, outcome.cube): outcome for outcome in outcomes}
     for condition in CONDITIONS:
@@ -148,27 +138,7 @@ def reproduction_page(
     seeds: int,
     methods: Mapping[str, MethodResult],
 ) -> str:
-    """Return the page with all results of the reproduction as HTML.
-
-    Parameters
-    ----------
-    outcomes
-        Results of the nine trials of one seed.
-    claims
-        Claims of the paper, and whether they are true for the simulated trials.
-    figures
-        Figures as SVG elements, by caption.
-    slow
-        Estimated lag of the force channel and estimated damping, for each frequency of the motion.
-    study
-        Effects from an analysis of variance, by the name of the response (dependent variable);
-        empty if there is only one seed.
-    seeds
-        Number of repetitions of the nine trials, each with another seed.
-    methods
-        Results of estimators that were requested in addition to the three of the paper, averaged
-        over the trials; empty if none were requested.
-    """
+    """Return the page with all results of the reproduction as HTML."""
     return web_page(
         "reproduction.html",
         __package__,

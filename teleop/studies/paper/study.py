@@ -16,18 +16,6 @@ def effects_on(outcomes: Sequence[Outcome], response: str) -> list[Effect]:
     """Return the analysis of variance of a response: the effects of cube, condition and estimator.
 
     The result contains each main effect and each interaction, with its p value and effect sizes.
-
-    Parameters
-    ----------
-    outcomes
-        Results of the nine trials for at least two seeds.
-    response
-        Name of the response (dependent variable), a key of `RESPONSES`.
-
-    Raises
-    ------
-    InputError
-        A value of the response is not finite, or statsmodels is not available.
     """
     rows = [
         {
@@ -47,11 +35,6 @@ def finding(effects: Sequence[Effect]) -> str:
     """Return a sentence that compares the result of an analysis of variance with the paper.
 
     The paper states that "only the choice of the estimation algorithm has an effect".
-
-    Parameters
-    ----------
-    effects
-        Effects of cube, control condition and estimator, from `effects_on`.
     """
     largest = max(effects, key=lambda effect: effect.eta_squared)
     significant = [effect.source for effect in effects if effect.p < 0.01]

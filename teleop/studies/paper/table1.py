@@ -19,7 +19,7 @@ ESTIMATORS = ("rls", "ai", "me")
 class Cell(NamedTuple):
     """A cell of the paper's Table I: results of one estimator in one trial.
 
-    A trial has one control condition and one cube. The estimates are averages over the trial.
+    The estimates are averages over the trial.
     """
 
     b: float

@@ -18,11 +18,6 @@ def print_reproduction(summary: Mapping[str, Any]) -> None:
 
     One table is printed for each cube. A claim is a statement of the paper about its results, or a
     statement about the agreement with the paper.
-
-    Parameters
-    ----------
-    summary
-        Results of the reproduction, from `Reproduction.summary`.
     """
     console = plain_console()
     for cube in ("soft", "medium", "hard"):

@@ -126,14 +126,6 @@ def damping_steps(trial: Trial, rls: float) -> Damping:
     """Return the true damping in a trial, and estimates with fewer and fewer causes of bias.
 
     The docstring of `Damping` explains the causes of bias and the estimates.
-
-    Parameters
-    ----------
-    trial
-        The simulated trial.
-    rls
-        Average of the damping that recursive least squares (RLS) estimated in this trial
-        [N s/m]. This estimate is biased by all causes.
     """
     settings, columns = trial.settings, trial.columns
     force, dt = columns["contact_force"], columns["dt"]
@@ -151,15 +143,7 @@ def damping_steps(trial: Trial, rls: float) -> Damping:
 
 
 def palpate(trial: tuple[ConditionName, CubeName, int], methods: Methods = NO_METHODS) -> Outcome:
-    """Run one of the paper's trials, and run further estimators on the data of this trial.
-
-    Parameters
-    ----------
-    trial
-        Condition, cube and seed.
-    methods
-        The further estimators, which were requested in addition to the three of the paper.
-    """
+    """Run one of the paper's trials, and run further estimators on the data of this trial."""
     condition, cube, seed = trial
     run = run_trial(paper_trial(condition, cube, seed))
     estimates = run.summary()["estimates"]
@@ -185,11 +169,6 @@ def lag_and_damping(frequency: float) -> SlowTrial:
     start and the end of the trial, where the displacement increases from zero and decreases to
     zero, are not used. The true position of the slave's tip is used instead of the position that
     its encoder measures. Therefore, lost motion between encoder and tip has no effect.
-
-    Parameters
-    ----------
-    frequency
-        Frequency of the sinusoidal motion [Hz].
     """
     settings = replace(
         paper_trial("autonomous", "medium"),

@@ -61,16 +61,6 @@ class Journal:
     """Journal of a series of trials: a file with a line for each event of the series.
 
     A line is called an entry. An event is, for example, that a trial was started or is done.
-
-    Parameters
-    ----------
-    folder
-        Folder of the series, which must exist.
-
-    Raises
-    ------
-    InputError
-        The journal cannot be read, or a line is not an entry of a journal.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -113,19 +103,7 @@ class Journal:
     def write(self, entry: Entry, trial: int = 0, **values: Any) -> None:
         """Append a line to the journal, and wait until it is written to the disk.
 
-        Parameters
-        ----------
-        entry
-            Kind of the entry, for example `started`.
-        trial
-            Number of the trial, from 1; 0 for an entry about the whole series.
-        values
-            Further values of the entry, by name. JSON must be able to represent them.
-
-        Raises
-        ------
-        InputError
-            The journal cannot be written.
+        `trial` is 0 for an entry about the whole series.
         """
         now = datetime.now().astimezone().isoformat(timespec="seconds")
         record = {"time": now, "entry": entry, "trial": trial, **values}

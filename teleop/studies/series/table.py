@@ -36,13 +36,6 @@ def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[di
 
     A row contains the values by the heading of the column. If an older version of the program did
     not write a value to the journal, this value is None.
-
-    Parameters
-    ----------
-    trials
-        All trials of the series.
-    journal
-        Journal of the series, which contains the results.
     """
     planned = {trial.number: trial for trial in trials}
     for result in journal.results():
@@ -82,20 +75,6 @@ def write_results(folder: Path, trials: Sequence[PlannedTrial], journal: Journal
     """Write the results of a series to the CSV file `NAME` in a folder.
 
     If the file already exists with the same contents, it is not written again.
-
-    Parameters
-    ----------
-    folder
-        Folder of the series.
-    trials
-        All trials of the series.
-    journal
-        Journal of the series, which contains the results.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written, or the existing file cannot be read.
     """
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, fieldnames=columns(trials))

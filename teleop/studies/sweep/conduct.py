@@ -1,8 +1,4 @@
-"""Run the points of a sweep that are not done yet, and write the results.
-
-A sweep runs a task, such as a simulated trial, with different settings. A point is one combination
-of values of these settings.
-"""
+"""Run the points of a sweep that are not done yet, and write the results."""
 
 from __future__ import annotations
 
@@ -56,34 +52,6 @@ def conduct(
     A point whose result was an error is run again. Each result is written to the journal as soon as
     it is computed. The table results.csv contains the results in the order of the points. The
     result of a point is added to this table as soon as all points before this point are done.
-
-    Parameters
-    ----------
-    folder
-        Folder of the sweep.
-    plan
-        The plan.
-    task
-        Task that is run at each point.
-    points
-        All points of the plan.
-    execute
-        Function that runs the task at the points that are not done. It yields the results of groups
-        of points (chunks).
-    report
-        Function that is called with the progress at the start and after each chunk of points.
-
-    Returns
-    -------
-    The progress at the end: the numbers of points that are done and that have failed.
-
-    Raises
-    ------
-    InputError
-        A file cannot be written, the folder contains other files or a sweep of another plan,
-        another series or sweep is running in the folder, or the settings of all checked points are
-        invalid (see `check`). The software or a file changed after the sweep began, or a worker has
-        other software or files.
     """
     make_folder(folder / JOURNAL)
     with locked(folder):

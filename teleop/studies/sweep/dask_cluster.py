@@ -1,8 +1,4 @@
-"""Run the points of a sweep on a Dask cluster, which can consist of several machines.
-
-A point is one combination of values of the settings. A worker is a process of the cluster. The
-scheduler is the process that assigns points to the workers.
-"""
+"""Run the points of a sweep on a Dask cluster, which can consist of several machines."""
 
 from __future__ import annotations
 
@@ -35,24 +31,12 @@ TIMEOUT = 30.0
 def on_dask(address: str, count: int | None = None) -> Execute:
     """Return a function that runs a task at the points of a sweep on a Dask cluster.
 
-    If a worker (process of the cluster) is killed, Dask assigns the points of this worker to
-    another worker. If several workers are killed with the same points, Dask abandons these points.
-    At the end, the abandoned points are run again one by one. If Dask abandons a point `ATTEMPTS`
-    more times, the result of the point is an error.
+    `count`: None for one process per processor.
 
-    Parameters
-    ----------
-    address
-        Address of the scheduler, such as tcp://10.0.0.1:8786, or `local` for a cluster of
-        processes on this machine.
-    count
-        Number of processes if `address` is `local`; None for one process per processor. Not used
-        for another address.
-
-    Raises
-    ------
-    InputError
-        dask.distributed is not installed, or the address is empty.
+    If a worker is killed, Dask assigns the points of this worker to another worker. If several
+    workers are killed with the same points, Dask abandons these points. At the end, the abandoned
+    points are run again one by one. If Dask abandons a point `ATTEMPTS` more times, the result of
+    the point is an error.
     """
     if not address.strip():
         raise InputError(
@@ -161,15 +145,6 @@ def alone(client: Any, task: Task, point: Point) -> Computed:
 
     If Dask abandons the point because its workers are killed, the point is run again. After
     `ATTEMPTS` attempts, the result is an error.
-
-    Parameters
-    ----------
-    client
-        Dask client that is connected to the cluster.
-    task
-        Task that is run at the point.
-    point
-        The point.
     """
     from distributed import KilledWorker
 
@@ -186,12 +161,6 @@ def cluster(address: str, count: int | None) -> Iterator[Any]:
 
     A cluster that was started on this machine ends at the end of the `with` block. The parameters
     are the same as for `on_dask`.
-
-    Raises
-    ------
-    InputError
-        The scheduler cannot be reached, the scheduler has no workers, or a worker has no teleop or
-        another version of the software.
     """
     from distributed import Client, LocalCluster
 

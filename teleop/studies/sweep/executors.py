@@ -1,7 +1,6 @@
 """Run the points of a sweep in several processes of this machine.
 
-A point is one combination of values of the settings. Points are sent to a process in groups, which
-are called chunks.
+Points are sent to a process in groups, which are called chunks.
 """
 
 from __future__ import annotations
@@ -28,8 +27,7 @@ of the point is an error."""
 def chunks_of(task: Task, points: Sequence[Point]) -> Iterator[Sequence[Point]]:
     """Divide points into chunks, and yield the chunks.
 
-    A chunk is a group of points that are sent to a process together. The task states how many
-    points are in a chunk.
+    The task states how many points are in a chunk.
     """
     for start in range(0, len(points), task.chunk):
         yield points[start : start + task.chunk]
@@ -44,15 +42,12 @@ def processors() -> int:
 def in_processes(count: int | None = None) -> Execute:
     """Return a function that runs a task at the points of a sweep in processes of this machine.
 
+    `count`: None for one process per processor.
+
     If one of the processes is killed, all processes end. The points that were already sent to the
     processes and have no result are then run again one by one, each in a separate process. If the
     separate process of a point is killed in each of `ATTEMPTS` attempts, the result of this point
     is an error. The remaining points are run in new processes.
-
-    Parameters
-    ----------
-    count
-        Number of processes; None for one process per processor.
     """
     size = count or processors()
 

@@ -17,22 +17,7 @@ from teleop.studies.sweep.tasks import ESTIMATOR
 
 
 def read_rows(path: Path, factors: Sequence[str], response: str) -> SweepRows:
-    """Return those rows of a table of results that contain a value of the result `response`.
-
-    Parameters
-    ----------
-    path
-        The table results.csv of a sweep.
-    factors
-        Names of the factors (the settings that vary in the sweep).
-    response
-        The result that the figure shows: a key of `RESULTS`, such as `k`.
-
-    Raises
-    ------
-    InputError
-        No row contains this result.
-    """
+    """Return those rows of a table of results that contain a value of the result `response`."""
     heading = RESULTS[response]
     with path.open(newline="", encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if math.isfinite(float(row[heading] or "nan"))]

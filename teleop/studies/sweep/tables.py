@@ -1,7 +1,4 @@
-"""Write the tables of results of a sweep, with a row for each estimator at each point.
-
-A point is one combination of values of the settings that vary.
-"""
+"""Write the tables of results of a sweep, with a row for each estimator at each point."""
 
 from __future__ import annotations
 
@@ -27,26 +24,6 @@ class Tables:
 
     The file results.csv is written while the sweep runs. The file results.parquet is written by the
     method `write_parquet`.
-
-    Parameters
-    ----------
-    folder
-        Folder of the sweep.
-    task
-        Task that is run at each point.
-    points
-        All points of the plan.
-    journal
-        The journal with the results.
-    positions
-        Where the journal contains the result of each point that is done: the key is the number of
-        the point, and the value is the position of the result in the journal [bytes]. While the
-        sweep runs, the caller adds the positions of further points.
-
-    Raises
-    ------
-    InputError
-        The file results.csv cannot be written.
     """
 
     def __init__(
@@ -70,11 +47,6 @@ class Tables:
 
         The rows are in the order of the points. Therefore only the points before the first point
         that is not done are written.
-
-        Raises
-        ------
-        InputError
-            The file results.csv cannot be written.
         """
         start = self._written
         while self._written < len(self._points) and self._next in self._positions:
@@ -116,13 +88,7 @@ class Tables:
                 yield {**about, **row}
 
     def write_parquet(self) -> bool:
-        """Write the file results.parquet if pyarrow is installed. Return whether it is installed.
-
-        Raises
-        ------
-        InputError
-            The file cannot be written.
-        """
+        """Write results.parquet. Return False if pyarrow is not installed."""
         try:
             import pyarrow
             from pyarrow import parquet

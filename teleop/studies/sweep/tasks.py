@@ -1,8 +1,7 @@
 """Define the tasks at a point of a sweep: run a simulated trial, or evaluate a recording.
 
-A point is one combination of values of the settings that vary. A task can be sent to another
-process. The result of a task at a point depends only on the plan. It does not depend on the number
-of processes or the order in which the points are run.
+A task can be sent to another process. The result of a task at a point depends only on the plan. It
+does not depend on the number of processes or the order in which the points are run.
 """
 
 from __future__ import annotations
@@ -54,10 +53,7 @@ class Computed(NamedTuple):
 
 
 class Task(Protocol):
-    """Interface of a task, which is run at each point of a sweep.
-
-    A point is one combination of values of the settings that vary.
-    """
+    """Interface of a task, which is run at each point of a sweep."""
 
     @property
     def files(self) -> Mapping[str, Path]:
@@ -71,7 +67,7 @@ class Task(Protocol):
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """Names of the settings that vary (the factors)."""
+        """Names of the settings that vary."""
         ...
 
     @property
@@ -85,13 +81,7 @@ class Task(Protocol):
         ...
 
     def settings(self, point: Point) -> TrialSettings:
-        """Return the settings of the task at a point of the sweep.
-
-        Raises
-        ------
-        InputError
-            The settings are invalid.
-        """
+        """Return the settings of the task at a point of the sweep."""
         ...
 
     def rows(self, point: Point) -> list[Row]:
@@ -104,7 +94,7 @@ class TrialTask:
     """Task that runs a trial on the simulated rig in virtual time."""
 
     keys: tuple[str, ...]
-    """Names of the settings that vary (the factors)."""
+    """Names of the settings that vary."""
     common: Mapping[str, Any]
     """Settings of all trials, with the keys of a configuration file."""
     folder: Path
@@ -117,13 +107,7 @@ class TrialTask:
     columns: ClassVar[tuple[str, ...]] = (SEED, *TRUTH.values(), ESTIMATOR, *RESULTS.values())
 
     def settings(self, point: Point) -> TrialSettings:
-        """Return the settings of the trial at a point of the sweep.
-
-        Raises
-        ------
-        InputError
-            The settings are invalid.
-        """
+        """Return the settings of the trial at a point of the sweep."""
         document = with_values(self.common, self.keys, point.values)
         for key, expected in (("clock", "virtual"), ("rig", None)):
             if document.get(key, expected) != expected:
@@ -132,15 +116,7 @@ class TrialTask:
         return replace(settings, seed=settings.seed + point.repetition)
 
     def rows(self, point: Point) -> list[Row]:
-        """Run the trial at a point of the sweep, and return one row of results per estimator.
-
-        Raises
-        ------
-        InputError
-            The settings are invalid.
-        SafetyStop
-            The trial was stopped for safety.
-        """
+        """Run the trial at a point of the sweep, and return one row of results per estimator."""
         settings = self.settings(point)
         summary = run_trial(settings).summary()
         if fault := summary["safety"]["fault"]:
@@ -162,7 +138,7 @@ class EstimateTask:
     """
 
     keys: tuple[str, ...]
-    """Names of the settings that vary (the factors)."""
+    """Names of the settings that vary."""
     path: Path
     """Path of the recording."""
     files: Mapping[str, Path]
@@ -192,13 +168,7 @@ class EstimateTask:
         return (*dict.fromkeys((*self.own_plug_ins, *recorded)),)
 
     def settings(self, point: Point) -> TrialSettings:
-        """Return the settings with which the estimates are computed at a point of the sweep.
-
-        Raises
-        ------
-        InputError
-            The settings are invalid, or the recording cannot be read.
-        """
+        """Return the settings with which the estimates are computed at a point of the sweep."""
         document = with_values(self.recorded.document, self.keys, point.values)
         return settings_from(document, self.path.parent)
 
@@ -224,15 +194,7 @@ class EstimateTask:
 
 
 def task_of(plan: SweepPlan, folder: Path) -> Task:
-    """Return the task of a sweep: to run a trial at each point, or to evaluate a recording.
-
-    Parameters
-    ----------
-    plan
-        The plan of the sweep, which states the task.
-    folder
-        Folder to which the paths in the plan are relative.
-    """
+    """Return the task of a sweep: to run a trial at each point, or to evaluate a recording."""
     keys, root = tuple(plan.factors), folder.absolute()
     values = {key: [] if isinstance(one, Range) else one for key, one in plan.factors.items()}
     tares = [plan.settings.get("tare"), *values.get("tare", ())]
@@ -252,11 +214,6 @@ def check(task: Task, points: Sequence[Point]) -> None:
     About `CHECKED` points, evenly distributed over the sweep, are checked. One point with valid
     settings is sufficient. The sweep then runs, and the result of each point with invalid settings
     is an error.
-
-    Raises
-    ------
-    InputError
-        The settings of all checked points are invalid.
     """
     first: InputError | None = None
     for point in evenly(points, CHECKED):
@@ -281,7 +238,7 @@ def results(task: Task, points: Sequence[Point]) -> list[dict[str, Any]]:
     The dictionary contains the number of the point, and its rows of results, the reason of a safety
     stop (`stopped`), or an error message (`error`). A safety stop is a result of the trial. After
     an error, there is no result, and the point must be run again. An exception other than
-    InputError is an error in the program (a bug). The dictionary then also contains the traceback.
+    InputError is an error in the program. The dictionary then also contains the traceback.
     """
     found = []
     for point in points:
@@ -304,23 +261,7 @@ def results(task: Task, points: Sequence[Point]) -> list[dict[str, Any]]:
 def with_values(
     document: Mapping[str, Any], keys: Sequence[str], values: Sequence[Any]
 ) -> dict[str, Any]:
-    """Return a copy of a document with settings, in which some settings have new values.
-
-    Parameters
-    ----------
-    document
-        Settings with the keys of a configuration file.
-    keys
-        Names of the settings, with a dot between the names of nested settings.
-    values
-        New values of these settings.
-
-    Raises
-    ------
-    InputError
-        A key names a setting within another setting that is not a table. An example is `a.b` if
-        the value of `a` is a number.
-    """
+    """Return a copy of a document with settings, in which some settings have new values."""
     changed: dict[str, Any] = deepcopy(dict(document))
     for key, value in zip(keys, values, strict=True):
         *outer, last = key.split(".")
