@@ -112,10 +112,9 @@ def compare(
         tracking_table,
     )
     from teleop.output.console import print_json
-    from teleop.output.effects_table import effects_table
     from teleop.output.table_files import check_table_ending, write_table_file
     from teleop.printable import print_error
-    from teleop.studies.anova import check_available
+    from teleop.studies.anova import check_available, effects_table
     from teleop.studies.recordings import known_factors, planned_levels, sources, usual_factors
     from teleop.trial.tracked import recorded_tracking
 
@@ -236,8 +235,7 @@ def effects_of(
         The analysis is not possible, for example because there are too few recordings.
     """
     from teleop.evaluation.across.comparison import SUBJECT
-    from teleop.studies.anova import ESTIMATOR, analysis_of_variance, design_text
-    from teleop.studies.depth_differences import depth_note
+    from teleop.studies.anova import ESTIMATOR, analysis_of_variance, depth_note, design_text
 
     table = [
         {

@@ -142,7 +142,7 @@ def sweep(
         from estimation.figure_style import figure_style
         from teleop.output.figure_files import save
         from teleop.output.sweep_figures import main_effects_figure, map_figure
-        from teleop.studies.sweep.figure_rows import read_rows
+        from teleop.studies.sweep.tables import read_rows
 
         rows = read_rows(folder / CSV, [*read.factors], response)
         with figure_style(width):

@@ -50,10 +50,7 @@ class Place(NamedTuple):
     the figure is another physical quantity."""
 
     def intervals(self, symbol: str) -> list[Interval]:
-        """Return the 95 % intervals of k or b (`symbol`) that are drawn for this group.
-
-        These are the intervals of the recordings and, for two or more recordings, of their mean.
-        """
+        """Return the 95 % intervals of k or b that are drawn for this group."""
         mean, shown = self.means[symbol], DRAWN[symbol].shown
         found = [result.interval(symbol) for result in self.results if result.determines(symbol)]
         if mean.recordings > 1:
@@ -104,12 +101,7 @@ def comparison_figure(
 def placed(
     rows: Sequence[Compared], groups: Sequence[Group], by: Sequence[str]
 ) -> tuple[list[Place], int | None]:
-    """Return the place of each group in the figure, and the factor that divides the figure.
-
-    If the values of the groups are too different for one panel, the figure has one row of panels
-    for each level (value) of one factor. This factor is returned as an index of `by`, which
-    contains the names of the factors. If the figure is not divided, the index is None.
-    """
+    """Return the place of each group, and the index of the factor that divides the figure."""
     results = [
         [r.result for r in rows if r.levels(by) == group.levels and r.result.identifiable]
         for group in groups
@@ -168,10 +160,7 @@ def level_text(level: str) -> str:
 
 
 def draw_results(axes: Axes, at: int, place: Place, symbol: str) -> None:
-    """Draw k or b of each recording of a group, side by side, with 95 % intervals.
-
-    If there is no value, the text "no result" is drawn.
-    """
+    """Draw k or b of each recording of a group with 95 % intervals, or "no result"."""
     shown = np.array([one.determines(symbol) for one in place.results], bool)
     if not shown.any():
         axes.text(

@@ -95,10 +95,7 @@ def different_text(symbol: str, kinds: Mapping[str, int]) -> str:
 
 
 def missing_text(method: str, missing: Mapping[str, str]) -> str:
-    """Return a note that states why a method has no value for some recordings.
-
-    The note contains the names of the files. It lists at most `FILES_NAMED` files for each reason.
-    """
+    """Return a note: why a method has no value for some files (reason by name of the file)."""
     files: dict[str, list[str]] = {}
     for file, reason in missing.items():
         files.setdefault(reason, []).append(Path(file).name)
@@ -113,10 +110,7 @@ def missing_text(method: str, missing: Mapping[str, str]) -> str:
 
 
 def holding_text(groups: Sequence[Group]) -> str:
-    """Return a note on the force, depth and frequency at which k and b of each group are valid.
-
-    The note is empty if force, depth and frequency are not known for any group.
-    """
+    """Return a note: force, depth and frequency at which k and b of the groups are valid, or ""."""
     parts = [
         f"{levels_text(group)}: {where}" if group.levels else where
         for group in groups
@@ -129,11 +123,7 @@ def holding_text(groups: Sequence[Group]) -> str:
 
 
 def held_at(group: Group) -> str:
-    """Return the force and depth at which k of a group is valid, and the frequency for b, as text.
-
-    For example, the text is "k at 1.00 to 1.20 N, 2.00 mm from the contact point, b at 1.00 Hz". A
-    value is a range if the recordings of the group differ. Values that are not known are left out.
-    """
+    """Return, if known, "k at 1.00 to 1.20 N, 2.00 mm from the contact point, b at 1.00 Hz"."""
     parts = []
     if group.holding.keys() >= {"force_n", "depth_m"}:
         force = range_text(group.holding["force_n"], 1.0, "N")

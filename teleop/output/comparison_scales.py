@@ -58,28 +58,18 @@ def factor_of_rows(drawn: Drawn) -> int | None:
 
 
 def widest(groups: Sequence[Sequence[Sequence[Interval]]]) -> float:
-    """Return a ratio that states how much the values of several groups differ in magnitude.
-
-    For each quantity, such as k or b, the largest magnitude in all groups is divided by the
-    smallest (`size_ratio`). The largest of these ratios is returned.
-    """
+    """Return the largest `size_ratio` of a quantity over several groups (intervals by quantity)."""
     quantities = zip(*groups, strict=True)
     return max((size_ratio([i for part in one for i in part]) for one in quantities), default=1.0)
 
 
 def sizes(intervals: Sequence[Interval]) -> list[float]:
-    """Return the magnitude of each interval, without magnitudes that are zero.
-
-    The magnitude is the larger one of the absolute values of the two ends.
-    """
+    """Return the larger absolute value of the ends of each interval, except zeros."""
     return [size for low, high in intervals if (size := max(abs(low), abs(high))) > 0.0]
 
 
 def size_ratio(intervals: Sequence[Interval]) -> float:
-    """Return the ratio of the largest to the smallest magnitude of intervals (see `sizes`).
-
-    The ratio is 1 if there are no intervals, or if all magnitudes are zero.
-    """
+    """Return the ratio of the largest to the smallest of the `sizes`; 1 if there are none."""
     found = sizes(intervals)
     return max(found) / min(found) if found else 1.0
 

@@ -79,8 +79,6 @@ class PlainConsole(Console):
 def plain_console(stream: TextIO | None = None) -> Console:
     """Return a console of the library rich that interprets no markup in texts, such as "[bold]".
 
-    `stream`: None for standard output.
-
     The console does not highlight or shorten texts. Width and height are given to the library rich,
     so that rich does not read them from the terminal or from environment variables. For a terminal
     of the type `dumb`, rich would assume 80 columns, even if the variable COLUMNS has another
@@ -222,10 +220,7 @@ def fitting_tables(
 
 
 def numbered(texts: Iterable[str]) -> dict[str, str]:
-    """Number the distinct texts from 1, and return a dictionary from each text to its number.
-
-    A number is a text such as "1". Empty texts are left out.
-    """
+    """Number the distinct texts that are not empty from "1", and return the numbers by text."""
     distinct = dict.fromkeys(text for text in texts if text)
     return {text: str(number) for number, text in enumerate(distinct, start=1)}
 

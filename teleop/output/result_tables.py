@@ -17,10 +17,7 @@ MOST_DECIMALS = 12
 
 
 def print_result(summary: Mapping[str, Any], name: str) -> None:
-    """Print the result of the evaluation of a file: k and b, or the reasons why there are none.
-
-    The motion in the file, its phases and the contact point are also printed.
-    """
+    """Print the result of a file (k and b, or why there are none), its motion and phases."""
     console = plain_console()
     result = summary["result"]
     console.print(f"{name}: result", style="bold")
@@ -80,11 +77,7 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
 
 
 def motion_line(summary: Mapping[str, Any]) -> str:
-    """Return a line of text with frequency, amplitude and travel of the motion in a file.
-
-    The travel is the largest minus the smallest position. If the file contains too few strokes for
-    a frequency, the line states their number instead of frequency and amplitude.
-    """
+    """Return frequency, amplitude and travel of the motion; with few strokes, their number."""
     motion = summary["motion"]
     travel = f"travel {motion['travel_m'] * 1e3:.3g} mm"
     if not math.isfinite(motion["frequency_hz"]):
@@ -102,11 +95,7 @@ def motion_line(summary: Mapping[str, Any]) -> str:
 
 
 def tangent_lines(tangent: Mapping[str, Any]) -> list[str]:
-    """Return lines of text that state at which force and depth k is the tangent stiffness.
-
-    A second line states the secant stiffness (force divided by depth) at this point, if it is
-    known. There are no lines if the data are not sufficient for k.
-    """
+    """Return where k is the tangent stiffness, and the secant stiffness there if it is known."""
     if tangent["force_n"] is None:
         return []
     lines = [
@@ -122,10 +111,7 @@ def tangent_lines(tangent: Mapping[str, Any]) -> list[str]:
 
 
 def print_material(material: Mapping[str, Any]) -> None:
-    """Print the elastic modulus of the specimen, its 95 % interval, and how it was computed.
-
-    `material` is the dictionary that `elastic_modulus` returned.
-    """
+    """Print the result of `elastic_modulus`."""
     low, value, high = (material[f"modulus{end}_pa"] for end in ("_low", "", "_high"))
     plain_console().print(
         f"  elastic modulus E = {value / 1e3:.4g} kPa "
@@ -135,10 +121,7 @@ def print_material(material: Mapping[str, Any]) -> None:
 
 
 def print_models(summary: Mapping[str, Any]) -> None:
-    """Print the models that were fitted to all samples of a file together, the best model first.
-
-    `summary` is the dictionary that `Evaluation.summary` returned.
-    """
+    """Print the models that were fitted to all samples, the best first."""
     console = plain_console()
     models = summary["models"]
     if not models:
@@ -176,10 +159,7 @@ def print_models(summary: Mapping[str, Any]) -> None:
 
 
 def parameter_text(name: str, one: Mapping[str, Any]) -> str:
-    """Return the estimate of a parameter, and the half width of its 95 % interval, as text.
-
-    If the data do not determine the parameter, the text is its name and "not identifiable".
-    """
+    """Return name, value, half width of the 95 % interval and unit of a `Parameter`."""
     if not one["identifiable"]:
         return f"{name} not identifiable"
     half, shown_as = 0.5 * (one["high"] - one["low"]), quantity(name, one["unit"])
@@ -187,11 +167,7 @@ def parameter_text(name: str, one: Mapping[str, Any]) -> str:
 
 
 def with_half(value: float, half: float) -> str:
-    """Return a value and the half width of its confidence interval as text: "value +- half".
-
-    The half width has two significant digits, and the value has the same number of decimals. If the
-    half width is zero or not finite, the text is only the value.
-    """
+    """Return "value \u00b1 half": two significant digits of the half width, if it is known."""
     if not math.isfinite(half) or half <= 0.0:
         return small(value, 4)
     return f"{significant(value, half)} \u00b1 {significant(half, half)}"
@@ -211,12 +187,7 @@ def significant(value: float, width: float) -> str:
 
 
 def print_together(together: Mapping[str, Any]) -> None:
-    """Print whether one Kelvin-Voigt body (f = b v + k x) explains several files.
-
-    The first table contains k and b of a fit to each file, and of one fit to all files together.
-    The second table contains the complex modulus of each file. Then follow the ratio of the largest
-    to the smallest k, the same ratio for b, and the conclusions as text.
-    """
+    """Print the result of `evaluate_together`: fits, complex modulus, ratios and conclusions."""
     console = plain_console()
     names = [Path(row["file"]).name for row in together["alone"]]
     if len(set(names)) < len(names):

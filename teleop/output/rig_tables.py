@@ -29,11 +29,7 @@ SHOWN_IN = {one.si: one for one in SIGNALS.values()}
 
 
 def table(title: str, *headings: str) -> TrimmedTable:
-    """Return a table that has headings but no rows yet.
-
-    The first two columns are aligned to the left, for text. The other columns are aligned to the
-    right, for numbers.
-    """
+    """Return an empty table: two columns of text, then numbers."""
     made = TrimmedTable(title=title, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold")
     for i, heading in enumerate(headings):
         made.add_column(heading, justify="left" if i < 2 else "right", no_wrap=True)
@@ -55,10 +51,7 @@ CHANNEL_HEADINGS = (
 
 
 def channel_tables(title: str, channels: Sequence[Row]) -> list[TrimmedTable | str]:
-    """Return a table of a rig's channels, with one row for each channel.
-
-    A table that is too wide for the terminal is divided into several tables.
-    """
+    """Return the table of the channels, divided if it is too wide for the terminal."""
     rows = []
     for c in channels:
         shown = SHOWN_IN[CHANNEL_UNITS[c["name"]]]
@@ -81,11 +74,7 @@ def channel_tables(title: str, channels: Sequence[Row]) -> list[TrimmedTable | s
 
 @contextlib.contextmanager
 def live_channels(stream: TextIO) -> Iterator[Callable[[Sequence[Row]], None]]:
-    """Show a table of a rig's channels in a terminal.
-
-    The table is shown until the end of the `with` block. If the stream is not a terminal, nothing
-    is shown.
-    """
+    """Show the table of the channels in a terminal, and yield the function that updates it."""
     if not stream.isatty():
         yield lambda channels: None
         return
@@ -155,10 +144,7 @@ def print_emulation(
 
 
 def print_lag(summary: Mapping[str, Any]) -> None:
-    """Print the lag of the force channel and the lost motion (backlash) of a rig.
-
-    Both have 95 % intervals. The command that compensates the lag in an evaluation is also printed.
-    """
+    """Print the result of `ForceLag.summary`, with the true values for the simulated rig."""
     console = plain_console()
     low, high = summary["lag_low_s"] * 1e3, summary["lag_high_s"] * 1e3
     lost_low, lost_high = summary["lost_motion_low_m"] * 1e6, summary["lost_motion_high_m"] * 1e6
@@ -190,10 +176,7 @@ def print_lag(summary: Mapping[str, Any]) -> None:
 def print_tare(
     tare: Tare, master_noise: float, contact_noise: float, path: Path, rig: Path | None
 ) -> None:
-    """Print the zero offsets of a rig, and the command that starts a trial with them.
-
-    `rig`: None for the simulated rig.
-    """
+    """Print the zero offsets of a rig, and the command that starts a trial with them."""
     on_rig = ["--rig", str(rig)] if rig else []
     needed = ["--specimen", "NAME", "--depth", "DEPTH"] if rig else []
     contact = tare.slave_position

@@ -61,11 +61,7 @@ class SweepRows(NamedTuple):
 
 
 def levels_of(values: Sequence[float | str]) -> Levels:
-    """Return the levels of a factor.
-
-    Each different value is a level. But if there are more than `MOST_LEVELS` different numbers,
-    they are divided into bins, and each bin is a level.
-    """
+    """Return the different values of a factor; more than `MOST_LEVELS` numbers are binned."""
     if any(isinstance(value, str) for value in values):
         names, index = np.unique([str(value) for value in values], return_inverse=True)
         order = dict.fromkeys(str(value) for value in values)
@@ -83,11 +79,7 @@ def levels_of(values: Sequence[float | str]) -> Levels:
 
 
 def main_effects_figure(rows: SweepRows) -> Figure:
-    """Return a figure of the mean result of a sweep at each level of each factor.
-
-    There is a panel for each factor. Each mean is computed over all levels of the other factors and
-    all repetitions with different seeds. The error bars are 95 % intervals of the mean.
-    """
+    """Return the mean result at each level of each factor, with 95 % intervals of the mean."""
     columns = max(1, min(len(rows.factors), int(WIDTHS[CHOSEN.get()] / INCHES)))
     lines = -(-len(rows.factors) // columns)
     figure = new_figure(0.42 * lines, rows=lines)
@@ -126,11 +118,7 @@ def draw_effect(
 
 
 def label_axis(axes: Axes, factor: str, levels: Levels) -> None:
-    """Label the horizontal axis of a panel with the name of a factor and the names of its levels.
-
-    If the levels are numbers, they have no names, and the axis can be logarithmic (see
-    `is_logarithmic`).
-    """
+    """Label the axis of a factor with its name and levels, or make it logarithmic."""
     axes.set_xlabel(plain(factor))
     if levels.names:
         name_ticks(axes, levels.places, levels.names)
@@ -139,21 +127,14 @@ def label_axis(axes: Axes, factor: str, levels: Levels) -> None:
 
 
 def name_ticks(axes: Axes, places: Floats, names: Sequence[str]) -> None:
-    """Write the names of levels below the horizontal axis of a panel.
-
-    If the names have more than `CHARACTERS` characters in total, they are written vertically.
-    """
+    """Write the names of levels below the axis, long ones vertically."""
     axes.set_xticks(places.tolist(), [plain(name) for name in names])
     if sum(map(len, names)) > CHARACTERS:
         axes.tick_params(axis="x", labelrotation=90)
 
 
 def is_logarithmic(places: Floats) -> bool:
-    """Return whether a logarithmic axis is more suitable for numbers than a linear axis.
-
-    This is the case if the distances between successive numbers are more equal on the logarithmic
-    axis. If there are too few numbers, or if one is not positive, the result is False.
-    """
+    """Return whether positive increasing numbers are more evenly spaced as logarithms."""
     if len(places) < 3 or places[0] <= 0.0:
         return False
     even, even_logarithm = (np.diff(one) for one in (places, np.log(places)))
@@ -161,10 +142,7 @@ def is_logarithmic(places: Floats) -> bool:
 
 
 def map_figure(rows: SweepRows, first: str, second: str) -> Figure:
-    """Return a figure with a map for each estimator: mean result as a function of two factors.
-
-    The colour of a map shows the mean result for each pair of levels of the two factors.
-    """
+    """Return a map of the mean result over two factors for each estimator."""
     across, upwards = levels_of(rows.factors[first]), levels_of(rows.factors[second])
     names = [*dict.fromkeys(rows.estimator.tolist())]
     columns = max(1, min(len(names), int(WIDTHS[CHOSEN.get()] / INCHES)))

@@ -17,12 +17,15 @@ R. E. Kirk, "Experimental Design", 4th ed., 2013, chapters 10 and 12.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from statistics import median
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from teleop.errors import InputError
+from teleop.evaluation.across.comparison import Compared
+from teleop.output.table_files import TextTable
 
 ESTIMATOR = "estimator"
 """Name of the factor `estimator`, which varies within a trial."""
@@ -250,3 +253,63 @@ def repeated_measures(frame: Any, factors: Sequence[str]) -> Tests:
         )
         for effect, row in table.iterrows()
     }
+
+
+LARGE_DEPTH_RATIO = 1.1
+"""Ratio of the larger to the smaller depth above which a warning is given. The depths of repeated
+trials differ by a few percent."""
+
+
+def depth_note(rows: Sequence[Compared], factors: Sequence[str]) -> str:
+    """Return a warning if the depth of the palpation differs between the levels of a factor.
+
+    The stiffness of many specimens increases with the depth. The analysis of variance then counts
+    this difference as an effect of the factor. The text is empty up to `LARGE_DEPTH_RATIO`.
+    """
+    ratios = {name: depth_ratio(rows, name, factors) for name in factors}
+    large = {name: ratio for name, ratio in ratios.items() if ratio > LARGE_DEPTH_RATIO}
+    if not large:
+        return ""
+    names = " and ".join(f"{name} (by up to {ratio - 1.0:.0%})" for name, ratio in large.items())
+    return (
+        f"The depth of the palpation differs between the levels of {names}. If the stiffness of "
+        "the specimen depends on the depth, this is part of the effect."
+    )
+
+
+def depth_ratio(rows: Sequence[Compared], factor: str, factors: Sequence[str]) -> float:
+    """Return the largest ratio of the depths of the palpation at two levels of a factor.
+
+    Only recordings with the same levels of all other factors are compared. The depth at a level is
+    the median of the depths of the recordings with this level. The result is 1 if there are no
+    depths to compare.
+    """
+    others = [name for name in factors if name != factor]
+    depths: dict[tuple[str, ...], dict[str, list[float]]] = {}
+    for row in rows:
+        if row.result.depth:
+            (level,) = row.levels([factor])
+            depths.setdefault(row.levels(others), {}).setdefault(level, []).append(row.result.depth)
+    medians = [[median(found) for found in one.values()] for one in depths.values()]
+    return max((max(one) / min(one) for one in medians), default=1.0)
+
+
+def effects_table(effects: Iterable[Mapping[str, Any]], response: str, design: str) -> TextTable:
+    """Return the table of an analysis of variance, with one row for each effect."""
+    headings = (f"effect on {response}", "F", "df", "p", "eta^2", "partial eta^2")
+    return TextTable(headings, effect_cells(effects), 1, [("", design)])
+
+
+def effect_cells(effects: Iterable[Mapping[str, Any]]) -> list[list[str]]:
+    """Return the cells of the table of `effects_table`, one row for each effect."""
+    return [
+        [
+            effect["source"].replace(" x ", " \N{MULTIPLICATION SIGN} "),
+            f"{effect['f']:.1f}" if effect["f"] < 1000.0 else f"{effect['f']:.0f}",
+            f"{effect['degrees']}, {effect['error_degrees']}",
+            "< 0.001" if effect["p"] < 0.001 else f"{effect['p']:.3f}",
+            f"{effect['eta_squared']:.3f}",
+            f"{effect['partial_eta_squared']:.3f}",
+        ]
+        for effect in effects
+    ]

@@ -44,11 +44,7 @@ class JsonLines:
         return positions
 
     def read(self) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Yield each document, with the position in the file at which its line starts [bytes].
-
-        Each item is (position, document). A last line that does not end with a newline is
-        incomplete, and is not read. If the file does not exist, nothing is yielded.
-        """
+        """Yield position [bytes] and document of each line that is complete."""
         if not self.path.exists():
             return
         try:
@@ -77,10 +73,7 @@ class JsonLines:
 
 
 def remove_incomplete_line(file: BinaryIO) -> None:
-    """Remove the last line of a file if it does not end with a newline.
-
-    After the call, the position in the file is the end of the file.
-    """
+    """Remove the last line of a file if it has no newline; leave the position at the end."""
     if not file.seek(0, os.SEEK_END):
         return
     file.seek(-1, os.SEEK_END)
@@ -92,12 +85,7 @@ def remove_incomplete_line(file: BinaryIO) -> None:
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Context manager that locks a folder, so that no other series or sweep can run in it.
-
-    A series is run by `teleop series`, and a sweep by `teleop sweep`.
-
-    The folder is not locked on a system without the module `fcntl`, such as Windows.
-    """
+    """Lock a folder, so that no other series or sweep runs in it (not on Windows)."""
     try:
         import fcntl
     except ImportError:  # a system without these locks

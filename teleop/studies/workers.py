@@ -16,9 +16,7 @@ from teleop.interruption import SIGNALS
 
 @contextlib.contextmanager
 def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
-    """Context manager that provides a pool of worker processes.
-
-    `count`: None for one process per processor.
+    """Context manager that provides a pool of worker processes, by default one per processor.
 
     If the block of the `with` statement raises an exception, including KeyboardInterrupt, the
     worker processes are killed, even if their tasks are not finished. If the process that created

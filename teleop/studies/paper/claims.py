@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from estimation.quantities import STIFFNESS
 from sim_backend import CUBES
 from teleop.studies.paper.table1 import CONDITIONS, ESTIMATORS
-from teleop.studies.paper.trials import Damping, Outcome, as_rows
+from teleop.studies.paper.trials import Damping, PaperTrial, as_rows
 
 RISE = 0.6
 """Longest rise time that the paper states [s]."""
@@ -36,7 +36,7 @@ class Claim(NamedTuple):
     """Numbers that show whether the claim is true."""
 
 
-def check_claims(outcomes: Sequence[Outcome]) -> list[Claim]:
+def check_claims(outcomes: Sequence[PaperTrial]) -> list[Claim]:
     """Check all claims about the simulated results, and return whether each of them is true."""
     rows = as_rows(outcomes)
     cell = {(row["condition"], row["cube"], row["estimator"]): row for row in rows}
@@ -126,12 +126,7 @@ def rise_claim(rows: list[dict[str, Any]]) -> Claim:
 
 
 def stiffness_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[Claim]:
-    """Check how the estimated stiffness depends on the cube and on the control condition.
-
-    The first claim is that the stiffness increases from the soft to the medium to the hard cube,
-    for every condition and estimator. The second claim is that the stiffness is smaller under the
-    condition `autonomous` than under `free`, for every cube and estimator.
-    """
+    """Check that k increases from soft to hard, and decreases from free to autonomous."""
     rises = all(
         cell[c, "soft", e]["k"] < cell[c, "medium", e]["k"] < cell[c, "hard", e]["k"]
         for c in CONDITIONS
@@ -157,13 +152,8 @@ def stiffness_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[C
     ]
 
 
-def damping_claims(steps: list[Damping], outcomes: Sequence[Outcome]) -> list[Claim]:
-    """Check the sign of the damping that is estimated with bias, and the value without bias.
-
-    The first claim is that the damping from recursive least squares (RLS), which is biased, is
-    negative in the same trials as in the paper. The second claim is that the estimated damping is
-    close to the true damping if all causes of bias are removed.
-    """
+def damping_claims(steps: list[Damping], outcomes: Sequence[PaperTrial]) -> list[Claim]:
+    """Check the sign of the biased damping of RLS, and the damping without bias."""
     positive = [
         f"{outcome.condition} {outcome.cube}: {step.rls:+.1f}"
         for outcome, step in zip(outcomes, steps, strict=True)

@@ -40,7 +40,7 @@ class MethodResult(NamedTuple):
     """Fraction of the samples at which the estimate was held constant."""
 
 
-class Methods(NamedTuple):
+class FurtherMethods(NamedTuple):
     """Estimators that a user requests in addition to the three of the paper, and their model."""
 
     estimators: tuple[str, ...] = ()
@@ -49,7 +49,7 @@ class Methods(NamedTuple):
     """Model of the environment for those of the estimators that support several models."""
 
 
-def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
+def compare_methods(trial: Trial, methods: FurtherMethods) -> dict[str, MethodResult]:
     """Run estimators on the data of a simulated trial, and compute the errors of the estimates.
 
     All estimators use the paper's settings and process the same signals: the measured force, and

@@ -17,17 +17,17 @@ from sim_backend import CUBES
 from teleop.errors import InputError
 from teleop.files import check_outputs, unwritable, write_text
 from teleop.output.figure_files import save
-from teleop.output.stiffness_figure import stiffness_figure
+from teleop.output.trial_figures import stiffness_figure
 from teleop.output.web_page import svg
 from teleop.studies.anova import Effect, check_available
 from teleop.studies.paper.claims import Claim, check_claims
-from teleop.studies.paper.methods import MethodResult, Methods, averages
+from teleop.studies.paper.methods import FurtherMethods, MethodResult, averages
 from teleop.studies.paper.page import reproduction_page
 from teleop.studies.paper.study import RESPONSES, effects_on
 from teleop.studies.paper.table1 import CONDITIONS, table1
 from teleop.studies.paper.trials import (
     NO_METHODS,
-    Outcome,
+    PaperTrial,
     SlowTrial,
     as_rows,
     lag_and_damping,
@@ -53,7 +53,7 @@ CAPTIONS = {
 class Reproduction:
     """Results of the reproduction of the paper in simulation."""
 
-    outcomes: list[Outcome]
+    outcomes: list[PaperTrial]
     """Results of the nine trials for every seed."""
     slow: list[SlowTrial]
     """Lag of the force channel and damping, both estimated from one trial for each frequency."""
@@ -63,7 +63,7 @@ class Reproduction:
     """Effects from an analysis of variance, by the name of the response; empty for one seed."""
 
     @property
-    def first(self) -> list[Outcome]:
+    def first(self) -> list[PaperTrial]:
         """Results of the paper's nine trials with the first seed."""
         return self.outcomes[: len(CONDITIONS) * len(CUBES)]
 
@@ -105,7 +105,7 @@ class Reproduction:
 
 
 def reproduce(
-    seeds: int, methods: Methods = NO_METHODS, on_done: Callable[[], None] = lambda: None
+    seeds: int, methods: FurtherMethods = NO_METHODS, on_done: Callable[[], None] = lambda: None
 ) -> Reproduction:
     """Run the paper's nine trials in simulation for several seeds, on all processor cores."""
     if seeds < 1:
@@ -172,7 +172,7 @@ def csv_table(rows: Sequence[dict[str, Any]]) -> str:
     return text.getvalue()
 
 
-def draw(name: str, outcomes: Sequence[Outcome], folder: Path, overwrite: bool) -> Markup:
+def draw(name: str, outcomes: Sequence[PaperTrial], folder: Path, overwrite: bool) -> Markup:
     """Draw a figure of the paper with simulated results, and write it to a PNG and an SVG file.
 
     The figure is returned as an SVG element.

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 from teleop.studies.anova import ESTIMATOR, Effect, analysis_of_variance
 from teleop.studies.paper.table1 import ESTIMATORS
-from teleop.studies.paper.trials import Outcome
+from teleop.studies.paper.trials import PaperTrial
 
 RESPONSES = {"e_f": "Average force error [N]", "rise_time_s": "Rise time [s]"}
 """Responses (dependent variables) of the analyses of variance, with their headings."""
 
 
-def effects_on(outcomes: Sequence[Outcome], response: str) -> list[Effect]:
+def effects_on(outcomes: Sequence[PaperTrial], response: str) -> list[Effect]:
     """Return the analysis of variance of a response: the effects of cube, condition and estimator.
 
     The result contains each main effect and each interaction, with its p value and effect sizes.

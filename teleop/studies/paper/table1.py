@@ -49,9 +49,5 @@ CALIBRATED = ("free", "autonomous")
 
 
 def is_calibrated(condition: str, estimator: str) -> bool:
-    """Return whether b and k of a cell of the paper's Table I were used in the calibration.
-
-    The simulated rig is calibrated such that its results agree with these b and k. A cell has one
-    control condition, one cube and one estimator. The result is the same for all cubes.
-    """
+    """Return whether b and k of a cell of Table I were used to calibrate the simulated rig."""
     return estimator == "rls" and condition in CALIBRATED

@@ -97,12 +97,8 @@ def conduct(
             question = question_on(trial, plan, trials, journal)
             answer, note = ask(question)
             returned = None
-            if answer == "skip" and not journal.is_finished(trial.number):
-                journal.write("skipped", trial.number, note=note)
-            elif answer != "run" and note:
-                about = question.previous or trial if answer == "repeat" else trial
-                attempts = journal.attempts(about.number)
-                journal.write("note", about.number, attempt=attempts, answer=answer, note=note)
+            write_answer(journal, question, trial, answer, note)
+            if answer != "run":
                 write_results(folder, trials, journal)
             if answer == "quit":
                 break
@@ -135,6 +131,18 @@ def conduct(
                 if journal.attempts(trial.number) >= ATTEMPTS:
                     raise type(problem)(f"trial {trial.number}, {trial.label}: {problem}")
     return journal
+
+
+def write_answer(
+    journal: Journal, question: Question, trial: PlannedTrial, answer: Answer, note: str
+) -> None:
+    """Write to the journal that a person skips a trial, or the note of another answer than run."""
+    if answer == "skip" and not journal.is_finished(trial.number):
+        journal.write("skipped", trial.number, note=note)
+    elif answer != "run" and note:
+        about = question.previous or trial if answer == "repeat" else trial
+        attempts = journal.attempts(about.number)
+        journal.write("note", about.number, attempt=attempts, answer=answer, note=note)
 
 
 def attempt(

@@ -78,10 +78,7 @@ class Plan(BaseModel):
 
 
 def on_rig(plan: Plan, rig: Path, tare: Path | None = None) -> Plan:
-    """Return a copy of a plan in which all trials run on a given hardware rig.
-
-    `tare`: None for the setting in the plan.
-    """
+    """Return a copy of a plan for a hardware rig; without `tare`, with the plan's zero offsets."""
     settings = plan.settings | {"rig": str(rig.resolve()), "clock": "real"}
     if tare:
         settings["tare"] = str(tare.resolve())

@@ -75,11 +75,7 @@ def read_series(
 
 
 def acting_factors(plan: Plan) -> dict[str, list[str]]:
-    """Return the factors that change the settings of the trials, with the levels of each factor.
-
-    For example, the factor cube with the levels soft and hard changes the settings. Other factors,
-    such as the name of the subject, can describe a trial without changing its settings.
-    """
+    """Return the levels of the factors that change the settings, unlike the name of a subject."""
     return {
         name: levels
         for name, levels in plan.factors.items()
@@ -88,11 +84,7 @@ def acting_factors(plan: Plan) -> dict[str, list[str]]:
 
 
 def cells(plan: Plan) -> list[tuple[dict[str, str], int]]:
-    """Return the cells of a plan in the order in which they are run.
-
-    A cell describes one trial. It contains the level of each factor by the name of the factor, and
-    the number of the repetition, from 1.
-    """
+    """Return levels and repetition of each trial, in the order in which they are run."""
     blocked = [plan.factors[name] for name in plan.blocks]
     inner = {name: levels for name, levels in plan.factors.items() if name not in plan.blocks}
     of_block = [

@@ -21,7 +21,7 @@ from estimation.summary import summarise
 from teleop.errors import InputError, SafetyStop
 from teleop.settings.configuration import settings_from
 from teleop.settings.trial_settings import TrialSettings
-from teleop.studies.series.table import RESULTS
+from teleop.studies.series.table import RESULT_COLUMNS
 from teleop.studies.sweep.origin import Origin, file, origin_of, plug_ins_in
 from teleop.studies.sweep.plan import Range, SweepPlan
 from teleop.studies.sweep.points import Point, evenly
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 CHECKED = 100
 """Approximate number of points that are checked before a sweep begins; see `evenly`."""
-TRUTH = {"k_deepest": f"true {STIFFNESS.column}", "b": f"true {DAMPING.column}"}
+TRUE_COLUMNS = {"k_deepest": f"true {STIFFNESS.column}", "b": f"true {DAMPING.column}"}
 """Headings of the columns with true values of a simulated trial, by the key in its summary."""
 SEED, ESTIMATOR = "seed", "estimator"
 """Headings of the columns with the seed of the trial and the name of the estimator."""
@@ -104,7 +104,12 @@ class TrialTask:
     plug_ins: tuple[str, ...]
     """Names of the estimators of other packages that the task uses."""
     chunk: ClassVar[int] = 1
-    columns: ClassVar[tuple[str, ...]] = (SEED, *TRUTH.values(), ESTIMATOR, *RESULTS.values())
+    columns: ClassVar[tuple[str, ...]] = (
+        SEED,
+        *TRUE_COLUMNS.values(),
+        ESTIMATOR,
+        *RESULT_COLUMNS.values(),
+    )
 
     def settings(self, point: Point) -> TrialSettings:
         """Return the settings of the trial at a point of the sweep."""
@@ -122,9 +127,13 @@ class TrialTask:
         if fault := summary["safety"]["fault"]:
             raise SafetyStop(f"stopped for safety: {fault['text']}")
         about = {SEED: settings.seed}
-        about |= {heading: summary["truth"][key] for key, heading in TRUTH.items()}
+        about |= {heading: summary["truth"][key] for key, heading in TRUE_COLUMNS.items()}
         return [
-            {**about, ESTIMATOR: name, **{RESULTS[key]: values[key] for key in RESULTS}}
+            {
+                **about,
+                ESTIMATOR: name,
+                **{RESULT_COLUMNS[key]: values[key] for key in RESULT_COLUMNS},
+            }
             for name, values in summary["estimates"].items()
         ]
 
@@ -146,7 +155,7 @@ class EstimateTask:
     own_plug_ins: tuple[str, ...]
     """Names of the estimators of other packages that the plan contains."""
     chunk: ClassVar[int] = 50
-    columns: ClassVar[tuple[str, ...]] = (SEED, ESTIMATOR, *RESULTS.values())
+    columns: ClassVar[tuple[str, ...]] = (SEED, ESTIMATOR, *RESULT_COLUMNS.values())
 
     @property
     def recorded(self) -> RecordedTrial:
@@ -187,7 +196,7 @@ class EstimateTask:
             {
                 SEED: settings.seed,
                 ESTIMATOR: name,
-                **{RESULTS[key]: getattr(values, key) for key in RESULTS},
+                **{RESULT_COLUMNS[key]: getattr(values, key) for key in RESULT_COLUMNS},
             }
             for name, values in summaries.items()
         ]
