@@ -104,7 +104,7 @@ class Presented:
             Title of the figure.
         """
         from estimation.figure_style import figure_style
-        from estimation.force_figure import force_figure
+        from estimation.figures import force_figure
 
         name, first = next(iter(self.estimates.items()))
         x, v, f, _, further = self.regression
@@ -144,14 +144,7 @@ def value_text(quantity: Quantity, value: float, std: float) -> str:
 
     Both numbers have the same number of decimals. It is chosen such that the half width has two
     significant digits, but is limited to the range from 0 to 6.
-
-    Parameters
-    ----------
-    value
-        The value.
-    std
-        Standard deviation of the value. If it is not a positive finite number, the text contains
-        only the value.
+    If `std` is not a positive finite number, the text contains only the value.
     """
     value, half = quantity.shown(value), quantity.shown(LEVEL_95 * std)
     if not math.isfinite(half) or half <= 0.0:
@@ -179,15 +172,7 @@ def last_values(estimates: Mapping[str, Estimates]) -> list[tuple[str, str, str]
 def short_text(kind: str, about: str, estimates: Mapping[str, Estimates]) -> str:
     """Return one line of text with the estimates after the last sample, for `__repr__`.
 
-    Parameters
-    ----------
-    kind
-        Name of the class of the object that contains the estimates.
-    about
-        Short description of this object.
-    estimates
-        Estimates after each sample, by the name of the estimator. Only the first `LISTED`
-        estimators are in the text.
+    Only the first `LISTED` estimators are in the text.
     """
     rows = last_values(estimates)
     texts = [
@@ -202,15 +187,7 @@ def short_text(kind: str, about: str, estimates: Mapping[str, Estimates]) -> str
 
 
 def html_table(about: str, estimates: Mapping[str, Estimates]) -> str:
-    """Return an HTML table with the estimates after the last sample, for `_repr_html_`.
-
-    Parameters
-    ----------
-    about
-        Caption of the table.
-    estimates
-        Estimates after each sample, by the name of the estimator.
-    """
+    """Return an HTML table with the estimates after the last sample, for `_repr_html_`."""
     rows = "".join(
         f"<tr><th>{escape(name)}</th><td>{k}</td><td>{b}</td></tr>"
         for name, k, b in last_values(estimates)

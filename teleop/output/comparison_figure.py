@@ -16,7 +16,7 @@ from teleop.evaluation.across.comparison import RESULT, Compared
 from teleop.evaluation.across.groups import Group
 from teleop.evaluation.across.means import Mean
 from teleop.evaluation.batch.kinds import BESIDES_RELAXATION, LOSS
-from teleop.evaluation.batch.result import Result
+from teleop.evaluation.batch.stiffness_result import StiffnessResult
 from teleop.output.comparison_scales import Interval, factor_of_rows, set_scale
 from teleop.output.figure_files import plain
 
@@ -43,7 +43,7 @@ class Place(NamedTuple):
     """Levels of the other factors, which are written below the axis."""
     means: dict[str, Mean]
     """Means of k and b of the group, by symbol."""
-    results: list[Result]
+    results: list[StiffnessResult]
     """Results of the recordings of the group. Recordings without a result are left out."""
     other: list[bool]
     """Whether b of each of these results is of the kind `BESIDES_RELAXATION`, while b of others in

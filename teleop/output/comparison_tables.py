@@ -15,7 +15,7 @@ from teleop.evaluation.across.comparison import OF_RESULT, RESULT, Compared, val
 from teleop.evaluation.across.groups import Group, remark_counts, short
 from teleop.evaluation.across.means import Mean
 from teleop.evaluation.batch.kinds import MEANING
-from teleop.evaluation.batch.result import Result
+from teleop.evaluation.batch.stiffness_result import StiffnessResult
 from teleop.files import RECORDING
 from teleop.output.comparison_notes import (
     CAPTION,
@@ -249,7 +249,7 @@ def result_text(row: Compared, symbol: str) -> str:
     return shown_half(RESULTS[symbol], value.value, value.half) if value else "-"
 
 
-def tangent_texts(result: Result) -> list[str]:
+def tangent_texts(result: StiffnessResult) -> list[str]:
     """Return force and depth at which k is evaluated as texts; dashes without k."""
     if result.force is None or result.depth is None:
         return ["-", "-"]

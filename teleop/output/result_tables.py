@@ -81,7 +81,9 @@ def motion_line(summary: Mapping[str, Any]) -> str:
     motion = summary["motion"]
     travel = f"travel {motion['travel_m'] * 1e3:.3g} mm"
     if not math.isfinite(motion["frequency_hz"]):
-        from teleop.evaluation.batch.motion import FEWEST_STROKES  # imports scipy, which takes long
+        from teleop.evaluation.batch.thresholds import (
+            FEWEST_STROKES,  # imports scipy, which takes long
+        )
 
         count = motion["strokes"]
         if not count:

@@ -8,25 +8,20 @@ from __future__ import annotations
 import contextlib
 import textwrap
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from drivers.input_file import read_input
 from drivers.problems import syntax_problem
 from estimation import MODELS
-from estimation.model import model_named
-from teleop.control.tare import read_tare
 from teleop.errors import InputError
 from teleop.files import RECORDING, unreadable
 from teleop.recording.recording import load
-from teleop.settings.checks import SettingsError
-from teleop.settings.documents import DERIVED, adapter, from_document, to_document
+from teleop.settings.documents import checked, to_document
 from teleop.settings.feedback_checks import check_feedback
-from teleop.settings.keys import NAMES
-from teleop.settings.rig_loading import load_rig_file
-from teleop.settings.trial_settings import TrialSettings
+from teleop.settings.problems import DERIVED
+from teleop.settings.trial_settings import KEYS, TrialSettings, schema
 
 if TYPE_CHECKING:
     from tomlkit.items import Table
@@ -93,7 +88,7 @@ def as_recorded_now(document: Mapping[str, Any]) -> dict[str, Any]:
     document
         Recorded settings: values by key.
     """
-    ignored = document.get("condition") == "mimic" and NAMES["count_in"] not in document
+    ignored = document.get("condition") == "mimic" and KEYS["count_in"] not in document
     removed = {
         *DERIVED,
         *(["signal"] if ignored else []),
@@ -135,27 +130,11 @@ def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
     InputError
         A setting is unknown or invalid, or the rig file or tare file cannot be read.
     """
-    problems = [f"{key}: unknown setting{hint}" for key, hint in DERIVED.items() if key in document]
+    problems = []
     if document.get("rig") and "cube" in document:
         problems.append("cube: belongs to the simulated rig: expected no cube beside a rig")
-    named = dict(document)
-    readers: dict[str, Callable[[str], object]] = {
-        "rig": lambda name: load_rig_file(folder / name),
-        "tare": lambda name: read_tare(folder / name),
-        "model": model_named,
-    }
-    for key, read in readers.items():
-        if isinstance(named.get(key), str):
-            try:
-                named[key] = read(named[key])
-            except (InputError, ValueError) as error:
-                problems += str(error).splitlines()
-                del named[key]
     with raised_together(problems):
-        try:
-            return from_document(named)
-        except SettingsError as error:
-            raise error.known(document.keys() - named.keys()) from error
+        return checked(document, folder)
 
 
 def complete_settings(
@@ -221,21 +200,23 @@ def write_configuration(settings: TrialSettings) -> str:
     document = without_none(to_document(settings))
     if MODELS.get(settings.model.name) == settings.model:
         document["model"] = settings.model.name
-    schema = configuration_schema()
+    described = configuration_schema()
     file = tomlkit.document()
     file.add(tomlkit.comment("Configuration of a trial: teleop run --config FILE"))
     file.add(tomlkit.comment("Quantities are in SI units. A key that is left out has its default."))
-    names = {NAMES.get(field.name, field.name): field.name for field in fields(TrialSettings)}
+    names = {key: name for name, key in KEYS.items()}
     is_table = {key: isinstance(document.get(key), Mapping) for key in names}
     for key in sorted(names, key=is_table.__getitem__):  # TOML has its tables last
         file.add(tomlkit.nl())
-        for line in textwrap.wrap(schema["properties"][key]["description"], 88):
+        for line in textwrap.wrap(described["properties"][key]["description"], 88):
             file.add(tomlkit.comment(line))
         if document.get(key) is None:
             file.add(tomlkit.comment(f"{key} ="))
         elif is_table[key]:
             kind = type(getattr(settings, names[key])).__name__
-            file.add(key, table(document[key], schema["$defs"].get(kind, {}).get("properties", {})))
+            file.add(
+                key, table(document[key], described["$defs"].get(kind, {}).get("properties", {}))
+            )
         else:
             file.add(key, document[key])
     return tomlkit.dumps(file)
@@ -282,12 +263,11 @@ def table(values: Mapping[str, Any], properties: Mapping[str, Any]) -> Table:
 
 def configuration_schema() -> dict[str, Any]:
     """Return the JSON schema of configuration files. Text editors use it to check such a file."""
-    schema = adapter().json_schema()
-    properties = schema["properties"]
+    properties = dict(schema()["properties"])
     for key, given in {
         "rig": [{"type": "string"}, {"type": "object"}],
         "tare": [{"type": "string"}, {"$ref": "#/$defs/Tare"}],
         "model": [{"enum": list(MODELS)}, {"$ref": "#/$defs/Model"}],
     }.items():
         properties[key] = {"anyOf": given, "description": properties[key]["description"]}
-    return {**schema, "title": "Configuration of a trial"}
+    return {**schema(), "properties": properties, "title": "Configuration of a trial"}

@@ -12,7 +12,7 @@ from estimation.summary import EstimatorSummary
 from teleop.errors import InputError
 from teleop.evaluation.across.means import Value
 from teleop.evaluation.batch.kinds import kinds_of_estimates
-from teleop.evaluation.batch.result import Result
+from teleop.evaluation.batch.stiffness_result import StiffnessResult
 from teleop.evaluation.evaluation import Evaluation
 from teleop.evaluation.teleoperation.tracking import COLUMNS, Tracking
 
@@ -36,7 +36,7 @@ class Compared:
     factors: dict[str, str]
     """Level of each factor that is known for the recording, by the name of the factor. A factor is
     a property in which recordings differ, for example `condition` with the level `mimic`."""
-    result: Result
+    result: StiffnessResult
     """Stiffness and damping with their intervals, or the reasons why there are none."""
     estimates: dict[str, EstimatorSummary]
     """Averages of the estimates over the record, by the name of the estimator."""
@@ -61,19 +61,7 @@ def compared(
     evaluation: Evaluation,
     tracking: Tracking | None = None,
 ) -> Compared:
-    """Return the results of one recording in the form that comparisons need.
-
-    Parameters
-    ----------
-    file
-        Name of the file of the recording.
-    factors
-        Values of the properties in which recordings differ, by name, such as `condition`: `mimic`.
-    evaluation
-        The evaluation of the recording.
-    tracking
-        Gain, phase and error of the slave relative to the target of `mimic`; None without a target.
-    """
+    """Return the results of one recording in the form that comparisons need."""
     analysis = evaluation.analysis
     lag = analysis.record.force_lag
     return Compared(file, dict(factors), analysis.result, evaluation.summaries(), tracking, lag)
@@ -84,13 +72,6 @@ def values_of(row: Compared, method: str) -> dict[str, Value]:
 
     k is the stiffness, b the damping, and e_f the force error. e_f exists for estimators only. A
     quantity that the data of the recording do not determine is left out.
-
-    Parameters
-    ----------
-    row
-        The results of the recording.
-    method
-        `RESULT` for the batch evaluation, or the name of an online estimator.
     """
     if method != RESULT:
         one = row.estimates.get(method)
@@ -116,11 +97,6 @@ def check_factors(rows: Sequence[Compared], by: Sequence[str]) -> None:
     """Check that each factor in `by` is known for at least one recording.
 
     A factor is a property in which recordings differ, for example `condition`.
-
-    Raises
-    ------
-    InputError
-        A factor is not known for any of the recordings.
     """
     known = dict.fromkeys(name for row in rows for name in row.factors)
     for name in by:
@@ -134,18 +110,6 @@ def tidy_rows(rows: Iterable[Compared], factors: Sequence[str]) -> list[dict[str
     A method is the batch evaluation, with the name `RESULT`, or an online estimator. The row of the
     batch evaluation contains k and b with their 95 % intervals. The row of an estimator contains
     the averages of its estimates over the record.
-
-    Parameters
-    ----------
-    rows
-        Results of the recordings.
-    factors
-        Names of the factors that have a column. A factor is a property in which recordings differ,
-        for example `condition`.
-
-    Returns
-    -------
-    One dictionary for each row, from the heading of each column to its value.
     """
     found = []
     for row in rows:

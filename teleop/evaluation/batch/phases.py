@@ -8,8 +8,8 @@ times larger than w / k. Travel directly after a reversal is not counted, becaus
 (backlash) also keeps the force constant there. The method needs no zero of position or force, and
 also works if the surface drifts. If there is no free motion, the record is either in contact
 throughout or never in contact. It is never in contact if the force does not follow the displacement
-(`teleop.evaluation.batch.result`). If the force stays near its highest value while the position
-changes, the force sensor is saturated, or the specimen slips or yields.
+(`teleop.evaluation.batch.stiffness_result`). If the force stays near its highest value while the
+position changes, the force sensor is saturated, or the specimen slips or yields.
 
 **Contact point.** An approach is a motion from free motion into contact. Its model is
 
@@ -26,12 +26,12 @@ Student's t.
 
 **Phases.** In contact, loading and unloading are the monotone parts between turning points. A
 reversal counts as a turning point if two conditions hold: the following motion in the opposite
-direction is larger than the fraction `TURN` of the whole travel, and the force changes with this
-motion. At the beginning and at the end of a monotone part, the position can be nearly constant. It
-counts as nearly constant while its distance from the first or the last position of the part is less
-than the fraction `STILL` of the travel in the part. The remaining time of the part is its motion. A
-time with nearly constant position is a hold if it is longer than `HOLD` times the median duration
-of the motions.
+direction is larger than the fraction `LEAST_TURN` of the whole travel, and the force changes with
+this motion. At the beginning and at the end of a monotone part, the position can be nearly
+constant. It counts as nearly constant while its distance from the first or the last position of the
+part is less than the fraction `LARGEST_HOLD_MOTION` of the travel in the part. The remaining time
+of the part is its motion. A time with nearly constant position is a hold if it is longer than
+`SHORTEST_HOLD` times the median duration of the motions.
 """
 
 from __future__ import annotations
@@ -46,32 +46,23 @@ from scipy.special import chdtri, stdtrit
 
 from estimation.arrays import Floats
 from estimation.stiffening import Interval
-from teleop.evaluation.batch.force_levels import clipped, levels
+from teleop.evaluation.batch.force_levels import clipped, free_and_saturated
 from teleop.evaluation.batch.masks import eroded, hysteresis, runs, without_short
-from teleop.evaluation.batch.prepared import Prepared
+from teleop.evaluation.batch.smoothed_record import SmoothedRecord
+from teleop.evaluation.batch.thresholds import (
+    GUARD_WIDTHS,
+    LARGEST_HOLD_MOTION,
+    LEAST_LEVEL_WIDTH,
+    LEAST_TURN,
+    LEVEL_WIDTH_NOISE,
+    LONG_RECORD_GUARDS,
+    SHORTEST_HOLD,
+)
 from teleop.evaluation.batch.turning_points import turning_points, without_lost_motion
 
-LEVEL = 0.015
-"""Smallest value of `level_width`, as a fraction of the force range."""
-NOISE = 6.0
-"""Smallest value of `level_width`, in standard deviations of the noise of the smoothed force."""
-TURN = 0.05
-"""Smallest reversal of the motion that separates loading from unloading, as a fraction of the
-travel."""
-STILL = 0.02
-"""Largest change of the position in a hold, as a fraction of the range of the monotone part."""
-HOLD = 0.33
-"""Shortest hold, as a fraction of the median duration of the motion in the monotone parts."""
 APPROACHES, MOST_POINTS = 10, 300
 """Approximate largest number of approaches in which the contact point is fitted, and of samples
 that are used in each approach. An approach is a motion from free motion into contact."""
-SHORT = 4
-"""Samples near the start and the end of a record (nearer than `GUARD`) are not fitted if the record
-is long. The record is long if it has more than `SHORT` times this number of samples in contact for
-each start, gap and end."""
-GUARD = 3.5
-"""Samples nearer than this distance to the beginning or end of a contact are not fitted. The unit
-is the standard deviation of the smoothing kernel."""
 
 
 class Phase(NamedTuple):
@@ -80,7 +71,7 @@ class Phase(NamedTuple):
     name: str
     """`free`, `loading`, `hold` or `unloading`."""
     start: int
-    """Index of the first sample of the phase, in the arrays of the prepared record."""
+    """Index of the first sample of the phase, in the arrays of the smoothed record."""
     end: int
     """Index of the last sample of the phase, plus 1."""
 
@@ -116,7 +107,7 @@ class Phases:
     """The phases in the order of time."""
 
 
-def find_phases(record: Prepared) -> Phases:
+def find_phases(record: SmoothedRecord) -> Phases:
     """Divide a prepared record into phases of motion, and find the contact point.
 
     The phases are free motion, loading, holds and unloading. The contact point is the position at
@@ -124,9 +115,9 @@ def find_phases(record: Prepared) -> Phases:
     """
     x, f = record.x, record.f
     width = level_width(record)
-    free, saturated = levels(record, width)
+    free, saturated = free_and_saturated(record, width)
     saturated = saturated or clipped(record)
-    guard = max(1, round(GUARD * record.width / record.period))
+    guard = max(1, round(GUARD_WIDTHS * record.width / record.period))
     contact = np.ones(len(x), dtype=np.bool_)
     free_force = point = None
     spread = error = 0.0
@@ -140,37 +131,28 @@ def find_phases(record: Prepared) -> Phases:
     inner = eroded(contact, guard) if free is not None else contact
     usable = inner.copy()
     ends = [*record.starts, len(usable)]
-    for end in ends if usable.sum() > SHORT * guard * len(ends) else ends[1:-1]:
+    for end in ends if usable.sum() > LONG_RECORD_GUARDS * guard * len(ends) else ends[1:-1]:
         usable[max(0, end - guard) : end + guard] = False
     parts = split(record, contact)
     return Phases(contact, inner, usable, free_force, spread, error, point, saturated, parts)
 
 
-def level_width(record: Prepared) -> float:
+def level_width(record: SmoothedRecord) -> float:
     """Return the difference of force below which the force counts as unchanged [N].
 
     Contact begins when the force exceeds the force out of contact by more than this difference.
     """
     low, high = record.force_range
-    return max(NOISE * record.f_noise_smoothed, LEVEL * (high - low))
+    return max(LEVEL_WIDTH_NOISE * record.f_noise_smoothed, LEAST_LEVEL_WIDTH * (high - low))
 
 
 def contact_point(
-    record: Prepared, contact: NDArray[np.bool_], free_force: float
+    record: SmoothedRecord, contact: NDArray[np.bool_], free_force: float
 ) -> Interval | None:
     """Return the position at which contact begins, with its 95 % interval [m].
 
     The result is None if the record has no approach (motion from free motion into contact) with
     enough samples.
-
-    Parameters
-    ----------
-    record
-        The prepared record.
-    contact
-        Whether there is contact at each of the n samples, shape (n,).
-    free_force
-        Force out of contact [N].
     """
     found = []
     approaches = [(start, end) for start, end in runs(contact) if start > 0]
@@ -199,16 +181,7 @@ def contact_point(
 
 
 def onset(x: Floats, v: Floats, f: Floats, noise: float) -> Interval | None:
-    """Return the position at which the force begins to increase, with its 95 % interval [m].
-
-    Parameters
-    ----------
-    x, v, f
-        Position [m], velocity [m/s] and measured force [N] of one motion from free motion into
-        contact, shape (n,).
-    noise
-        Standard deviation of the noise of the force [N].
-    """
+    """Return the position at which the force begins to increase, with its 95 % interval [m]."""
     points = np.linspace(float(x.min()), float(x.max()), 82)[1:-1]
     squares = np.empty(len(points))
     for i, point in enumerate(points):
@@ -223,18 +196,11 @@ def onset(x: Floats, v: Floats, f: Floats, noise: float) -> Interval | None:
     return Interval(float(points[best]), float(allowed[0] - step), float(allowed[-1] + step))
 
 
-def split(record: Prepared, contact: NDArray[np.bool_]) -> tuple[Phase, ...]:
+def split(record: SmoothedRecord, contact: NDArray[np.bool_]) -> tuple[Phase, ...]:
     """Divide a record into phases of motion, and return the phases in the order of time.
 
     Each part out of contact is one phase with the name `free`. The parts in contact are divided
     into loading, holds and unloading.
-
-    Parameters
-    ----------
-    record
-        The prepared record of n samples.
-    contact
-        Whether there is contact at each sample, shape (n,).
     """
     bounds = sorted({0, len(contact), *record.starts, *np.flatnonzero(np.diff(contact) != 0) + 1})
     whole = float(np.ptp(record.palpation))
@@ -245,7 +211,7 @@ def split(record: Prepared, contact: NDArray[np.bool_]) -> tuple[Phase, ...]:
             found.append(Phase("free", int(start), int(end)))
             continue
         x, f = record.palpation[start:end], record.f[start:end]
-        turns = without_lost_motion(turning_points(x, TURN * whole), x, f)
+        turns = without_lost_motion(turning_points(x, LEAST_TURN * whole), x, f)
         parts += [(start + a, start + b) for a, b in pairwise(turns)]
     monotone = [(int(start), int(end)) for start, end in parts]
     cores = []
@@ -253,15 +219,16 @@ def split(record: Prepared, contact: NDArray[np.bool_]) -> tuple[Phase, ...]:
         x = record.x[start:end]
         range_ = max(float(np.ptp(x)), 1e-300)
         moving = np.flatnonzero(
-            (np.abs(x - x[0]) > STILL * range_) & (np.abs(x - x[-1]) > STILL * range_)
+            (np.abs(x - x[0]) > LARGEST_HOLD_MOTION * range_)
+            & (np.abs(x - x[-1]) > LARGEST_HOLD_MOTION * range_)
         )
         a, b = (int(moving[0]), int(moving[-1]) + 1) if len(moving) else (0, end - start)
         cores.append((start, start + a, start + b, end))
     typical = float(np.median([b - a for _, a, b, _ in cores])) if cores else 0.0
     for start, a, b, end in cores:
         name = "loading" if record.x[end - 1] > record.x[start] else "unloading"
-        a = a if a - start > HOLD * typical else start
-        b = b if end - b > HOLD * typical else end
+        a = a if a - start > SHORTEST_HOLD * typical else start
+        b = b if end - b > SHORTEST_HOLD * typical else end
         for label, first, last in (("hold", start, a), (name, a, b), ("hold", b, end)):
             if last > first:
                 found.append(Phase(label, first, last))

@@ -20,6 +20,13 @@ import numpy as np
 
 from estimation.arrays import Floats
 from estimation.coherent_band import COHERENT, CoherentBand, block_means
+from teleop.evaluation.batch.thresholds import (
+    LARGEST_BACKWARD_MOTION,
+    LEAST_RISE_OF_FORCE,
+    LEAST_TRAVEL_NOISE,
+    STROKE_BAND_END,
+    WIDEST_COHERENT_BAND,
+)
 
 
 def typical_speed(v: Floats) -> float:
@@ -28,11 +35,6 @@ def typical_speed(v: Floats) -> float:
     Half of the distance is travelled above the typical speed, and the other half below it. Rests
     therefore do not change the result. The median of the speed over time is not used, because in a
     record that is mostly at rest, it is only noise.
-
-    Parameters
-    ----------
-    v
-        Velocity at samples with a constant sample period, shape (n,).
     """
     speeds = np.sort(np.abs(v))
     distance = np.cumsum(speeds)
@@ -42,21 +44,6 @@ def typical_speed(v: Floats) -> float:
 BLOCKS = 200
 """Approximate number of blocks into which the samples of a motion are divided. The position is
 averaged in each block."""
-REVERSAL = 0.05
-"""Largest motion in the opposite direction that does not count as a reversal, as a fraction of the
-travel."""
-LEAST_TRAVEL = 25.0
-"""Least travel, in standard deviations of the noise of the position."""
-LEAST_RISE = 4.0
-"""Least change of the force, in standard deviations of its scatter about a parabola over the
-position."""
-HIGHEST = 5.0
-"""Upper end of the band, as a multiple of the inverse of the duration of the motion. With this
-value, about 80 independent samples are fitted in a stroke that is in contact throughout."""
-WIDEST = 3.0
-"""Largest upper end of the coherent band, as a multiple of the upper end of the stroke band. The
-limit is necessary because the tapers of the coherent band leak a little power from the ends of a
-slow stroke to all frequencies."""
 
 
 def block_length(x: Floats) -> int:
@@ -67,23 +54,16 @@ def block_length(x: Floats) -> int:
 def is_single_stroke(x: Floats, noise: float) -> bool:
     """Return whether a motion never reverses, such as a ramp.
 
-    A motion in the opposite direction counts as a reversal if it is larger than `REVERSAL` times
-    the travel, and clearly larger than the noise. The result is also False if the travel is not
-    clearly larger than the noise.
-
-    Parameters
-    ----------
-    x
-        Position [m], shape (n,).
-    noise
-        Standard deviation of the noise of the position [m].
+    A motion in the opposite direction counts as a reversal if it is larger than
+    `LARGEST_BACKWARD_MOTION` times the travel, and clearly larger than the noise. The result is
+    also False if the travel is not clearly larger than the noise.
     """
     coarse = block_means(x, block_length(x))
     travel = float(np.ptp(coarse))
     backwards = float(np.max(np.maximum.accumulate(coarse) - coarse))
     forwards = float(np.max(coarse - np.minimum.accumulate(coarse)))
-    largest = max(REVERSAL * travel, 6.0 * noise)
-    return travel > LEAST_TRAVEL * noise and min(backwards, forwards) < largest
+    largest = max(LARGEST_BACKWARD_MOTION * travel, 6.0 * noise)
+    return travel > LEAST_TRAVEL_NOISE * noise and min(backwards, forwards) < largest
 
 
 def stroke_band(x: Floats, f: Floats, period: float, noise: float) -> CoherentBand | None:
@@ -91,15 +71,6 @@ def stroke_band(x: Floats, f: Floats, period: float, noise: float) -> CoherentBa
 
     The band is called the stroke band. The result is None if the motion reverses, or if the force
     does not follow the position.
-
-    Parameters
-    ----------
-    x, f
-        Position [m] and force [N] with a constant sample period, each of shape (n,).
-    period
-        Sample period [s].
-    noise
-        Standard deviation of the noise of the position [m].
     """
     if not is_single_stroke(x, noise):
         return None
@@ -107,14 +78,14 @@ def stroke_band(x: Floats, f: Floats, period: float, noise: float) -> CoherentBa
     powers = s[:, None] ** np.arange(3)
     fitted = powers @ np.linalg.lstsq(powers, f, rcond=None)[0]
     scatter = float(np.std(f - fitted))
-    if float(np.ptp(fitted)) < LEAST_RISE * scatter:
+    if float(np.ptp(fitted)) < LEAST_RISE_OF_FORCE * scatter:
         return None
     speeds = np.abs(np.diff(block_means(x, block_length(x))))
     seconds = block_length(x) * period * float(np.ptp(x)) / typical_speed(speeds)
     return CoherentBand(
         low=0.5 / seconds,
         centre=0.5 / seconds,
-        high=HIGHEST / seconds,
+        high=STROKE_BAND_END / seconds,
         coherence=1.0 - scatter**2 / float(np.var(f)),
     )
 
@@ -125,16 +96,9 @@ def combined(band: CoherentBand, stroke: CoherentBand) -> CoherentBand:
     The coherent band is chosen if its coherence is at least the first limit in
     `estimation.coherent_band.COHERENT`. If the motion contains a hold or a step, its spectrum is
     wider than the stroke band, and only the coherent band contains this wider spectrum. The upper
-    end of the coherent band is limited by `WIDEST`. If the coherence is lower, the stroke band is
-    chosen.
-
-    Parameters
-    ----------
-    band
-        The coherent band, which is computed from the spectra of position and force.
-    stroke
-        The stroke band, which is computed from the duration of the motion (see `stroke_band`).
+    end of the coherent band is limited by `WIDEST_COHERENT_BAND`. If the coherence is lower, the
+    stroke band is chosen.
     """
     if band.coherence < COHERENT[0]:
         return stroke
-    return band._replace(high=max(band.centre, min(band.high, WIDEST * stroke.high)))
+    return band._replace(high=max(band.centre, min(band.high, WIDEST_COHERENT_BAND * stroke.high)))

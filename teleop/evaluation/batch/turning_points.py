@@ -7,39 +7,24 @@ from itertools import pairwise
 import numpy as np
 
 from estimation.arrays import Floats
-
-STROKE = 0.2
-"""Smallest stroke in a record that is mostly at rest, as a fraction of the range of the position.
-A stroke is the motion between two successive reversals."""
-WHOLE = 0.7
-"""Smallest inward stroke that is used, relative to the median stroke. The first stroke is smaller
-if the motion begins in the middle of its range."""
-FEWEST_INNER = 5
-"""If there are more inward strokes, the first and the last are not used, because the removal of the
-baseline shifts them."""
-REGULAR = 0.5
-"""Largest relative difference of the duration of a cycle from the typical duration, which is the
-median. If the number of cycles is even, it is the shorter one of the two middle cycles."""
-
-FOLLOWED = 0.1
-"""Smallest slope of the force in a stroke on a specimen, relative to the mean slope. On the cubes
-of the simulated rig, the slope at the surface is at least 0.13 times the mean slope up to 40 N."""
+from teleop.evaluation.batch.thresholds import (
+    FEWEST_INNER_STROKES,
+    LEAST_FOLLOWED_SLOPE,
+    LEAST_STROKE,
+    LEAST_WHOLE_STROKE,
+    REGULAR_CYCLE,
+)
 
 
 def least_stroke(x: Floats) -> float:
     """Return the smallest travel between two reversals that counts as a stroke of a cycle [m].
 
-    The result is the standard deviation of the position, but at least the fraction `STROKE` of the
-    range of the position. This lower limit is used for a record that is mostly at rest, because its
-    standard deviation is too small.
-
-    Parameters
-    ----------
-    x
-        Position [m], shape (n,).
+    The result is the standard deviation of the position, but at least the fraction `LEAST_STROKE`
+    of the range of the position. This lower limit is used for a record that is mostly at rest,
+    because its standard deviation is too small.
     """
     low, high = np.percentile(x, [1.0, 99.0])
-    return max(float(np.std(x)), STROKE * float(high - low))
+    return max(float(np.std(x)), LEAST_STROKE * float(high - low))
 
 
 def cycle_frequency(x: Floats, period: float) -> float | None:
@@ -49,27 +34,20 @@ def cycle_frequency(x: Floats, period: float) -> float | None:
     cycle lasts from the middle of one inward stroke to the middle of the next. A cycle that is much
     longer than the typical cycle contains a rest, and is not used. If there is only one cycle, a
     rest in it is not detected. The result is None if the motion has fewer than two inward strokes.
-
-    Parameters
-    ----------
-    x
-        Position [m], shape (n,).
-    period
-        Sample period [s].
     """
     turns = turning_points(x, least_stroke(x))[1:-1]
     inward = [(start, end) for start, end in pairwise(turns) if x[end] > x[start]]
     if not inward:
         return None
-    least = WHOLE * float(np.median([x[end] - x[start] for start, end in inward]))
+    least = LEAST_WHOLE_STROKE * float(np.median([x[end] - x[start] for start, end in inward]))
     middles = [middle_of_stroke(x, *one) for one in inward if x[one[1]] - x[one[0]] > least]
-    if len(middles) > FEWEST_INNER:
+    if len(middles) > FEWEST_INNER_STROKES:
         middles = middles[1:-1]
     cycles = np.diff(middles)
     if not len(cycles):
         return None
     typical = float(np.percentile(cycles, 50.0, method="lower"))
-    regular = cycles[np.abs(cycles - typical) < REGULAR * typical]
+    regular = cycles[np.abs(cycles - typical) < REGULAR_CYCLE * typical]
     return 1.0 / (float(np.mean(regular)) * period)
 
 
@@ -78,13 +56,6 @@ def middle_of_stroke(x: Floats, start: int, end: int) -> float:
 
     The place is an index in `x` that is interpolated linearly between two samples. The stroke is
     inward, which means that the position increases.
-
-    Parameters
-    ----------
-    x
-        Position [m], shape (n,).
-    start, end
-        Index of the first sample and index of the last sample of the stroke.
     """
     level = 0.5 * (x[start] + x[end])
     i = start + int(np.argmax(x[start : end + 1] >= level))
@@ -95,13 +66,6 @@ def turning_points(x: Floats, least: float) -> list[int]:
     """Return the indices of the samples at which a motion reverses.
 
     Two indices are added to the list: 0 at its beginning, and n at its end.
-
-    Parameters
-    ----------
-    x
-        Position [m], shape (n,).
-    least
-        Smallest motion in the opposite direction that counts as a reversal [m].
     """
     turns = [0]
     highest = lowest = 0
@@ -133,15 +97,8 @@ def without_lost_motion(turns: list[int], x: Floats, f: Floats) -> list[int]:
     If there is lost motion between the position sensor and the tip, a small oscillation of the
     drive moves the sensor, but not the tip. Then the position changes between two successive
     turning points, but the force hardly changes. These two turning points are removed.
-
-    Parameters
-    ----------
-    turns
-        Indices of all turning points of the position, as returned by `turning_points`.
-    x, f
-        Position [m] and force [N], shape (n,).
     """
-    slope = FOLLOWED * float(np.ptp(f)) / max(float(np.ptp(x)), 1e-300)
+    slope = LEAST_FOLLOWED_SLOPE * float(np.ptp(f)) / max(float(np.ptp(x)), 1e-300)
     found = np.array(turns)
     while len(found) > 3:
         at = np.minimum(found, len(x) - 1)

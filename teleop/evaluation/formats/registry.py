@@ -45,11 +45,6 @@ def reader_of(path: Path) -> str:
 
     The module is chosen by the first bytes of the file (see `BEGINNINGS`). The ending of the file
     name is ignored, because testing machines write text files named .xls or .dat.
-
-    Raises
-    ------
-    OSError
-        The file cannot be read.
     """
     if path.is_dir() and (path / ROS_2_BAG).is_file():
         return "bag"
@@ -59,23 +54,7 @@ def reader_of(path: Path) -> str:
 
 
 def read_tables(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """Read the tables of a measurement file.
-
-    Parameters
-    ----------
-    path
-        The file, or the folder of a ROS 2 bag.
-    pick
-        Function that takes the headings of a table, and returns the indices of the columns to load.
-        It must be picklable.
-    wanted
-        The options of the user.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read or violates its format, or a library is not installed.
-    """
+    """Read the tables of a measurement file."""
     try:
         name = reader_of(path)
         if wanted.topic and name not in OF_MESSAGES:

@@ -10,35 +10,21 @@ from numpy.typing import NDArray
 
 from estimation import Conditioner, Regression
 from estimation.arrays import Floats
-
-LONG = 20.0
-"""A sample period is a gap if it is longer than this multiple of the median period."""
+from teleop.evaluation.reading.thresholds import LONG_PERIOD
 
 
 def long_periods(dt: Floats) -> NDArray[np.intp]:
     """Return the index of the first sample after each gap.
 
-    A gap is a sample period that is longer than `LONG` times the median period.
-
-    Parameters
-    ----------
-    dt
-        Time since the previous sample [s], shape (n,).
+    A gap is a sample period that is longer than `LONG_PERIOD` times the median period.
     """
-    return np.flatnonzero(dt > LONG * np.median(dt))
+    return np.flatnonzero(dt > LONG_PERIOD * np.median(dt))
 
 
 def closed_up(dt: Floats, gaps: Sequence[int]) -> Floats:
     """Return the sample periods [s], shape (n,), with the duration of gaps removed.
 
     At the first sample after each gap, the period is replaced by the median period.
-
-    Parameters
-    ----------
-    dt
-        Time since the previous sample [s], shape (n,).
-    gaps
-        Index of the first sample after each gap.
     """
     periods = dt.copy()
     periods[list(gaps)] = np.median(dt)
@@ -50,11 +36,6 @@ class PiecewiseConditioner:
 
     In a gap, samples are missing. The filters compute displacement, velocity and force from the
     measured position and force (conditioning).
-
-    Parameters
-    ----------
-    conditioner
-        The filters. They are also reset when this object is created.
     """
 
     def __init__(self, conditioner: Conditioner) -> None:
@@ -65,21 +46,7 @@ class PiecewiseConditioner:
     def run(
         self, t: Floats, x: Floats, f: Floats, dt: Floats, gaps: Sequence[int]
     ) -> tuple[Regression, NDArray[np.bool_]]:
-        """Filter the next block of n samples.
-
-        Parameters
-        ----------
-        t, x, f, dt
-            Time [s], position [m], force [N] and time since the previous sample [s], each of shape
-            (n,).
-        gaps
-            Index of the first sample after each gap.
-
-        Returns
-        -------
-        The n filtered samples, and a mask of shape (n,). The mask is False at samples after a gap
-        until the filters have settled. It is True at all other samples.
-        """
+        """Filter the next block of n samples."""
         conditioner = self._conditioner
         bounds = sorted({0, len(t), *gaps})
         settled = np.ones(len(t), dtype=np.bool_)

@@ -7,9 +7,7 @@ import math
 import numpy as np
 
 from estimation.arrays import Floats
-
-ROUNDING = 1e-12
-"""Steps smaller than this fraction of the largest value are treated as rounding errors."""
+from teleop.evaluation.reading.thresholds import ROUNDING_OF_STEP
 
 
 def smallest_step(values: Floats) -> float:
@@ -17,14 +15,9 @@ def smallest_step(values: Floats) -> float:
 
     The result is 0 if the value never changes. For a channel with an encoder or an analogue-digital
     converter, the result is the resolution.
-
-    Parameters
-    ----------
-    values
-        Samples of one channel, shape (n,).
     """
     steps = np.abs(np.diff(values))
-    steps = steps[steps > ROUNDING * float(np.max(np.abs(values), initial=0.0))]
+    steps = steps[steps > ROUNDING_OF_STEP * float(np.max(np.abs(values), initial=0.0))]
     return float(steps.min()) if len(steps) else 0.0
 
 
@@ -37,14 +30,6 @@ def repeated_rounding(count: float, noise: float) -> float:
     the error varies randomly. The repeatable part is then the mean error at a given value of the
     signal. The noise reduces the repeatable part by a factor. This factor is the characteristic
     function of the noise at 2 pi / count (Widrow).
-
-    Parameters
-    ----------
-    count
-        Resolution of the signal, which is its smallest step.
-    noise
-        Standard deviation of the noise of the signal after the rounding, in the unit of `count`. It
-        includes the random part of the rounding error, which this function subtracts.
 
     References
     ----------

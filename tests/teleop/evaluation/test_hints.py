@@ -12,7 +12,7 @@ import pytest
 import teleop.evaluation
 from teleop.cli import main
 
-SOURCES = sorted(Path(teleop.evaluation.__file__).parent.glob("*.py"))
+SOURCES = sorted(Path(teleop.evaluation.__file__).parent.rglob("*.py"))
 
 
 def reason_texts(source: Path) -> list[str]:
