@@ -15,7 +15,7 @@ from teleop.commands.options import FACTORS, Json, OutputFile, Overwrite, Width
 
 if TYPE_CHECKING:
     from teleop.evaluation.across.comparison import Compared
-    from teleop.studies.recordings import Source
+    from teleop.studies.recordings import ComparedFile
 
 
 def compare(
@@ -79,9 +79,8 @@ def compare(
         tracking_table,
     )
     from teleop.output.console import print_json
-    from teleop.output.effects_table import effects_table
     from teleop.output.table_files import check_table_ending, write_table_file
-    from teleop.studies.anova import check_available, effects_of
+    from teleop.studies.anova import check_available, effects_of, effects_table
     from teleop.studies.recordings import planned_levels, sources, usual_factors
 
     if anova:
@@ -136,7 +135,7 @@ def compare(
 
 
 def evaluated(
-    found: Sequence[Source], columns: ColumnOptions, changes: Mapping[str, Any]
+    found: Sequence[ComparedFile], columns: ColumnOptions, changes: Mapping[str, Any]
 ) -> tuple[list[Compared], list[dict[str, str]]]:
     """Evaluate each file; return the results, and the problems of the files that are left out."""
     from teleop.errors import InputError

@@ -47,7 +47,7 @@ def reproduce(
     from teleop.errors import InputError
     from teleop.output import console
     from teleop.output.console import print_table
-    from teleop.studies.paper.methods import Methods
+    from teleop.studies.paper.methods import FurtherMethods
     from teleop.studies.paper.page import METHOD_HEADINGS, method_cells
     from teleop.studies.paper.reproduction import check_folder, write
     from teleop.studies.paper.reproduction import reproduce as run
@@ -56,7 +56,7 @@ def reproduce(
     names = () if estimators is None else chosen_estimators(estimators)
     if model != "kelvin-voigt" and not names:
         raise InputError(f"model {model}: expected --estimators, which it applies to")
-    methods = Methods(names, chosen_model(model))
+    methods = FurtherMethods(names, chosen_model(model))
     check_folder(out, overwrite)
     with Progress(
         console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from teleop.commands.options import Json, OutputFile, Overwrite, Width
 
 if TYPE_CHECKING:
-    from teleop.studies.sweep.conduct import Progress
+    from teleop.studies.sweep.conduct import SweepProgress
     from teleop.studies.sweep.executors import Execute
     from teleop.studies.sweep.plan import SweepPlan
 
@@ -96,7 +96,7 @@ def sweep(
         from estimation.figure_style import figure_style
         from teleop.output.figure_files import save
         from teleop.output.sweep_figures import main_effects_figure, map_figure
-        from teleop.studies.sweep.figure_rows import read_rows
+        from teleop.studies.sweep.tables import read_rows
 
         rows = read_rows(folder / CSV, [*read.factors], response)
         with figure_style(width):
@@ -112,7 +112,7 @@ def sweep(
     return 1 if ended.failed else 0
 
 
-def conducted(folder: Path, plan: SweepPlan, plan_folder: Path, execute: Execute) -> Progress:
+def conducted(folder: Path, plan: SweepPlan, plan_folder: Path, execute: Execute) -> SweepProgress:
     """Run the points of a plan with a progress bar; its paths are relative to `plan_folder`."""
     import rich.progress as bars
     from rich.console import Console
@@ -141,7 +141,7 @@ def conducted(folder: Path, plan: SweepPlan, plan_folder: Path, execute: Execute
         )
 
 
-def print_end(folder: Path, ended: Progress, json: bool) -> None:
+def print_end(folder: Path, ended: SweepProgress, json: bool) -> None:
     """Print how many points were run, and the files of the results."""
     from rich.console import Console
 

@@ -18,6 +18,7 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
+from estimation.quantities import RESULTS, SIGNALS
 from teleop.errors import InputError, reason
 from teleop.live.cells import LONGEST_ROUND_TRIP
 from teleop.live.clients import MOST_CLIENTS, Client, Control
@@ -42,6 +43,11 @@ GREETING = 2.0
 REPEAT = 1.0
 """Longest time between two messages `state` [s]."""
 VIEWS = ("main", "operator")
+QUANTITIES = {
+    symbol: {"unit": one.unit, "factor": one.factor, "decimals": one.decimals}
+    for symbol, one in (RESULTS | SIGNALS).items()
+}
+"""How the page shows the quantities, by symbol."""
 
 
 class Page(NamedTuple):
@@ -143,7 +149,9 @@ class Server:
         for client in list(self._clients):
             own = {"view": client.view, "control": self.control.of(client)}
             for document in self._feed.documents() if client.is_new else news:
-                client.send({**document, **own} if document["type"] == "welcome" else document)
+                if document["type"] == "welcome":
+                    document = {**document, **own, "quantities": QUANTITIES}
+                client.send(document)
             if is_due or client.is_new:
                 client.send({**state, **own})
             client.is_new = False

@@ -1,8 +1,4 @@
-"""Draw stiffness k and damping b of several recordings, which are grouped by factors.
-
-A factor is a property in which recordings differ, for example `condition`. A level is a value of a
-factor, for example `mimic`.
-"""
+"""Draw stiffness k and damping b of several recordings, which are grouped by factors."""
 
 from __future__ import annotations
 
@@ -42,7 +38,7 @@ class Place(NamedTuple):
     """A group of recordings, with the place of the group in the figure."""
 
     row: str
-    """Level (value of a factor) of the row of panels; empty if the figure has no such rows."""
+    """Level of the row of panels; empty if the figure has no such rows."""
     name: tuple[str, ...]
     """Levels of the other factors, which are written below the axis."""
     means: dict[str, Mean]
@@ -54,10 +50,7 @@ class Place(NamedTuple):
     the figure is another physical quantity."""
 
     def intervals(self, symbol: str) -> list[Interval]:
-        """Return the 95 % intervals of k or b (`symbol`) that are drawn for this group.
-
-        These are the intervals of the recordings and, for two or more recordings, of their mean.
-        """
+        """Return the 95 % intervals of k or b that are drawn for this group."""
         mean, shown = self.means[symbol], DRAWN[symbol].shown
         found = [result.interval(symbol) for result in self.results if result.determines(symbol)]
         if mean.recordings > 1:
@@ -72,17 +65,7 @@ def comparison_figure(
 
     Error bars are 95 % intervals. If k or b of the groups differ too much for one linear axis
     (`comparison_scales.WIDE`), the groups are divided between several rows of panels, one row for
-    each level of a factor. A factor is a property in which recordings differ, for example
-    `condition`. A level is a value of a factor, for example `mimic`.
-
-    Parameters
-    ----------
-    rows
-        The recordings.
-    groups
-        Groups of these recordings, with their means.
-    by
-        Names of the factors by which the recordings are grouped.
+    each level of a factor.
     """
     places, factor = placed(rows, groups, by)
     names = list(dict.fromkeys(place.name for place in places))
@@ -118,12 +101,7 @@ def comparison_figure(
 def placed(
     rows: Sequence[Compared], groups: Sequence[Group], by: Sequence[str]
 ) -> tuple[list[Place], int | None]:
-    """Return the place of each group in the figure, and the factor that divides the figure.
-
-    If the values of the groups are too different for one panel, the figure has one row of panels
-    for each level (value) of one factor. This factor is returned as an index of `by`, which
-    contains the names of the factors. If the figure is not divided, the index is None.
-    """
+    """Return the place of each group, and the index of the factor that divides the figure."""
     results = [
         [r.result for r in rows if r.levels(by) == group.levels and r.result.identifiable]
         for group in groups
@@ -155,20 +133,7 @@ def placed(
 def draw_panel(
     axes: Axes, places: Iterable[Place], names: Sequence[tuple[str, ...]], symbol: str
 ) -> None:
-    """Draw k or b of several groups of recordings in one panel.
-
-    Parameters
-    ----------
-    axes
-        The panel.
-    places
-        The groups that are drawn in this panel.
-    names
-        Names of all groups of the figure. The index of a name in `names` is the position of the
-        group on the horizontal axis.
-    symbol
-        "k" or "b".
-    """
+    """Draw k or b of several groups of recordings in one panel."""
     intervals: list[Interval] = []
     for place in places:
         at = names.index(place.name)
@@ -180,18 +145,7 @@ def draw_panel(
 
 
 def label_groups(axes: Axes, names: Sequence[tuple[str, ...]], width: float) -> None:
-    """Write the names of the groups below the horizontal axis; long names are written vertically.
-
-    Parameters
-    ----------
-    axes
-        The panel.
-    names
-        Name of each group, from left to right. A name consists of the levels of the group, which
-        are its values of the factors.
-    width
-        Width of the panel [inch].
-    """
+    """Write the names of the groups below an axis of this width [inch], long ones vertically."""
     texts = ["\n".join(map(level_text, name)) for name in names]
     axes.set_xticks(range(len(names)), texts or [""])
     longest = max((len(part) for text in texts for part in text.split("\n")), default=0)
@@ -201,29 +155,12 @@ def label_groups(axes: Axes, names: Sequence[tuple[str, ...]], width: float) -> 
 
 
 def level_text(level: str) -> str:
-    """Return a level, which is a value of a factor, as text for the figure.
-
-    A long level is shortened to `LONGEST_LEVEL` characters.
-    """
+    """Return a level as text for the figure, shortened to `LONGEST_LEVEL` characters."""
     return plain(level[:LONGEST_LEVEL])
 
 
 def draw_results(axes: Axes, at: int, place: Place, symbol: str) -> None:
-    """Draw k or b of each recording of a group, side by side, with 95 % intervals.
-
-    If there is no value, the text "no result" is drawn.
-
-    Parameters
-    ----------
-    axes
-        The panel.
-    at
-        Position of the group on the horizontal axis.
-    place
-        The group.
-    symbol
-        "k" or "b".
-    """
+    """Draw k or b of each recording of a group with 95 % intervals, or "no result"."""
     shown = np.array([one.determines(symbol) for one in place.results], bool)
     if not shown.any():
         axes.text(
@@ -262,17 +199,7 @@ def draw_results(axes: Axes, at: int, place: Place, symbol: str) -> None:
 
 
 def draw_mean(axes: Axes, place: int, mean: Mean, factor: float) -> None:
-    """Draw the mean of k or b of a group, if it is the mean of at least two recordings.
-
-    Parameters
-    ----------
-    axes
-        The panel.
-    place
-        Position of the group on the horizontal axis.
-    mean
-        The mean with its 95 % interval.
-    """
+    """Draw the mean of k or b of a group, if it is the mean of at least two recordings."""
     if mean.recordings < 2:
         return
     axes.errorbar(

@@ -46,16 +46,7 @@ DEPTHS = (
 
 
 def pooled_text(names: Sequence[str]) -> str:
-    """Return a note on groups that contain recordings with different levels of some factors.
-
-    A factor is a property in which recordings differ, for example `condition`. A level is a value
-    of a factor, for example `mimic`.
-
-    Parameters
-    ----------
-    names
-        Names of these factors.
-    """
+    """Return a note on groups that contain recordings with different levels of some factors."""
     several = ", ".join(names)
     return (
         f"Recordings that differ in {several} are pooled: the interval contains the differences "
@@ -64,14 +55,7 @@ def pooled_text(names: Sequence[str]) -> str:
 
 
 def damping_note(kinds: Collection[str]) -> str:
-    """Return a note that describes the damping b of the results.
-
-    Parameters
-    ----------
-    kinds
-        Kinds of b that occur in the results. A kind states which physical quantity b is; see
-        `MEANING`.
-    """
+    """Return a note that describes the damping b of the results."""
     named = [MEANING[kind] for kind in MEANING if kind in kinds]
     text = " or ".join(named)
     if len(named) > 1:
@@ -83,14 +67,7 @@ def damping_note(kinds: Collection[str]) -> str:
 
 
 def model_notes(kinds: Collection[str]) -> list[str]:
-    """Return one note for each estimator model with a parameter besides b and k, such as k3.
-
-    Parameters
-    ----------
-    kinds
-        Kinds of the stiffness of the estimators. A kind names the further parameters of the model,
-        for example `average with k3` (see `kinds_of_estimates`).
-    """
+    """Return one note for each estimator model with a parameter besides b and k, such as k3."""
     return [
         f"{kind}: the estimator has the model {meaning}."
         for kind in kinds
@@ -99,13 +76,7 @@ def model_notes(kinds: Collection[str]) -> list[str]:
 
 
 def lag_note(lags: Collection[float]) -> str:
-    """Return a note that states which lag of the measured force was compensated.
-
-    Parameters
-    ----------
-    lags
-        Compensated lags of the recordings [s]; 0 if no lag was compensated. There is at least one.
-    """
+    """Return a note that states which lags of the measured force [s] were compensated."""
     low, high = min(lags) * 1e3, max(lags) * 1e3
     if not high:
         return "No lag of the force is compensated."
@@ -115,16 +86,7 @@ def lag_note(lags: Collection[float]) -> str:
 
 
 def different_text(symbol: str, kinds: Mapping[str, int]) -> str:
-    """Return a note: there is no mean, because the values are different physical quantities.
-
-    Parameters
-    ----------
-    symbol
-        Symbol of the values, for example "b".
-    kinds
-        Number of recordings for each kind of value. A kind states which physical quantity a value
-        is.
-    """
+    """Return a note: no mean, because the values are different quantities (number by kind)."""
     parts = (
         f"{MEANING.get(kind, kind)} in {count} recording{'s' if count > 1 else ''}"
         for kind, count in kinds.items()
@@ -133,17 +95,7 @@ def different_text(symbol: str, kinds: Mapping[str, int]) -> str:
 
 
 def missing_text(method: str, missing: Mapping[str, str]) -> str:
-    """Return a note that states why a method has no value for some recordings.
-
-    The note contains the names of the files. It lists at most `FILES_NAMED` files for each reason.
-
-    Parameters
-    ----------
-    method
-        `RESULT` for the batch evaluation, or the name of an online estimator.
-    missing
-        Reason for each of these recordings, by the name of the file.
-    """
+    """Return a note: why a method has no value for some files (reason by name of the file)."""
     files: dict[str, list[str]] = {}
     for file, reason in missing.items():
         files.setdefault(reason, []).append(Path(file).name)
@@ -158,10 +110,7 @@ def missing_text(method: str, missing: Mapping[str, str]) -> str:
 
 
 def holding_text(groups: Sequence[Group]) -> str:
-    """Return a note on the force, depth and frequency at which k and b of each group are valid.
-
-    The note is empty if force, depth and frequency are not known for any group.
-    """
+    """Return a note: force, depth and frequency at which k and b of the groups are valid, or ""."""
     parts = [
         f"{levels_text(group)}: {where}" if group.levels else where
         for group in groups
@@ -174,11 +123,7 @@ def holding_text(groups: Sequence[Group]) -> str:
 
 
 def held_at(group: Group) -> str:
-    """Return the force and depth at which k of a group is valid, and the frequency for b, as text.
-
-    For example, the text is "k at 1.00 to 1.20 N, 2.00 mm from the contact point, b at 1.00 Hz". A
-    value is a range if the recordings of the group differ. Values that are not known are left out.
-    """
+    """Return, if known, "k at 1.00 to 1.20 N, 2.00 mm from the contact point, b at 1.00 Hz"."""
     parts = []
     if group.holding.keys() >= {"force_n", "depth_m"}:
         force = range_text(group.holding["force_n"], 1.0, "N")
@@ -191,17 +136,7 @@ def held_at(group: Group) -> str:
 
 
 def range_text(ends: tuple[float, float], size: float, unit: str) -> str:
-    """Return a range as text, for example "1.00 to 2.00 mm".
-
-    Parameters
-    ----------
-    ends
-        Lower and upper end of the range, in SI units.
-    size
-        Factor that converts the ends to `unit`.
-    unit
-        Unit in the text.
-    """
+    """Return a range in SI units, converted with the factor `size`: "1.00 to 2.00 mm"."""
     low, high = (small(size * end) for end in ends)
     return f"{low} {unit}" if low == high else f"{low} to {high} {unit}"
 
@@ -231,8 +166,5 @@ def remark_texts(groups: Sequence[Group]) -> list[str]:
 
 
 def levels_text(group: Group) -> str:
-    """Return the levels of a group of recordings, separated by commas, for example "mimic, soft".
-
-    A level is a value of a factor, and a factor is a property in which recordings differ.
-    """
+    """Return the levels of a group, separated by commas, for example "mimic, soft"."""
     return ", ".join(group.levels)

@@ -29,28 +29,20 @@ MINUS = "\u2212"
 Interval = tuple[float, float]
 """Lower and upper end of an interval."""
 Drawn = Mapping[tuple[str, ...], Sequence[Sequence[Interval]]]
-"""Intervals that are drawn for a group: one list for each quantity. A key contains the levels of
-the group, which are its values of the factors."""
+"""Intervals that are drawn for a group, by its levels: one list for each quantity."""
 
 
 def factor_of_rows(drawn: Drawn) -> int | None:
     """Return the factor that divides a figure into rows of panels, as an index; None for one row.
 
-    The figure shows groups of recordings. A factor is a property in which the groups differ, and a
-    level is a value of a factor. If the figure is divided, each row contains the groups with one
-    level of the factor.
+    The figure shows groups of recordings. If the figure is divided, each row contains the groups
+    with one level of the factor.
 
     A linear axis is useful only for values of similar magnitude. The figure is therefore divided
     if, for a quantity, the ratio of the largest to the smallest magnitude is above `WIDE`. The
     chosen factor makes the largest ratio within a row as small as possible. The result is None if
     no division is needed, or if no factor is suitable. A suitable factor makes the ratio smaller
     and gives at most `MOST_ROWS` rows.
-
-    Parameters
-    ----------
-    drawn
-        Intervals that are drawn for each group: one list for each quantity, such as k and b. A key
-        contains the level of the group for each factor.
     """
     best, least = None, widest([*drawn.values()])
     if least <= WIDE:
@@ -66,33 +58,18 @@ def factor_of_rows(drawn: Drawn) -> int | None:
 
 
 def widest(groups: Sequence[Sequence[Sequence[Interval]]]) -> float:
-    """Return a ratio that states how much the values of several groups differ in magnitude.
-
-    For each quantity, such as k or b, the largest magnitude in all groups is divided by the
-    smallest (`size_ratio`). The largest of these ratios is returned.
-
-    Parameters
-    ----------
-    groups
-        Intervals that are drawn for each group: one list for each quantity.
-    """
+    """Return the largest `size_ratio` of a quantity over several groups (intervals by quantity)."""
     quantities = zip(*groups, strict=True)
     return max((size_ratio([i for part in one for i in part]) for one in quantities), default=1.0)
 
 
 def sizes(intervals: Sequence[Interval]) -> list[float]:
-    """Return the magnitude of each interval, without magnitudes that are zero.
-
-    The magnitude is the larger one of the absolute values of the two ends.
-    """
+    """Return the larger absolute value of the ends of each interval, except zeros."""
     return [size for low, high in intervals if (size := max(abs(low), abs(high))) > 0.0]
 
 
 def size_ratio(intervals: Sequence[Interval]) -> float:
-    """Return the ratio of the largest to the smallest magnitude of intervals (see `sizes`).
-
-    The ratio is 1 if there are no intervals, or if all magnitudes are zero.
-    """
+    """Return the ratio of the largest to the smallest of the `sizes`; 1 if there are none."""
     found = sizes(intervals)
     return max(found) / min(found) if found else 1.0
 
@@ -109,13 +86,6 @@ def set_scale(axes: Axes, intervals: Sequence[Interval]) -> None:
       is logarithmic above and below this linear part. The linear part ends at the power of ten that
       is nearest to the smallest magnitude.
     - If there are no values, the axis has no ticks.
-
-    Parameters
-    ----------
-    axes
-        The panel.
-    intervals
-        Lower and upper ends of the 95 % intervals that are drawn.
     """
     if not intervals:
         axes.set_yticks([])

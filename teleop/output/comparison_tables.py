@@ -45,7 +45,7 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
     that are averaged. If a method has no value for some recordings of a group, n has a mark. A note
     below the table begins with the same mark and states the reasons.
 
-    The parameter `by` contains the names of the factors by which the recordings are grouped.
+    The parameter
     """
     rows, notes = [], [("", CAPTION)]
     if kinds := {kind for group in groups for kind in group.kinds[RESULT]["b"]}:
@@ -89,11 +89,7 @@ def published_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
 
 
 def marked(notes: list[tuple[str, str]], text: str) -> str:
-    """Return the mark, such as (a), of the note below a table that has this text.
-
-    A note is a pair of mark and text. If no note has this text, a note with this text and a new
-    mark is added to `notes`.
-    """
+    """Return the mark, such as (a), of a note, which is added to `notes` if it is new."""
     known = {note: mark for mark, note in notes}
     if text not in known:
         known[text] = f"({letters(sum(bool(mark) for mark, _ in notes))})"
@@ -102,22 +98,14 @@ def marked(notes: list[tuple[str, str]], text: str) -> str:
 
 
 def without_kinds(table: TextTable, by: Sequence[str]) -> TextTable:
-    """Return the table of `group_table` without the columns "kind of k" and "kind of b".
-
-    The notes below the table contain the same information. Without these columns, the table usually
-    fits a terminal of 80 columns. `by` is the argument with which the table was created.
-    """
+    """Return the table of `group_table` without the kinds, which its notes state: 80 columns."""
     start, end = len(by) + 1, len(by) + 1 + len(OF_RESULT)
     headings, *rows = ([*row[:start], *row[end:]] for row in (table.headings, *table.rows))
     return TextTable(headings, rows, table.left - len(OF_RESULT), table.notes)
 
 
 def tracking_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable | None:
-    """Return the table that states how well the slave followed the target in the condition `mimic`.
-
-    The table has one row of means for each group of recordings. If there is no such recording, None
-    is returned. `by` contains the names of the factors by which the recordings are grouped.
-    """
+    """Return means of the tracking of the target in `mimic`; None without such a recording."""
     rows = [
         [
             *group.levels,
@@ -159,10 +147,7 @@ def mean_text(mean: Mean) -> str:
 
 
 def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequence[str]) -> None:
-    """Print k and b of each recording, and the means over groups of recordings.
-
-    `by` contains the names of the factors by which the recordings are grouped.
-    """
+    """Print k and b of each recording, and the means over groups of recordings."""
     console = plain_console()
     pattern, names = common_part([row.file for row in rows])
     kinds = kinds_of_b(rows)
@@ -197,12 +182,7 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
 
 
 def remark_lines(rows: Sequence[Compared], names: Sequence[str]) -> list[str]:
-    """Return the remarks on the results of recordings as lines of text.
-
-    A remark that several recordings have is printed once, in a short form without numbers, with the
-    number of these recordings. The other remarks on a recording are together in one line, which
-    begins with the name of the recording.
-    """
+    """Return the remarks on results: shared ones once and short, the others by recording."""
     results = [(name, row.result) for name, row in zip(names, rows, strict=True)]
     results = [(name, result) for name, result in results if result.identifiable]
     counts = remark_counts(result for _, result in results)
@@ -220,46 +200,29 @@ def kinds_of_b(rows: Iterable[Compared]) -> list[str]:
 
 
 def kind_of_b(row: Compared) -> str | None:
-    """Return which physical quantity b of a recording is, as one of the keys of `MEANING`.
-
-    The result is None if the recording does not determine b.
-    """
+    """Return which quantity b is (a key of `MEANING`); None if it is not determined."""
     value = values_of(row, RESULT).get("b")
     return value.kind if value else None
 
 
 def damping_text(row: Compared, kinds: Sequence[str]) -> str:
-    """Return b of a recording and the half width of its 95 % interval as text.
-
-    A kind states which physical quantity b is. If b is not of the first kind in `kinds`, the text
-    begins with the mark `OTHER_KIND`.
-    """
+    """Return b and its half width; marked with `OTHER_KIND` if not of the first of `kinds`."""
     text = result_text(row, "b")
     return f"{OTHER_KIND} {text}" if kind_of_b(row) in kinds[1:] else text
 
 
 def shared(texts: Iterable[Iterable[str]]) -> list[tuple[str, int]]:
-    """Return the texts that occur in two or more recordings, each with the number of recordings.
-
-    Each element of `texts` contains the texts of one recording.
-    """
+    """Return each text that several recordings have, with the number of these recordings."""
     counts = Counter(chain.from_iterable(texts))
     return [(text, count) for text, count in counts.items() if count > 1]
 
 
 def common_part(files: Sequence[str]) -> tuple[str, list[str]]:
-    """Divide the names of files into a common pattern and the parts that are different.
+    """Divide the names of files into a common pattern and the part of each that differs.
 
-    Returns
-    -------
-    The pattern, and the different part of each name. They depend on the files:
-
-    - All files are recordings in one folder: the pattern is the folder with `*` and the ending
-      `RECORDING`. The parts are the names of the files without the ending.
-    - All files are in one folder, but not all are recordings: the pattern is the folder. The parts
-      are the names of the files.
-    - The files are in several folders, or in the current folder: the pattern is empty. The parts
-      are the unchanged names.
+    For recordings in one folder, the pattern is the folder with `*` and the ending `RECORDING`, and
+    the parts are the names without ending. For other files in one folder, it is the folder, and the
+    parts are the names. Otherwise the pattern is empty, and the names are unchanged.
     """
     paths = [Path(file) for file in files]
     if len({path.parent for path in paths}) > 1 or str(paths[0].parent) == ".":
@@ -281,19 +244,13 @@ def print_text_table(title: str, table: TextTable) -> None:
 
 
 def result_text(row: Compared, symbol: str) -> str:
-    """Return k or b (`symbol`) of a recording and the half width of its 95 % interval, as text.
-
-    The text is a dash if there is no value.
-    """
+    """Return k or b of a recording and its half width; a dash if there is no value."""
     value = values_of(row, RESULT).get(symbol)
     return shown_half(RESULTS[symbol], value.value, value.half) if value else "-"
 
 
 def tangent_texts(result: StiffnessResult) -> list[str]:
-    """Return the force [N] and the depth [mm] at which k (the tangent stiffness) is evaluated.
-
-    Both are texts. They are dashes if the result has no k.
-    """
+    """Return force and depth at which k is evaluated as texts; dashes without k."""
     if result.force is None or result.depth is None:
         return ["-", "-"]
     return [small(result.force), small(POSITION.shown(result.depth))]

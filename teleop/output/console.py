@@ -83,11 +83,6 @@ def plain_console(stream: TextIO | None = None) -> Console:
     so that rich does not read them from the terminal or from environment variables. For a terminal
     of the type `dumb`, rich would assume 80 columns, even if the variable COLUMNS has another
     value.
-
-    Parameters
-    ----------
-    stream
-        Stream to print to; None for standard output.
     """
     return PlainConsole(
         file=stream, highlight=False, markup=False, soft_wrap=True, width=WIDTH, height=HEIGHT
@@ -191,18 +186,6 @@ def fitting_tables(
        column with text is replaced by a number. Lines below the tables explain these numbers. The
        step is repeated with the next column, if necessary.
     3. The columns are divided between several tables.
-
-    Parameters
-    ----------
-    title
-        Title of the table; empty for no title.
-    headings, rows
-        Text of the cells.
-    left
-        Number of columns at the left that contain text. If the table is divided, they are part of
-        each table. The other columns contain numbers.
-    styles
-        Style of each row for the library rich, such as "bold red"; empty for no styles.
     """
     cells = [list(row) for row in rows]
     width = terminal_width()
@@ -237,10 +220,7 @@ def fitting_tables(
 
 
 def numbered(texts: Iterable[str]) -> dict[str, str]:
-    """Number the distinct texts from 1, and return a dictionary from each text to its number.
-
-    A number is a text such as "1". Empty texts are left out.
-    """
+    """Number the distinct texts that are not empty from "1", and return the numbers by text."""
     distinct = dict.fromkeys(text for text in texts if text)
     return {text: str(number) for number, text in enumerate(distinct, start=1)}
 
@@ -260,21 +240,9 @@ def total(columns: Sequence[int]) -> int:
 
 
 def parts(columns: Sequence[int], left: int, width: int) -> list[list[int]]:
-    """Divide the columns of a table between several tables that are not wider than `width`.
+    """Return the indices of the columns of each part of a table wider than `width` [characters].
 
-    Parameters
-    ----------
-    columns
-        Width of each column [characters].
-    left
-        Number of columns at the left that are part of each table.
-    width
-        Largest width of a table [characters].
-
-    Returns
-    -------
-    One list for each table, with the indices of its columns. Each table has at least one column
-    besides the columns at the left, if there are other columns.
+    The first `left` columns are in each part.
     """
     first = list(range(left))
     found = [first[:]]

@@ -38,11 +38,7 @@ ahead, divided by the same error of least squares over a window (`model_comparis
 
 
 def estimate_cells(rows: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
-    """Return the text of the cells of the table of averages, one row for each estimator.
-
-    `HEADINGS` contains the headings of the columns. `rows` contains the fields of
-    `EstimatorSummary` for each estimator, by its name.
-    """
+    """Return the cells of the table of averages (see `HEADINGS`), one row for each estimator."""
     return [
         [
             name,
@@ -80,16 +76,7 @@ def with_interval(quantity: Quantity, value: float, half: float, decimals: int) 
 def print_estimates(
     rows: Mapping[str, Mapping[str, Any]], further: Mapping[str, Mapping[str, Any]]
 ) -> None:
-    """Print the final estimates, the averages over the record, and remarks on each estimator.
-
-    Parameters
-    ----------
-    rows
-        Summary of the estimates (the fields of `EstimatorSummary`), by the name of the estimator.
-    further
-        Further rows of the table of averages, by name. They are not in the other tables. An example
-        is a least-squares fit.
-    """
+    """Print the final estimates, the averages over the record, and remarks on each estimator."""
     console = plain_console()
     headings, cells = interval_table(rows)
     print_table(console, AT_END, headings, cells)
@@ -112,10 +99,7 @@ def print_estimates(
 
 
 def further_lines(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return lines with the final estimates of parameters besides k and b, such as k3.
-
-    There is one line for each estimator whose model has such parameters.
-    """
+    """Return lines with the final estimates of parameters besides k and b, such as k3."""
     lines = []
     for name, row in rows.items():
         if row["held"] == 1.0:
@@ -130,12 +114,7 @@ def further_lines(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 
 def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], list[list[str]]]:
-    """Return headings and cells of the table of the final estimates, one row for each estimator.
-
-    The columns are k and b with 95 % intervals, the fraction of samples that did not change the
-    estimate (`held`), the misfit (systematic part of the force error, relative to the force) and,
-    if it was measured, the computing time per sample.
-    """
+    """Return headings and cells of the table of the final estimates, one row for each estimator."""
     timed = any("cost_us" in row for row in rows.values())
     headings = [
         "",
@@ -162,18 +141,7 @@ def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], li
 def comparison_table(
     rows: Mapping[str, Mapping[str, Any]],
 ) -> tuple[list[str], list[list[str]]] | None:
-    """Return headings and cells of the table that compares the estimators with least squares.
-
-    The first column is the error of the predicted force, divided by the same error of batch least
-    squares with a sliding window. The two other columns are the fractions of samples at which the
-    95 % intervals of k and b contain the values of one least-squares fit to the whole record.
-
-    Parameters
-    ----------
-    rows
-        Results of each estimator, by its name. If no estimator has these three results
-        (`teleop.evaluation.online.model_comparison.Comparison`), the function returns None.
-    """
+    """Return headings and cells of the comparison with least squares; None without results."""
     cells = [
         [
             name,
@@ -193,11 +161,7 @@ def percent(share: float) -> str:
 
 
 def left_out_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return a list with one line: which part of the record was not used for results and tables.
-
-    An example is the time before the target starts to move. The list is empty if the whole record
-    was used.
-    """
+    """Return which part of the record results and tables leave out, as at most one line."""
     left_out = summary["left_out"]
     return [f"results and tables leave out {left_out}"] if left_out else []
 
@@ -215,11 +179,7 @@ def print_reading(console: Console, summary: Mapping[str, Any]) -> None:
 
 
 def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
-    """Print the evaluation of a file: result for publication, batch models, online estimates.
-
-    `summary` is the evaluation as `teleop estimate --json` prints it. `name` is the name of the
-    file.
-    """
+    """Print the document that `teleop estimate --json` writes."""
     console = plain_console()
     print_result(summary, name)
     print_models(summary)
@@ -234,12 +194,7 @@ def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
 
 
 def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return lines that state how the estimates were computed.
-
-    Examples are the number of samples, the datum (the position and the force that are treated as
-    zero), the filters, and the memory of the estimators (for how long a sample influences an
-    estimate).
-    """
+    """Return lines that state samples, datum, filters, memory and excitation of the estimates."""
     datum = summary["datum"]
     lag = summary["force_lag_s"]
     return [
@@ -257,11 +212,7 @@ def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:
 
 
 def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print the gaps in the samples, and the longest time between two samples if it is unusual.
-
-    If the file is the recording of a trial, also print whether the estimates are equal to those
-    that were computed during the trial.
-    """
+    """Print gaps and unusual periods, and whether the estimates of a trial are those of the run."""
     gaps = summary["gaps"]
     for gap in gaps[:GAPS_LISTED]:
         console.print(

@@ -22,20 +22,6 @@ def write_fault_report(folder: Path, recording: Recording, fault: dict[str, Any]
     """Write the report of a fault that stopped a trial: `cause.txt` and the figure `channels.svg`.
 
     Existing files are overwritten.
-
-    Parameters
-    ----------
-    folder
-        An existing folder.
-    recording
-        Ticks before and after the fault.
-    fault
-        Event of the fault, as one of the dictionaries in `recording.events`.
-
-    Raises
-    ------
-    InputError
-        A file cannot be written.
     """
     write_text(folder / "cause.txt", fault_text(recording, fault), overwrite=True)
     save(fault_figure(recording, fault), folder / "channels.svg", overwrite=True)

@@ -31,22 +31,7 @@ def plain(text: str) -> str:
 
 
 def save(figure: Figure, path: Path, overwrite: bool = False) -> None:
-    """Write a figure to a file, in the format that the ending of the file name states.
-
-    Parameters
-    ----------
-    figure
-        The figure.
-    path
-        The file to write. The ending of its name, for example `.svg`, states the format.
-    overwrite
-        Whether to overwrite an existing file.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written, or exists and may not be overwritten.
-    """
+    """Write a figure to a file, in the format that the ending of the file name states."""
     with new_file(path, overwrite) as file:
         render(figure, file, dpi=300 if is_small(figure) else 150, format=path.suffix[1:].lower())
 
@@ -63,15 +48,6 @@ def render(figure: Figure, file: IO[Any], **options: Any) -> None:
     """Write a figure to an open file.
 
     No warning is printed if the font does not contain a character of the figure.
-
-    Parameters
-    ----------
-    figure
-        The figure.
-    file
-        The open file.
-    options
-        Arguments of `Figure.savefig` of matplotlib, for example the format.
     """
     with warnings.catch_warnings(), mpl.rc_context(FILES):
         warnings.filterwarnings("ignore", "Glyph .* missing from font")

@@ -56,13 +56,6 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
     Before a model is fitted, the baseline of the force is subtracted. The baseline is the part of
     the force that varies more slowly than the palpation. In the figure, the baseline is added to
     the force of the model, so that this force can be compared with the measured force.
-
-    Parameters
-    ----------
-    title
-        Title of the figure, for example the name of the file.
-    evaluation
-        Results of the evaluation of the file.
     """
     record, datum = evaluation.analysis.record, evaluation.datum
     figure = new_figure(1.05, rows=3)
@@ -125,13 +118,6 @@ def drawn_name(evaluation: Evaluation, fit: BatchFit) -> str:
     The figure shows the best model whose parameters are all identifiable (determined by the data).
     Another model can fit better, but have parameters that are not identifiable. The text then also
     states the name of this other model, and why it is not drawn.
-
-    Parameters
-    ----------
-    evaluation
-        Evaluation with all fitted models.
-    fit
-        The model that the figure shows.
     """
     if fit is evaluation.models[0]:
         return fit.name
@@ -142,20 +128,9 @@ def drawn_name(evaluation: Evaluation, fit: BatchFit) -> str:
 def draw_phases(
     axes: Axes, evaluation: Evaluation, x: np.ndarray, f: np.ndarray, every: int
 ) -> None:
-    """Draw the smoothed force against displacement, with a line style for each kind of phase.
+    """Draw the smoothed force [N] against displacement [mm], with a line style for each phase.
 
-    The kinds of phase are free motion, loading, hold and unloading.
-
-    Parameters
-    ----------
-    axes
-        The panel.
-    evaluation
-        Evaluation that contains the phases.
-    x, f
-        Displacement [mm] and smoothed force [N], each of shape (n,).
-    every
-        Number of samples from one drawn sample to the next. In short phases, it is smaller.
+    Every `every`-th sample is drawn, more in short phases.
     """
     labelled = set()
     for phase in evaluation.analysis.phases.phases:
@@ -177,19 +152,7 @@ def draw_fit(
     modelled: tuple[np.ndarray, np.ndarray, np.ndarray],
     every: int,
 ) -> None:
-    """Draw the force of a model against displacement and against time.
-
-    Parameters
-    ----------
-    over_x, over_t
-        Panels whose horizontal axes are displacement [mm] and time [s].
-    name
-        Name of the model, for the legend.
-    modelled
-        Displacement [mm], time [s] and force of the model [N], each of shape (n,).
-    every
-        Number of samples from one drawn sample to the next.
-    """
+    """Draw displacement [mm], time [s] and force [N] of a model in two panels."""
     x, t, force = (values[::every] for values in modelled)
     over_x.plot(x, force, color=MODEL, linewidth=0.6, label=name)
     over_t.plot(t, force, color=MODEL, linewidth=0.6, label=name)
@@ -199,12 +162,6 @@ def modulus_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """Return a figure of the complex modulus k' + i k'' against frequency, with 95 % intervals.
 
     The panels show the storage stiffness k', the loss stiffness k'', and tan delta = k'' / k'.
-
-    Parameters
-    ----------
-    rows
-        Complex modulus of each file, at one frequency per file; at least one file. The keys are
-        those that `Analysis.modulus` returns.
     """
     figure = new_figure(0.9, rows=3)
     panels = figure.subplots(3, 1, sharex=True)

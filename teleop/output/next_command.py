@@ -15,15 +15,6 @@ def print_command(text: str, words: Sequence[str]) -> None:
     on the next line, and may be divided into several lines. Each line of the command except the
     last then ends with a backslash, so that a shell reads the copied lines as one command. An
     option and its value are on the same line.
-
-    Parameters
-    ----------
-    text
-        Text before the command. It may begin with spaces. A command on a new line is indented
-        further than the text.
-    words
-        The command, its options and their values. Words with special characters are printed in
-        quotes.
     """
     console, width = plain_console(), terminal_width()
     line = f"{text}: {shlex.join(words)}"
@@ -40,15 +31,6 @@ def broken(words: Sequence[str], indent: str, width: int) -> list[str]:
 
     An option and its value are on the same line. A line is longer than `width` only if a single
     word, or an option with its value, is too long.
-
-    Parameters
-    ----------
-    words
-        The command, its options and their values.
-    indent
-        Spaces at the start of each line.
-    width
-        Largest number of characters of a line, including the indent.
     """
     parts: list[list[str]] = []
     for word in words:

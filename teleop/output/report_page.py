@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from operator import itemgetter
 from typing import Any
@@ -27,13 +27,16 @@ from teleop.output.estimate_tables import (
     interval_table,
 )
 from teleop.output.fault_report import fault_text
-from teleop.output.feedback_figure import feedback_figure
 from teleop.output.figure_files import plain
 from teleop.output.fit_figures import fit_figure
 from teleop.output.result_tables import motion_line, result_lines, tangent_lines
-from teleop.output.settings_rows import settings_rows
-from teleop.output.tracking_figure import tracking_figure
-from teleop.output.trial_figures import ambiguity_figure, fault_figure, timing_figure
+from teleop.output.trial_figures import (
+    ambiguity_figure,
+    fault_figure,
+    feedback_figure,
+    timing_figure,
+    tracking_figure,
+)
 from teleop.output.trial_tables import tracking_lines
 from teleop.output.web_page import svg, web_page
 from teleop.recording.gaps import missing_text
@@ -63,29 +66,11 @@ def report_page(
     tracking: Mapping[str, Any] | None = None,
     motion: Mapping[str, str] | None = None,
 ) -> str:
-    """Return the HTML page for one recording.
+    """Return a page with the results of a file.
 
-    Parameters
-    ----------
-    name
-        File name of the recording. It is the title of the page.
-    evaluation, summary
-        Results of the evaluation of the recording, as an object, and as a dictionary that also
-        contains the settings of the evaluation. Both are None if a fault stopped the trial before
-        there were enough samples.
-    recording
-        The recorded trial; None if another program wrote the file.
-    truth
-        True stiffness and damping of the simulated specimen; None if they are not known.
-    link
-        Path of the recording, relative to the folder of the page. The page contains a link to this
-        path. If it is empty, the link is `name`.
-    tracking
-        Gain and phase of the slave relative to the target, and tracking error, in a trial of the
-        condition `mimic` (the operator follows a target); None for any other file.
-    motion
-        Texts that describe the motion in a recorded trial, by name: the depth, and the target or
-        the excitation signal. None if they are not known.
+    `evaluation` and `summary` are None if a fault stopped the trial before there were enough
+    samples, `recording` if another program wrote the file. `link` is the path of the recording,
+    relative to the folder of the page. `motion` has texts that describe the motion, by name.
     """
     values = of_recording(recording, motion or {}) | of_evaluation(name, evaluation, summary, truth)
     values["tracking"] = ""
@@ -97,18 +82,7 @@ def report_page(
 
 
 def of_recording(recording: Recording | None, motion: Mapping[str, str]) -> dict[str, Any]:
-    """Return the part of a report page that describes a recorded trial.
-
-    The result contains the values for the variables of the page template, by name. If `recording`
-    is None, these values are empty.
-
-    Parameters
-    ----------
-    recording
-        The recorded trial; None if another program wrote the file.
-    motion
-        Texts that describe the motion, by name: the depth, and the target or the excitation signal.
-    """
+    """Return the variables of the template about a trial; empty without a recording."""
     values: dict[str, Any] = {
         "facts": [],
         "estimated_channels": [],
@@ -159,13 +133,6 @@ def facts(recording: Recording, motion: Mapping[str, str]) -> Iterator[tuple[str
 
     Each row is a name and a text. The rows are the date, the rig, the settings named in `STATED`,
     the motion, the software with its libraries, and the computer.
-
-    Parameters
-    ----------
-    recording
-        The recorded trial.
-    motion
-        Texts that describe the motion, by name: the depth, and the target or the excitation signal.
     """
     session = recording.session
     settings = stated_settings(recording.settings)
@@ -188,11 +155,7 @@ def of_evaluation(
     summary: Mapping[str, Any] | None,
     truth: Truth | None,
 ) -> dict[str, Any]:
-    """Return the part of a report page that describes the evaluation of a recording.
-
-    The result contains the values for the variables of the page template, by name. `report_page`
-    describes the parameters.
-    """
+    """Return the variables of the template about the evaluation; empty without one."""
     if evaluation is None or summary is None:
         return {"summary": None, "gaps": ()}
     e = evaluation
@@ -236,3 +199,54 @@ def ambiguity_drawing(evaluation: Evaluation) -> Markup:
     assert isinstance(fresh, MultiEstimator)
     tied = ambiguity(fresh, *regression[:4], MARGIN, every)
     return svg(ambiguity_figure(t[every - 1 :: every], tied))
+
+
+SUFFIXES = {"_hz": "Hz", "_s": "s", "_m": "m"}
+"""Unit of a setting, by the end of its name."""
+SETTING_UNITS = {
+    "m": ("soft_position", "hard_position", "following_error", "depth", "lost_motion"),
+    "m/s": ("max_velocity", "max_master_velocity", "rest_velocity"),
+    "m/s^2": ("max_acceleration", "max_master_acceleration"),
+    "m/N": ("drive_compliance", "compliance"),
+    "N": ("soft_force", "hard_force", "rest_master_force", "force_noise"),
+    "s": ("preflight", "start_ramp", "max_gap", "max_age", "frozen_time", "force_lag"),
+    "kg": ("mass",),
+    "N s/m": ("damping",),
+    "N/m": ("stiffness", "arm_stiffness"),
+}
+"""Names of settings without a unit in their name, by their unit."""
+UNIT_OF = {name: unit for unit, names in SETTING_UNITS.items() for name in names}
+"""Unit of a setting, by its name."""
+INFINITE = "Infinity"
+"""Text that a recording contains instead of an infinite limit."""
+DIGITS = 5
+"""Number of significant digits to which a value is rounded."""
+
+
+def settings_rows(settings: Mapping[str, Any], start: str = "") -> Iterator[tuple[str, str]]:
+    """Yield name, such as `limits.max_velocity`, and value of each setting that has one."""
+    for name, value in settings.items():
+        if isinstance(value, Mapping):
+            yield from settings_rows(value, f"{start}{name}.")
+        elif value is not None and value not in ("", [], ()):
+            yield f"{start}{name}", f"{value_text(value)} {unit_of(name, value)}".rstrip()
+
+
+def value_text(value: Any) -> str:
+    """Return the value of a setting, rounded to `DIGITS` digits or to an integer."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.{DIGITS}g}" if abs(value) < 10.0**DIGITS else f"{value:.0f}"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return ", ".join(map(value_text, value))
+    return "no limit" if value == INFINITE else str(value)
+
+
+def unit_of(name: str, value: Any) -> str:
+    """Return the unit of a number or list of numbers, by the name of the setting; empty if none."""
+    first = value[0] if isinstance(value, list | tuple) else value
+    if not isinstance(first, int | float) or isinstance(first, bool):
+        return ""
+    suffixes = (unit for end, unit in SUFFIXES.items() if name.endswith(end))
+    return UNIT_OF.get(name, next(suffixes, ""))

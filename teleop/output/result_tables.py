@@ -17,17 +17,7 @@ MOST_DECIMALS = 12
 
 
 def print_result(summary: Mapping[str, Any], name: str) -> None:
-    """Print the result of the evaluation of a file: k and b, or the reasons why there are none.
-
-    The motion in the file, its phases and the contact point are also printed.
-
-    Parameters
-    ----------
-    summary
-        The dictionary that `Evaluation.summary` returned.
-    name
-        Name of the file.
-    """
+    """Print the result of a file (k and b, or why there are none), its motion and phases."""
     console = plain_console()
     result = summary["result"]
     console.print(f"{name}: result", style="bold")
@@ -87,11 +77,7 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
 
 
 def motion_line(summary: Mapping[str, Any]) -> str:
-    """Return a line of text with frequency, amplitude and travel of the motion in a file.
-
-    The travel is the largest minus the smallest position. If the file contains too few strokes for
-    a frequency, the line states their number instead of frequency and amplitude.
-    """
+    """Return frequency, amplitude and travel of the motion; with few strokes, their number."""
     motion = summary["motion"]
     travel = f"travel {motion['travel_m'] * 1e3:.3g} mm"
     if not math.isfinite(motion["frequency_hz"]):
@@ -111,16 +97,7 @@ def motion_line(summary: Mapping[str, Any]) -> str:
 
 
 def tangent_lines(tangent: Mapping[str, Any]) -> list[str]:
-    """Return lines of text that state at which force and depth k is the tangent stiffness.
-
-    A second line states the secant stiffness (force divided by depth) at this point, if it is
-    known. There are no lines if the data are not sufficient for k.
-
-    Parameters
-    ----------
-    tangent
-        The item `tangent` of the dictionary that `StiffnessResult.summary` returned.
-    """
+    """Return where k is the tangent stiffness, and the secant stiffness there if it is known."""
     if tangent["force_n"] is None:
         return []
     lines = [
@@ -136,10 +113,7 @@ def tangent_lines(tangent: Mapping[str, Any]) -> list[str]:
 
 
 def print_material(material: Mapping[str, Any]) -> None:
-    """Print the elastic modulus of the specimen, its 95 % interval, and how it was computed.
-
-    `material` is the dictionary that `elastic_modulus` returned.
-    """
+    """Print the result of `elastic_modulus`."""
     low, value, high = (material[f"modulus{end}_pa"] for end in ("_low", "", "_high"))
     plain_console().print(
         f"  elastic modulus E = {value / 1e3:.4g} kPa "
@@ -149,10 +123,7 @@ def print_material(material: Mapping[str, Any]) -> None:
 
 
 def print_models(summary: Mapping[str, Any]) -> None:
-    """Print the models that were fitted to all samples of a file together, the best model first.
-
-    `summary` is the dictionary that `Evaluation.summary` returned.
-    """
+    """Print the models that were fitted to all samples, the best first."""
     console = plain_console()
     models = summary["models"]
     if not models:
@@ -190,17 +161,7 @@ def print_models(summary: Mapping[str, Any]) -> None:
 
 
 def parameter_text(name: str, one: Mapping[str, Any]) -> str:
-    """Return the estimate of a parameter, and the half width of its 95 % interval, as text.
-
-    If the data do not determine the parameter, the text is its name and "not identifiable".
-
-    Parameters
-    ----------
-    name
-        Name of the parameter.
-    one
-        The fields of its `Parameter` (value, interval, unit, and whether it is identifiable).
-    """
+    """Return name, value, half width of the 95 % interval and unit of a `Parameter`."""
     if not one["identifiable"]:
         return f"{name} not identifiable"
     half, shown_as = 0.5 * (one["high"] - one["low"]), quantity(name, one["unit"])
@@ -208,11 +169,7 @@ def parameter_text(name: str, one: Mapping[str, Any]) -> str:
 
 
 def with_half(value: float, half: float) -> str:
-    """Return a value and the half width of its confidence interval as text: "value +- half".
-
-    The half width has two significant digits, and the value has the same number of decimals. If the
-    half width is zero or not finite, the text is only the value.
-    """
+    """Return "value \u00b1 half": two significant digits of the half width, if it is known."""
     if not math.isfinite(half) or half <= 0.0:
         return small(value, 4)
     return f"{significant(value, half)} \u00b1 {significant(half, half)}"
@@ -224,16 +181,7 @@ def shown_half(quantity: Quantity, value: float, half: float) -> str:
 
 
 def significant(value: float, width: float) -> str:
-    """Return a value as text, rounded according to its uncertainty.
-
-    Parameters
-    ----------
-    value
-        The value.
-    width
-        Uncertainty of the value, in the unit of the value. The value is rounded to the decimal
-        place of the second significant digit of this uncertainty.
-    """
+    """Return a value, rounded to the second significant digit of its uncertainty `width`."""
     decimals = 3
     if width > 0.0:
         decimals = min(1 - math.floor(math.log10(width)), MOST_DECIMALS)
@@ -241,17 +189,7 @@ def significant(value: float, width: float) -> str:
 
 
 def print_together(together: Mapping[str, Any]) -> None:
-    """Print whether one Kelvin-Voigt body (f = b v + k x) explains several files.
-
-    The first table contains k and b of a fit to each file, and of one fit to all files together.
-    The second table contains the complex modulus of each file. Then follow the ratio of the largest
-    to the smallest k, the same ratio for b, and the conclusions as text.
-
-    Parameters
-    ----------
-    together
-        The dictionary that `evaluate_together` returned.
-    """
+    """Print the result of `evaluate_together`: fits, complex modulus, ratios and conclusions."""
     console = plain_console()
     names = [Path(row["file"]).name for row in together["alone"]]
     if len(set(names)) < len(names):

@@ -1,4 +1,4 @@
-"""Print tables of a rig: channels (measured quantities), drives, ports, zero offsets and lag."""
+"""Print tables of a rig: channels, drives, ports, zero offsets and lag."""
 
 from __future__ import annotations
 
@@ -29,11 +29,7 @@ SHOWN_IN = {one.si: one for one in SIGNALS.values()}
 
 
 def table(title: str, *headings: str) -> TrimmedTable:
-    """Return a table that has headings but no rows yet.
-
-    The first two columns are aligned to the left, for text. The other columns are aligned to the
-    right, for numbers.
-    """
+    """Return an empty table: two columns of text, then numbers."""
     made = TrimmedTable(title=title, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold")
     for i, heading in enumerate(headings):
         made.add_column(heading, justify="left" if i < 2 else "right", no_wrap=True)
@@ -55,17 +51,7 @@ CHANNEL_HEADINGS = (
 
 
 def channel_tables(title: str, channels: Sequence[Row]) -> list[TrimmedTable | str]:
-    """Return a table of a rig's channels (measured quantities), with one row for each channel.
-
-    A table that is too wide for the terminal is divided into several tables.
-
-    Parameters
-    ----------
-    title
-        Title of the table.
-    channels
-        Result of the check of each channel.
-    """
+    """Return the table of the channels, divided if it is too wide for the terminal."""
     rows = []
     for c in channels:
         shown = SHOWN_IN[CHANNEL_UNITS[c["name"]]]
@@ -88,21 +74,7 @@ def channel_tables(title: str, channels: Sequence[Row]) -> list[TrimmedTable | s
 
 @contextlib.contextmanager
 def live_channels(stream: TextIO) -> Iterator[Callable[[Sequence[Row]], None]]:
-    """Show a table of a rig's channels (measured quantities) in a terminal.
-
-    This is a context manager. The table is shown until the end of the `with` block. If the stream
-    is not a terminal, nothing is shown.
-
-    Parameters
-    ----------
-    stream
-        Output stream, for example standard error.
-
-    Yields
-    ------
-    Function that updates the table. Its argument is a sequence with the latest result of the check
-    of each channel.
-    """
+    """Show the table of the channels in a terminal, and yield the function that updates it."""
     if not stream.isatty():
         yield lambda channels: None
         return
@@ -113,13 +85,7 @@ def live_channels(stream: TextIO) -> Iterator[Callable[[Sequence[Row]], None]]:
 
 
 def print_check(check: Mapping[str, Any]) -> None:
-    """Print the result of the check of a rig: channels, devices, drives and problems.
-
-    Parameters
-    ----------
-    check
-        The dictionary that `teleop rig check --json` prints as a JSON document.
-    """
+    """Print the result of the check of a rig: channels, devices, drives and problems."""
     console = plain_console()
     for part in channel_tables(check["rig"], check["channels"]):
         console.print(part)
@@ -163,18 +129,6 @@ def print_emulation(
 
     The devices of an emulated rig are simulated. They communicate over ports with the same
     protocols as the real devices.
-
-    Parameters
-    ----------
-    name
-        Name of the rig.
-    ports
-        Mapping from the name of each bus of the rig to the port of its emulated devices.
-    out
-        Rig file that refers to these ports. The printed command contains it.
-    palpation
-        Options of the printed command that describe the palpation, for example the specimen: a
-        mapping from the name of each option to its value.
     """
     console = plain_console()
     body = f"{palpation['specimen']} cube, depth {palpation['depth'].removesuffix('mm')} mm"
@@ -190,16 +144,7 @@ def print_emulation(
 
 
 def print_lag(summary: Mapping[str, Any]) -> None:
-    """Print the lag of the force channel and the lost motion (backlash) of a rig.
-
-    Both have 95 % intervals. The command that compensates the lag in an evaluation is also printed.
-
-    Parameters
-    ----------
-    summary
-        The dictionary that `ForceLag.summary` returned; for the simulated rig, also the true lag
-        and the true lost motion.
-    """
+    """Print the result of `ForceLag.summary`, with the true values for the simulated rig."""
     console = plain_console()
     low, high = summary["lag_low_s"] * 1e3, summary["lag_high_s"] * 1e3
     lost_low, lost_high = summary["lost_motion_low_m"] * 1e6, summary["lost_motion_high_m"] * 1e6
@@ -231,21 +176,7 @@ def print_lag(summary: Mapping[str, Any]) -> None:
 def print_tare(
     tare: Tare, master_noise: float, contact_noise: float, path: Path, rig: Path | None
 ) -> None:
-    """Print the zero offsets of a rig, and the command that starts a trial with them.
-
-    A zero offset is the reading of a sensor when the measured quantity is zero.
-
-    Parameters
-    ----------
-    tare
-        The zero offsets.
-    master_noise, contact_noise
-        Root mean square of the noise of the master force and of the contact force [N].
-    path
-        File in which the zero offsets are stored.
-    rig
-        Rig file; None for the simulated rig.
-    """
+    """Print the zero offsets of a rig, and the command that starts a trial with them."""
     on_rig = ["--rig", str(rig)] if rig else []
     needed = ["--specimen", "NAME", "--depth", "DEPTH"] if rig else []
     contact = tare.slave_position

@@ -1,8 +1,4 @@
-"""Draw figures of a sweep: the effect of each factor on a result, and maps over two factors.
-
-A sweep runs simulated trials, or evaluates recordings, with many combinations of settings. The
-settings that vary are called factors.
-"""
+"""Draw figures of a sweep: the effect of each factor on a result, and maps over two factors."""
 
 from __future__ import annotations
 
@@ -33,7 +29,7 @@ vertically."""
 
 
 class Levels(NamedTuple):
-    """Levels of a factor, which is a setting that varies in a sweep.
+    """Levels of a factor.
 
     Each level is one value of the factor, or one bin if the factor has many different numbers.
     """
@@ -55,7 +51,7 @@ class SweepRows(NamedTuple):
     """
 
     factors: dict[str, Sequence[float | str]]
-    """Values of each factor (setting that varies) in the n rows, by the name of the factor."""
+    """Values of each factor in the n rows, by the name of the factor."""
     estimator: NDArray[np.str_]
     """Name of the estimator in each row."""
     response: Floats
@@ -65,16 +61,7 @@ class SweepRows(NamedTuple):
 
 
 def levels_of(values: Sequence[float | str]) -> Levels:
-    """Return the levels of a factor, which is a setting that varies in a sweep.
-
-    Each different value is a level. But if there are more than `MOST_LEVELS` different numbers,
-    they are divided into bins, and each bin is a level.
-
-    Parameters
-    ----------
-    values
-        Value of the factor in each row of the sweep's table.
-    """
+    """Return the different values of a factor; more than `MOST_LEVELS` numbers are binned."""
     if any(isinstance(value, str) for value in values):
         names, index = np.unique([str(value) for value in values], return_inverse=True)
         order = dict.fromkeys(str(value) for value in values)
@@ -92,17 +79,7 @@ def levels_of(values: Sequence[float | str]) -> Levels:
 
 
 def main_effects_figure(rows: SweepRows) -> Figure:
-    """Return a figure of the mean result of a sweep at each level of each factor.
-
-    A factor is a setting that varies in the sweep, and a level is one of its values. There is a
-    panel for each factor. Each mean is computed over all levels of the other factors and all
-    repetitions with different seeds. The error bars are 95 % intervals of the mean.
-
-    Parameters
-    ----------
-    rows
-        Rows of the sweep's table that contain the result; at least one row.
-    """
+    """Return the mean result at each level of each factor, with 95 % intervals of the mean."""
     columns = max(1, min(len(rows.factors), int(WIDTHS[CHOSEN.get()] / INCHES)))
     lines = -(-len(rows.factors) // columns)
     figure = new_figure(0.42 * lines, rows=lines)
@@ -126,25 +103,7 @@ def main_effects_figure(rows: SweepRows) -> Figure:
 def draw_effect(
     axes: Axes, levels: Levels, response: Floats, chosen: NDArray[np.bool_], name: str, number: int
 ) -> None:
-    """Draw the mean result of one estimator at each level of a factor, with 95 % intervals.
-
-    A factor is a setting that varies in a sweep, and a level is one of its values.
-
-    Parameters
-    ----------
-    axes
-        The panel.
-    levels
-        Levels of the factor.
-    response
-        Result in each row of the sweep's table, shape (n,).
-    chosen
-        Whether each row of the table belongs to the estimator, shape (n,).
-    name
-        Name of the estimator, for the legend.
-    number
-        Index of the estimator, which determines the style of the line.
-    """
+    """Draw the mean result of one estimator at each level of a factor, with 95 % intervals."""
     places, means, halves = [], [], []
     for level, place in enumerate(levels.places.tolist()):
         values = response[chosen & (levels.level == level)]
@@ -159,11 +118,7 @@ def draw_effect(
 
 
 def label_axis(axes: Axes, factor: str, levels: Levels) -> None:
-    """Label the horizontal axis of a panel with the name of a factor and the names of its levels.
-
-    A factor is a setting that varies in a sweep, and a level is one of its values. If the levels
-    are numbers, they have no names, and the axis can be logarithmic (see `is_logarithmic`).
-    """
+    """Label the axis of a factor with its name and levels, or make it logarithmic."""
     axes.set_xlabel(plain(factor))
     if levels.names:
         name_ticks(axes, levels.places, levels.names)
@@ -172,35 +127,14 @@ def label_axis(axes: Axes, factor: str, levels: Levels) -> None:
 
 
 def name_ticks(axes: Axes, places: Floats, names: Sequence[str]) -> None:
-    """Write the names of levels (values of a setting) below the horizontal axis of a panel.
-
-    If the names have more than `CHARACTERS` characters in total, they are written vertically.
-
-    Parameters
-    ----------
-    axes
-        The panel.
-    places
-        Position of each name on the axis, shape (levels,).
-    names
-        Name of each level.
-    """
+    """Write the names of levels below the axis, long ones vertically."""
     axes.set_xticks(places.tolist(), [plain(name) for name in names])
     if sum(map(len, names)) > CHARACTERS:
         axes.tick_params(axis="x", labelrotation=90)
 
 
 def is_logarithmic(places: Floats) -> bool:
-    """Return whether a logarithmic axis is more suitable for numbers than a linear axis.
-
-    This is the case if the distances between successive numbers are more equal on the logarithmic
-    axis. If there are too few numbers, or if one is not positive, the result is False.
-
-    Parameters
-    ----------
-    places
-        The numbers in increasing order, shape (levels,).
-    """
+    """Return whether positive increasing numbers are more evenly spaced as logarithms."""
     if len(places) < 3 or places[0] <= 0.0:
         return False
     even, even_logarithm = (np.diff(one) for one in (places, np.log(places)))
@@ -208,18 +142,7 @@ def is_logarithmic(places: Floats) -> bool:
 
 
 def map_figure(rows: SweepRows, first: str, second: str) -> Figure:
-    """Return a figure with a map for each estimator: mean result as a function of two factors.
-
-    A factor is a setting that varies in the sweep, and a level is one of its values. The colour of
-    a map shows the mean result for each pair of levels of the two factors.
-
-    Parameters
-    ----------
-    rows
-        Rows of the sweep's table that contain the result; at least one row.
-    first, second
-        Names of the factors on the horizontal and the vertical axis.
-    """
+    """Return a map of the mean result over two factors for each estimator."""
     across, upwards = levels_of(rows.factors[first]), levels_of(rows.factors[second])
     names = [*dict.fromkeys(rows.estimator.tolist())]
     columns = max(1, min(len(names), int(WIDTHS[CHOSEN.get()] / INCHES)))

@@ -12,7 +12,6 @@ from typing import Any
 
 from teleop.errors import InputError
 from teleop.files import write_text
-from teleop.output.latex import latex
 
 ENDINGS = (".csv", ".tex", ".md")
 """Endings of the names of table files."""
@@ -37,23 +36,13 @@ class TextTable:
 
 
 def check_table_ending(path: Path) -> None:
-    """Check that a file name ends with one of the endings of table files, `ENDINGS`.
-
-    Raises
-    ------
-    InputError
-        The ending is not one of `ENDINGS`.
-    """
+    """Check that a file name ends with one of the endings of table files, `ENDINGS`."""
     if path.suffix.lower() not in ENDINGS:
         raise InputError(f"{path}: expected a file ending in {', '.join(ENDINGS)}")
 
 
 def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return a table as CSV text.
-
-    Each row is a mapping from the heading of a column to the value in the cell. The headings are
-    the keys of the first row. The value None is written as an empty cell.
-    """
+    """Return rows as CSV text, with the keys of the first row as headings."""
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, fieldnames=[*rows[0]] if rows else [])
     writer.writeheader()
@@ -114,18 +103,10 @@ def markdown(text: str) -> str:
 
 
 def shortened(rows: Sequence[Sequence[str]], left: int) -> list[list[str]]:
-    """Return the rows of a table, with empty cells instead of repeated texts in the first columns.
+    """Return rows with empty cells instead of texts that repeat those of the row above.
 
-    A cell is replaced by an empty cell if it, and all cells to its left, have the same text as in
-    the row above.
-
-    Parameters
-    ----------
-    rows
-        Texts of the cells, row by row.
-    left
-        Number of columns that are aligned to the left; they are the first columns of the table.
-        Only these columns are changed, except the last of them.
+    This concerns the first `left` columns, except the last of them. A cell is emptied only if all
+    cells to its left are also repeated.
     """
     found = []
     for i, row in enumerate(rows):
@@ -142,28 +123,7 @@ def write_table_file(
     tables: Sequence[TextTable],
     overwrite: bool = False,
 ) -> None:
-    """Write results to a table file, in the format that the ending of the file name states.
-
-    The results are given in two forms. Only the form that suits the format of the file is
-    written.
-
-    Parameters
-    ----------
-    path
-        The file. Its name ends with one of `ENDINGS`.
-    tidy
-        Results for a CSV file: a list of rows. Each row is a mapping from the heading of a column
-        to the value in the cell.
-    tables
-        Results for a LaTeX or Markdown file: tables of text.
-    overwrite
-        Whether to overwrite an existing file.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written, or exists and may not be overwritten.
-    """
+    """Write results to a CSV file (`tidy` rows), or to LaTeX or Markdown (`tables`)."""
     if path.suffix.lower() == ".csv":
         text = csv_text(tidy)
     elif path.suffix.lower() == ".tex":
@@ -171,3 +131,57 @@ def write_table_file(
     else:
         text = "\n".join(map(markdown_text, tables))
     write_text(path, text, overwrite)
+
+
+CHARACTERS = {
+    "\\": r"\textbackslash{}",
+    "&": r"\&",
+    "%": r"\%",
+    "$": r"\$",
+    "#": r"\#",
+    "_": r"\_",
+    "{": r"\{",
+    "}": r"\}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "`": r"\`{}",
+    '"': "{''}",
+    "|": "$|$",
+    "<": "$<$",
+    ">": "$>$",
+    "\u00b1": r"$\pm$",
+    "\u00d7": r"$\times$",
+    "\u2212": "$-$",
+}
+"""Replacements of characters that LaTeX treats as commands or prints as other characters."""
+TERMS = {"k''/omega": r"$k''/\omega$", "eta^2": r"$\eta^2$"}
+"""Terms of mathematics, and their replacements."""
+TERM = re.compile(f"(?<!\\w)({'|'.join(map(re.escape, TERMS))})(?!\\w)")
+"""Pattern of a term of mathematics."""
+MINUS = re.compile(r"(?<![\w-])-(?=\d)")
+"""Pattern of the sign of a negative number."""
+LIGATURE = re.compile("(?<=-)(?=-)|(?<=')(?=')")
+"""Pattern of the place between two characters that LaTeX would print as one, for example --."""
+
+
+def latex(text: str) -> str:
+    r"""Return a plain text as LaTeX source.
+
+    The text may be a cell of a table. If the first cell of a row begins with "[" or "*", LaTeX
+    treats this character as an option of the command \\ that ends the previous row. To prevent
+    this, an empty group {} is added before the character.
+    """
+    parts = TERM.split(MINUS.sub("\u2212", text))
+    found = "".join(TERMS[part] if i % 2 else escaped(part) for i, part in enumerate(parts))
+    return f"{{}}{found}" if found.startswith(("[", "*")) else found
+
+
+def escaped(text: str) -> str:
+    """Replace the characters of a plain text that LaTeX would not print as they are.
+
+    `CHARACTERS` contains these characters and their replacements. In addition, LaTeX prints some
+    pairs of characters, for example --, as one character (a ligature). An empty group {} between
+    the two characters prevents this.
+    """
+    pieces = LIGATURE.split(text)
+    return "{}".join("".join(CHARACTERS.get(one, one) for one in piece) for piece in pieces)

@@ -1,4 +1,4 @@
-"""Draw figures of a trial: signals at a fault, timing of the control loop, ambiguous estimates."""
+"""Draw figures of trials: fault, timing of the loop, tracking, felt force, estimates."""
 
 from __future__ import annotations
 
@@ -9,37 +9,33 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from estimation import Estimates
 from estimation.arrays import Floats
 from estimation.figure_style import (
     BLUE,
     ORANGE,
+    PROFILE,
     draw,
     is_narrow,
     legend,
     limits,
+    line,
     new_figure,
     shade,
     tidy,
 )
+from estimation.figures import START, drawn
 from estimation.quantities import DAMPING, FORCE, LATENESS, POSITION, STIFFNESS, VELOCITY
 from estimation.redundancy import Ambiguity
+from teleop.evaluation.teleoperation.rendering import hand
 from teleop.output.figure_files import plain
+from teleop.output.trial_tables import tracking_lines
 from teleop.recording.recording import Recording
+from teleop.safety.events import ACTIVE
 
 
 def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
-    """Return a figure of the measured signals and the commands shortly before and after a fault.
-
-    A fault is a condition for which the supervisor stops the drives. The panels show forces,
-    positions, velocities, and the lateness of each tick (delay of its start).
-
-    Parameters
-    ----------
-    recording
-        Ticks before and after the fault.
-    fault
-        Event of the fault, as a dictionary that the recording contains.
-    """
+    """Return the signals and commands shortly before and after a fault."""
     t = recording["time"]
     part = (t > fault["time"] - 0.5) & (t < fault["time"] + 0.5)
     ms = (t[part] - fault["time"]) * 1e3
@@ -83,16 +79,7 @@ def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
 
 
 def timing_figure(recording: Recording) -> Figure:
-    """Return a figure with histograms of the lateness and the duration of the ticks.
-
-    A tick is one cycle of the control loop. Its lateness is the delay of its start. Its duration is
-    the time from its start until the loop waits for the next tick.
-
-    Parameters
-    ----------
-    recording
-        All ticks of a trial.
-    """
+    """Return histograms of the lateness and the duration of the ticks."""
     figure = new_figure(0.35)
     axes = figure.subplots(1, 2, sharey=True)
     bins = np.logspace(-1.0, 5.0, 61)
@@ -113,14 +100,6 @@ def ambiguity_figure(t: Floats, tied: Ambiguity) -> Figure:
 
     The candidates are the pairs (b, k) from which the multi-estimator selects its estimate. A
     candidate is tied if it fits the data about as well as the best candidate.
-
-    Parameters
-    ----------
-    t
-        Times at which the candidates are compared [s], shape (n,).
-    tied
-        For each time: k and b of the best candidate, and the smallest and the largest k and b of
-        the tied candidates.
     """
     figure = new_figure(0.57, rows=2)
     upper, lower = figure.subplots(2, 1, sharex=True)
@@ -139,4 +118,92 @@ def ambiguity_figure(t: Floats, tied: Ambiguity) -> Figure:
     lower.set_xlabel("time [s]")
     lower.set_xlim(t[0], t[-1])
     legend(figure, *upper.get_legend_handles_labels())
+    return figure
+
+
+def stiffness_figure(
+    panels: Mapping[str, tuple[Floats, Mapping[str, Estimates]]],
+    paper: Mapping[str, float],
+    same_scale: bool = False,
+) -> Figure:
+    """Return a figure of the estimated stiffness in several trials, one panel for each trial.
+
+    By the title of the panel, `panels` has the times [s] and the estimates, and `paper` the average
+    stiffness in the paper [N/m].
+    """
+    figure = new_figure(0.29 * len(panels) + 0.08, rows=len(panels))
+    axes = figure.subplots(len(panels), 1, sharex=True, sharey=same_scale)
+    everything = []
+    factor, unit = STIFFNESS.axis(1e3)
+    for row, (title, (t, estimates)) in zip(axes, panels.items(), strict=True):
+        shown = {name: drawn(series, factor) for name, series in estimates.items()}
+        for i, (name, one) in enumerate(shown.items()):
+            draw(row, t, one.k, label=name, **line(i))
+        level = paper[title] * factor
+        row.axhline(level, color=PROFILE, linewidth=0.9, label="paper, average of rls")
+        row.set_title(title, loc="left", fontsize="medium")
+        row.set_ylabel(f"{STIFFNESS.hat} [{unit}]")
+        later = t >= t[0] + START * (t[-1] - t[0])
+        own = [one.k[later] for one in shown.values()]
+        everything += own
+        limits(row, everything if same_scale else own, (0.0, level))
+        tidy(row)
+        row.set_xlim(t[0], t[-1])
+    if same_scale:
+        limits(axes[0], everything, (0.0, *(level * factor for level in paper.values())))
+    axes[-1].set_xlabel("time [s]")
+    legend(figure, *axes[0].get_legend_handles_labels())
+    return figure
+
+
+def tracking_figure(title: str, recording: Recording, tracking: Mapping[str, Any]) -> Figure:
+    """Return target, slave position and tracking error over time in `mimic`."""
+    t, target, position = (recording[name] for name in ("time", "target", "slave_position"))
+    shown = np.isfinite(target)
+    t, target, position = t[shown], *(one[shown] * POSITION.factor for one in (target, position))
+    error = position - target
+    figure = new_figure(0.6, rows=2)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+    draw(upper, t, position, color=BLUE, linewidth=2.0, alpha=0.6, label="slave")
+    draw(upper, t, target, color="#000000", linewidth=1.0, linestyle=(0, (4, 2)), label="target")
+    draw(lower, t, error, color=ORANGE, linewidth=1.0)
+    lower.axhline(0.0, color="#888888", linewidth=0.6)
+    limits(lower, [np.repeat((error.min(), error.max()), 50)], (0.0,))
+    width = 48 if is_narrow() else 100
+    caption = fill(", ".join(tracking_lines(tracking)), width)
+    upper.set_title(f"{title}\n{caption}" if title else caption, loc="left", fontsize="medium")
+    upper.set_ylabel(POSITION.heading)
+    lower.set_ylabel(f"error [{POSITION.unit}]")
+    lower.set_xlabel("time [s]")
+    lower.set_xlim(t[0], t[-1])
+    for axes in (upper, lower):
+        tidy(axes)
+    legend(figure, *upper.get_legend_handles_labels())
+    return figure
+
+
+def feedback_figure(recording: Recording) -> Figure:
+    """Return force against position, as the hand felt it and at the slave."""
+    settings = recording.settings
+    admittance = settings["admittance"]
+    virtual = (admittance["mass"], admittance["damping"], admittance["stiffness"])
+    active = recording.where(recording["mode"] == ACTIVE)
+    felt = hand(active, *virtual, settings["coupling"]["scale"])
+    figure = new_figure(0.5)
+    left, right = figure.subplots(1, 2, sharey=True)
+    draw(left, felt.position * POSITION.factor, felt.force, color=ORANGE, linewidth=0.7)
+    draw(
+        right,
+        active["slave_position"] * POSITION.factor,
+        active["contact_force"],
+        color=BLUE,
+        linewidth=0.7,
+    )
+    left.set_title("the hand feels", loc="left")
+    right.set_title("the slave touches", loc="left")
+    left.set_ylabel(FORCE.heading)
+    left.set_xlabel(f"position of the master [{POSITION.unit}]")
+    right.set_xlabel(f"position of the slave [{POSITION.unit}]")
+    for axes in (left, right):
+        tidy(axes)
     return figure

@@ -19,13 +19,7 @@ STALL = 0.05
 
 
 def print_trial(summary: Mapping[str, Any]) -> None:
-    """Print the results of a trial.
-
-    Parameters
-    ----------
-    summary
-        The dictionary that `Trial.summary` returned.
-    """
+    """Print the results of a trial."""
     console = plain_console()
     print_fault(console, summary["safety"])
     console.print(
@@ -57,18 +51,7 @@ def print_trial(summary: Mapping[str, Any]) -> None:
 
 
 def print_results(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print the estimates of a trial, and quantities that help to judge them.
-
-    These quantities are the true values of the simulated rig, how well the slave followed the
-    target, the force feedback, the excitation, and the fraction of samples without contact.
-
-    Parameters
-    ----------
-    console
-        The terminal.
-    summary
-        The dictionary that `Trial.summary` returned.
-    """
+    """Print the estimates of a trial, and quantities that help to judge them."""
     if summary["estimates"]:
         print_estimates(summary["estimates"], {})
         for line in left_out_lines(summary):
@@ -91,11 +74,7 @@ def print_results(console: Console, summary: Mapping[str, Any]) -> None:
 
 
 def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:
-    """Print which ticks are missing in a recording, and how to recover the intact part of its file.
-
-    Nothing is printed if the recording is complete. `recording` is the item of this name in the
-    dictionary that `Trial.summary` returned.
-    """
+    """Print which ticks a recording misses, and how to recover its intact part."""
     if recording["missing_ticks"]:
         missing = missing_text([Gap(*row.values()) for row in recording["missing_ticks"]])
         console.print(
@@ -116,10 +95,7 @@ def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:
 
 
 def duration(summary: Mapping[str, Any]) -> str:
-    """Return the duration of a trial as text.
-
-    If the trial ended early, the text also contains the planned duration.
-    """
+    """Return the duration of a trial; if it ended early, also the planned one."""
     planned = f"{summary['duration_s']:g} s"
     if summary["interrupted"] or summary["safety"]["fault"]:
         return f"{summary['actual_duration_s']:.2f} of {planned}"
@@ -127,11 +103,7 @@ def duration(summary: Mapping[str, Any]) -> str:
 
 
 def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
-    """Print the true values of the simulated rig: stiffness, damping, lag and lost motion.
-
-    The lag is that of the force channel. The lost motion is the backlash between the slave's
-    position sensor and its tip. `truth` is the item of this name that `Trial.summary` returned.
-    """
+    """Print the true values of the simulated rig."""
     console.print(
         f"  true values of the simulated rig: b {DAMPING.text(truth['b'], '.3g')}, "
         "secant stiffness k\n"
@@ -152,22 +124,14 @@ def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
 
 
 def print_tracking(console: Console, tracking: Mapping[str, Any] | None) -> None:
-    """Print how well the slave followed the target in a trial of the condition `mimic`.
-
-    `tracking` contains the fields of a `Tracking`. If it is None, for example in other conditions,
-    nothing is printed.
-    """
+    """Print how well the slave followed the target; nothing if there was no target."""
     if tracking:
         first, second = tracking_lines(tracking)
         console.print(f"  tracking: {first},\n  {second}")
 
 
 def tracking_lines(tracking: Mapping[str, Any]) -> tuple[str, str]:
-    """Return two lines of text on how well the slave followed a sinusoidal target.
-
-    The first line states gain and phase of the slave position relative to the target, and the
-    tracking error. The second line states the frequencies of the motion and of the target.
-    """
+    """Return two lines: gain, phase and error of the tracking; achieved and target frequency."""
     return (
         f"gain {tracking['gain']:.2f}, phase {tracking['phase_deg']:.0f} deg "
         f"(delay {tracking['delay_s']:.3f} s), error {tracking['rms_m'] * 1e3:.2f} mm rms",
@@ -177,18 +141,9 @@ def tracking_lines(tracking: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def print_feedback(console: Console, feedback: Mapping[str, Any] | None) -> None:
-    """Print what the hand of the operator felt in a trial with force feedback.
+    """Print stiffness and force that the hand felt, and the lowest energy at the hand.
 
-    The stiffness that the hand felt and the error of the felt force are printed. The lowest energy
-    that the hand had given to the displayed environment at any time is also printed. This energy is
-    negative if the environment gave energy to the hand.
-
-    Parameters
-    ----------
-    console
-        The terminal.
-    feedback
-        The dictionary that `Trial.feedback` returned. If it is None, nothing is printed.
+    The energy is negative if the displayed environment gave energy to the hand.
     """
     if not feedback:
         return
@@ -249,21 +204,14 @@ def print_rejected(console: Console, rejected: Mapping[str, Mapping[str, int]]) 
 
 
 def print_limited(console: Console, safety: Mapping[str, Any]) -> None:
-    """Print which soft limits reduced the commanded velocity, and in how many ticks.
-
-    A soft limit reduces the command, but does not stop the trial. `safety` is the item of this name
-    in the dictionary that `Trial.summary` returned.
-    """
+    """Print which soft limits reduced the commanded velocity, and in how many ticks."""
     held = [f"{name} {count} ticks" for name, count in safety["limited_ticks"].items() if count]
     if held:
         console.print(f"  soft limits limited the command: {', '.join(held)}", style="yellow")
 
 
 def print_fault(console: Console, safety: Mapping[str, Any]) -> None:
-    """Print the fault for which the supervisor stopped the trial, and further faults, if any.
-
-    `safety` is the item of this name in the dictionary that `Trial.summary` returned.
-    """
+    """Print the fault for which the supervisor stopped the trial, and further faults."""
     if safety["fault"]:
         fault = safety["fault"]
         console.print(

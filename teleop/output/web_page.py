@@ -13,18 +13,9 @@ from teleop.output.figure_files import render
 
 
 def web_page(template: str, package: str = __package__, **values: Any) -> str:
-    """Return an HTML page that is created from a jinja2 template.
+    """Return an HTML page that is created from a jinja2 template of a package.
 
-    Parameters
-    ----------
-    template
-        File name of the template. The template may use the templates of this package: `page.html`
-        as its base, and the macros of `macros.html`.
-    package
-        Package whose folder `templates` contains the template; by default, this package.
-    values
-        Values of the variables of the template. A `str` is shown as text (its HTML characters are
-        escaped). A `Markup` is inserted as HTML.
+    A value that is a `str` is escaped. A `Markup` is inserted as HTML.
     """
     loaders = [PackageLoader(package), PackageLoader(__package__)]
     environment = Environment(

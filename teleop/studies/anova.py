@@ -17,19 +17,20 @@ R. E. Kirk, "Experimental Design", 4th ed., 2013, chapters 10 and 12.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from statistics import median
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from teleop.errors import InputError
 from teleop.evaluation.across.comparison import SUBJECT, Compared
-from teleop.studies.depth_differences import depth_note
+from teleop.output.table_files import TextTable
 
 ESTIMATOR = "estimator"
 """Name of the factor `estimator`, which varies within a trial."""
 VALUE = "y"
-"""Name of the column of the response (dependent variable) in the data frames."""
+"""Name of the column of the response in the data frames."""
 LARGEST = 1e100
 """Largest response, whose squares can be summed."""
 NO_VARIANCE = 1e-24
@@ -57,13 +58,7 @@ class Effect(NamedTuple):
 
 
 def check_available() -> None:
-    """Check that statsmodels is installed.
-
-    Raises
-    ------
-    InputError
-        statsmodels is not installed.
-    """
+    """Check that statsmodels is installed."""
     try:
         import statsmodels.formula.api  # noqa: F401
     except ImportError as error:
@@ -79,32 +74,11 @@ def analysis_of_variance(
     trial: str,
     subject: str | None = None,
 ) -> list[Effect]:
-    """Return the effects of the factors on a response, in a balanced design.
+    """Return the effects of factors and of their interactions on a response (balanced design).
 
-    Parameters
-    ----------
-    rows
-        One row for each trial and estimator. A row is a dictionary of values by the name of the
-        column. The columns are `estimator` and those that the other parameters name.
-    response
-        Name of the column of the response (dependent variable).
-    factors
-        Names of the columns of the factors that vary between trials.
-    trial
-        Name of a column with a different value for each trial.
-    subject
-        Name of the column that contains the subject, which is a random factor; None for a design
-        without subjects.
-
-    Returns
-    -------
-    The effects of the factors that have two or more levels, and of the interactions of these
-    factors.
-
-    Raises
-    ------
-    InputError
-        The response is not finite, the design is not balanced, or it has too few trials.
+    A row has the values of one estimator in one trial, by column. `response`, `factors`, `trial`
+    and `subject` name columns; `trial` differs between trials, and `subject` is a random factor.
+    Factors with one level are left out. An InputError states why the design cannot be analysed.
     """
     check_available()
     import pandas as pd
@@ -144,15 +118,7 @@ def design_text(
 ) -> str:
     """Return a text that states the design of an analysis of variance.
 
-    Parameters
-    ----------
-    effects
-        Effects of the factors, from `analysis_of_variance`.
-    pooled
-        Names of factors that the analysis ignores although their levels differ between the trials,
-        for example repetition. The text names these factors.
-    subject
-        Name of the random factor; None for a design without subjects.
+    `pooled` names factors that are ignored although their levels differ between the trials.
     """
     between = [e.source for e in effects if " x " not in e.source and e.source != ESTIMATOR]
     within = [ESTIMATOR] if any(e.source == ESTIMATOR for e in effects) else []
@@ -174,18 +140,7 @@ def design_text(
 
 
 def check_design(frame: Any, factors: Sequence[str], response: str, subject: str | None) -> None:
-    """Check that the design is balanced and has enough trials.
-
-    In a balanced design, each combination of the levels of the factors has the same number of
-    trials. The data frame has one row for each trial and estimator, and the response (dependent
-    variable) in the column `VALUE`. `response` is the name of the response in error messages.
-
-    Raises
-    ------
-    InputError
-        The response is not finite, is constant or too large, or does not vary between trials with
-        the same levels. The design is not balanced, or it has too few trials or subjects.
-    """
+    """Check that the design is balanced, has enough trials, and that the response varies."""
     values = frame[VALUE]
     if not values.map(math.isfinite).all() or values.nunique() < 2:
         raise InputError(
@@ -254,20 +209,7 @@ def split_plot(
     squares: Mapping[tuple[str, ...], tuple[float, int]],
     within: str,
 ) -> Tests:
-    """Return the F tests of a split-plot design.
-
-    Parameters
-    ----------
-    frame
-        Data frame with one row for each trial and estimator. The column `VALUE` is the response.
-    factors
-        Names of the columns of the factors.
-    squares
-        Sum of squares and degrees of freedom of each effect, from `sums_of_squares`.
-    within
-        Name of the only factor that varies within a trial (the estimator). All other factors vary
-        only between trials.
-    """
+    """Return the F tests of a split-plot design: only the factor `within` varies within a trial."""
     from scipy.special import fdtrc
 
     between = [name for name in factors if name != within]
@@ -297,13 +239,6 @@ def repeated_measures(frame: Any, factors: Sequence[str]) -> Tests:
     """Return the F tests of a design in which each subject does all trials.
 
     The trials of a subject that have the same levels of all factors are averaged.
-
-    Parameters
-    ----------
-    frame
-        Data frame with the subject in the column `subject`, and the response in the column `VALUE`.
-    factors
-        Names of the columns of the factors.
     """
     from statsmodels.stats.anova import AnovaRM
 
@@ -320,21 +255,74 @@ def repeated_measures(frame: Any, factors: Sequence[str]) -> Tests:
     }
 
 
+LARGE_DEPTH_RATIO = 1.1
+"""Ratio of the larger to the smaller depth above which a warning is given. The depths of repeated
+trials differ by a few percent."""
+
+
+def depth_note(rows: Sequence[Compared], factors: Sequence[str]) -> str:
+    """Return a warning if the depth of the palpation differs between the levels of a factor.
+
+    The stiffness of many specimens increases with the depth. The analysis of variance then counts
+    this difference as an effect of the factor. The text is empty up to `LARGE_DEPTH_RATIO`.
+    """
+    ratios = {name: depth_ratio(rows, name, factors) for name in factors}
+    large = {name: ratio for name, ratio in ratios.items() if ratio > LARGE_DEPTH_RATIO}
+    if not large:
+        return ""
+    names = " and ".join(f"{name} (by up to {ratio - 1.0:.0%})" for name, ratio in large.items())
+    return (
+        f"The depth of the palpation differs between the levels of {names}. If the stiffness of "
+        "the specimen depends on the depth, this is part of the effect."
+    )
+
+
+def depth_ratio(rows: Sequence[Compared], factor: str, factors: Sequence[str]) -> float:
+    """Return the largest ratio of the depths of the palpation at two levels of a factor.
+
+    Only recordings with the same levels of all other factors are compared. The depth at a level is
+    the median of the depths of the recordings with this level. The result is 1 if there are no
+    depths to compare.
+    """
+    others = [name for name in factors if name != factor]
+    depths: dict[tuple[str, ...], dict[str, list[float]]] = {}
+    for row in rows:
+        if row.result.depth:
+            (level,) = row.levels([factor])
+            depths.setdefault(row.levels(others), {}).setdefault(level, []).append(row.result.depth)
+    medians = [[median(found) for found in one.values()] for one in depths.values()]
+    return max((max(one) / min(one) for one in medians), default=1.0)
+
+
+def effects_table(effects: Iterable[Mapping[str, Any]], response: str, design: str) -> TextTable:
+    """Return the table of an analysis of variance, with one row for each effect."""
+    headings = (f"effect on {response}", "F", "df", "p", "eta^2", "partial eta^2")
+    return TextTable(headings, effect_cells(effects), 1, [("", design)])
+
+
+def effect_cells(effects: Iterable[Mapping[str, Any]]) -> list[list[str]]:
+    """Return the cells of the table of `effects_table`, one row for each effect."""
+    return [
+        [
+            effect["source"].replace(" x ", " \N{MULTIPLICATION SIGN} "),
+            f"{effect['f']:.1f}" if effect["f"] < 1000.0 else f"{effect['f']:.0f}",
+            f"{effect['degrees']}, {effect['error_degrees']}",
+            "< 0.001" if effect["p"] < 0.001 else f"{effect['p']:.3f}",
+            f"{effect['eta_squared']:.3f}",
+            f"{effect['partial_eta_squared']:.3f}",
+        ]
+        for effect in effects
+    ]
+
+
 def effects_of(
     rows: Sequence[Compared], factors: Sequence[str], planned: Sequence[str], response: str
 ) -> tuple[list[dict[str, Any]], str]:
     """Analysis of variance of one result (`response`) of the estimators in compared recordings.
 
     The fixed factors are `factors` and the estimator. The subject is a random factor if there are
-    several subjects. `planned` are all factors of the series to which the recordings belong.
-
-    Returns
-    -------
-    effects
-        One dictionary for each factor and each interaction of factors, see `Effect`.
-    design
-        States which factor is random, and against which variance the effects are tested, and may
-        warn about different depths of palpation.
+    several subjects. `planned` are all factors of the series to which the recordings belong. Also
+    returns a text on the design, with a warning about different depths if there are any.
     """
     table = [
         {

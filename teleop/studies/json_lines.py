@@ -23,29 +23,13 @@ LOCK = ".lock"
 
 
 class JsonLines:
-    """A file with one JSON document per line.
-
-    Parameters
-    ----------
-    path
-        The file; it need not exist.
-    """
+    """A file with one JSON document per line."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def append(self, documents: Iterable[dict[str, Any]]) -> list[int]:
-        """Append documents, and wait until they are written to the disk.
-
-        Returns
-        -------
-        Position in the file at which each document starts [bytes], for `documents_at`.
-
-        Raises
-        ------
-        InputError
-            The file cannot be written.
-        """
+        """Append documents, wait until they are on the disk, and return their positions [bytes]."""
         positions = []
         try:
             with self.path.open("a+b") as file:
@@ -60,16 +44,7 @@ class JsonLines:
         return positions
 
     def read(self) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Yield each document, with the position in the file at which its line starts [bytes].
-
-        Each item is (position, document). A last line that does not end with a newline is
-        incomplete, and is not read. If the file does not exist, nothing is yielded.
-
-        Raises
-        ------
-        InputError
-            The file cannot be read, or a line is not a JSON document.
-        """
+        """Yield position [bytes] and document of each line that is complete."""
         if not self.path.exists():
             return
         try:
@@ -90,13 +65,7 @@ class JsonLines:
                 position += len(line)
 
     def documents_at(self, positions: Iterable[int]) -> Iterator[dict[str, Any]]:
-        """Yield the documents that start at given positions in the file.
-
-        Parameters
-        ----------
-        positions
-            Positions at which the documents start [bytes], as returned by `append` or `read`.
-        """
+        """Yield the documents that start at given positions in the file."""
         with self.path.open("rb") as file:
             for position in positions:
                 file.seek(position)
@@ -104,15 +73,7 @@ class JsonLines:
 
 
 def remove_incomplete_line(file: BinaryIO) -> None:
-    """Remove the last line of a file if it does not end with a newline.
-
-    After the call, the position in the file is the end of the file.
-
-    Parameters
-    ----------
-    file
-        File that is open for reading and appending.
-    """
+    """Remove the last line of a file if it has no newline; leave the position at the end."""
     if not file.seek(0, os.SEEK_END):
         return
     file.seek(-1, os.SEEK_END)
@@ -124,18 +85,7 @@ def remove_incomplete_line(file: BinaryIO) -> None:
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Context manager that locks a folder, so that no other series or sweep can run in it.
-
-    A series is run by `teleop series`, and a sweep by `teleop sweep`.
-
-    The folder is not locked on a system without the module `fcntl`, such as Windows.
-
-    Raises
-    ------
-    InputError
-        Another series or sweep is running in the folder, or the lock file cannot be opened or
-        locked. A symbolic link is not opened as a lock file.
-    """
+    """Lock a folder, so that no other series or sweep runs in it (not on Windows)."""
     try:
         import fcntl
     except ImportError:  # a system without these locks

@@ -1,9 +1,8 @@
 """Find the recordings that are to be compared, and the levels of the factors of each recording.
 
-A factor is a property in which recordings differ, for example `condition`. A level of a factor is
-its value for a recording, for example `mimic`. A series is a set of trials that are run according
-to a plan. The folder of a series contains the journal (a file with a line for each event), the
-table of the results (a CSV file), and the folder of the recordings.
+A level of a factor is its value for a recording, for example `mimic`. The folder of a series
+contains the journal (a file with a line for each event), the table of the results (a CSV file), and
+the folder of the recordings.
 """
 
 from __future__ import annotations
@@ -28,11 +27,8 @@ from teleop.studies.series.trials import cells
 
 
 @dataclass(frozen=True)
-class Source:
-    """A file that is to be compared with other files, and the levels of its factors.
-
-    A factor is a property in which files differ, for example `condition` with the level `mimic`.
-    """
+class ComparedFile:
+    """A file that is to be compared with other files, and the levels of its factors."""
 
     path: Path
     """The file."""
@@ -41,22 +37,9 @@ class Source:
     the file belongs to no series, the dictionary is empty."""
 
 
-def sources(paths: Iterable[Path]) -> list[Source]:
-    """Return the files that are to be compared.
-
-    Parameters
-    ----------
-    paths
-        Files and folders. For the folder of a series, the recordings of the trials that are done
-        are returned. For any other folder, all recordings in it and in its subfolder `recordings`
-        are returned.
-
-    Raises
-    ------
-    InputError
-        A folder contains no recordings or cannot be read, or a file is given twice.
-    """
-    found: dict[str, Source] = {}
+def sources(paths: Iterable[Path]) -> list[ComparedFile]:
+    """Return the files that are to be compared."""
+    found: dict[str, ComparedFile] = {}
     for path in paths:
         for source in of_folder(path) if path.is_dir() else [of_file(path)]:
             name = str(source.path.resolve())
@@ -66,19 +49,11 @@ def sources(paths: Iterable[Path]) -> list[Source]:
     return [*found.values()]
 
 
-def of_folder(folder: Path) -> list[Source]:
-    """Return the recordings in a folder, with the levels of their factors.
-
-    In the folder of a series, only the recordings of trials that are done are returned.
-
-    Raises
-    ------
-    InputError
-        The folder contains no recordings, or cannot be read.
-    """
+def of_folder(folder: Path) -> list[ComparedFile]:
+    """Return the recordings in a folder; of a series, only those of trials that are done."""
     series = trials(folder)
     if series:
-        return [Source(folder / RECORDINGS / file, levels) for file, levels in series.items()]
+        return [ComparedFile(folder / RECORDINGS / file, levels) for file, levels in series.items()]
     if (folder / JOURNAL).exists():
         raise InputError(f"{folder}: no trial of this series is done")
     try:
@@ -96,34 +71,16 @@ def of_folder(folder: Path) -> list[Source]:
     return [of_file(path) for path in files]
 
 
-def of_file(path: Path) -> Source:
-    """Return a file, with the levels of its factors if it is a recording of a series.
-
-    A factor is a property in which recordings differ, for example `condition` with the level
-    `mimic`. A file that is not part of a series is returned without levels.
-    """
+def of_file(path: Path) -> ComparedFile:
+    """Return a file, with the levels of its factors if it is a recording of a series."""
     folder = path.absolute().parent
     if folder.name != RECORDINGS:
-        return Source(path)
-    return Source(path, trials(folder.parent).get(path.name, {}))
+        return ComparedFile(path)
+    return ComparedFile(path, trials(folder.parent).get(path.name, {}))
 
 
 def trials(folder: Path) -> dict[str, dict[str, str]]:
-    """Return the levels of the factors of each recording in the folder of a series.
-
-    The levels are read from the journal of the series. If there is no journal, they are read from
-    the table of the results (CSV). If the folder contains neither of these files, the result is
-    empty.
-
-    Returns
-    -------
-    The level of each factor, by the file name of the recording and by the name of the factor.
-
-    Raises
-    ------
-    InputError
-        The journal or the table of the series cannot be read.
-    """
+    """Return the levels of each recording of a series, from its journal or table; else empty."""
     for name, read in ((JOURNAL, journal_trials), (NAME, table_trials)):
         path = folder / name
         if path.exists():
@@ -135,11 +92,7 @@ def trials(folder: Path) -> dict[str, dict[str, str]]:
 
 
 def journal_trials(path: Path) -> dict[str, dict[str, str]]:
-    """Read the levels of the factors of each recording from the journal of a series.
-
-    `path` is the path of the journal, a file with a line for each event of the series. The levels
-    are returned by the file name of the recording, for trials that are done.
-    """
+    """Read the levels of the recordings of trials that are done from the journal of a series."""
     try:
         journal = Journal(path.parent)
         order = cells(Plan.model_validate(journal.entries[0]["plan"]))
@@ -156,11 +109,7 @@ def journal_trials(path: Path) -> dict[str, dict[str, str]]:
 
 
 def table_trials(path: Path) -> dict[str, dict[str, str]]:
-    """Read the levels of the factors of each recording from the table of the results (CSV).
-
-    `path` is the path of the table of a series. The levels are returned by the file name of the
-    recording.
-    """
+    """Read the levels of the recordings from the table of the results (CSV) of a series."""
     try:
         with path.open(newline="", encoding="utf-8") as file:
             return {row["file"]: dict(factors_of(row)) for row in csv.DictReader(file)}
@@ -168,22 +117,8 @@ def table_trials(path: Path) -> dict[str, dict[str, str]]:
         raise InputError(f"{path}: not the table of a series") from error
 
 
-def planned_levels(found: Iterable[Source]) -> dict[str, list[str]]:
-    """Return the levels of each factor, in the order in which the plans of the series list them.
-
-    The plan of a series is read from the journal in the folder of the series.
-
-    Parameters
-    ----------
-    found
-        The files that are compared. Files that belong to no series are ignored, and so are files of
-        a series without a journal.
-
-    Raises
-    ------
-    InputError
-        A journal cannot be read.
-    """
+def planned_levels(found: Iterable[ComparedFile]) -> dict[str, list[str]]:
+    """Return the levels of each factor, in the order of the plans of the series."""
     levels: dict[str, list[str]] = {}
     for folder in dict.fromkeys(
         source.path.absolute().parent.parent for source in found if source.levels
@@ -194,16 +129,7 @@ def planned_levels(found: Iterable[Source]) -> dict[str, list[str]]:
 
 
 def plan_factors(journal: Path) -> dict[str, list[str]]:
-    """Return the levels of each factor of a series, by the name of the factor.
-
-    The levels are read from the plan of the series, which is in the first line of the journal. If
-    the journal does not exist, the result is empty.
-
-    Parameters
-    ----------
-    journal
-        Path of the journal.
-    """
+    """Return the levels of each factor in the plan of a series; empty without a journal."""
     try:
         with journal.open("rb") as file:
             factors = loads(file.readline())["plan"]["factors"]
@@ -217,29 +143,17 @@ def plan_factors(journal: Path) -> dict[str, list[str]]:
 
 
 def factors_of(row: dict[str, str]) -> Iterator[tuple[str, str]]:
-    """Yield each factor and its level, from a row of the table of the results of a series (CSV).
-
-    The first columns of the table contain the factors, up to and including the column `repetition`.
-    The column `trial` is not a factor.
-    """
+    """Yield each factor and its level: the columns up to `repetition`, except `trial`."""
     for name in takewhile(lambda name: name != "repetition", row):
         if name != "trial":
             yield name, row[name]
     yield "repetition", row["repetition"]
 
 
-def known_factors(source: Source, settings: Mapping[str, Any]) -> dict[str, str]:
-    """Return all factors by which a file can be grouped, with the level of each factor.
+def known_factors(source: ComparedFile, settings: Mapping[str, Any]) -> dict[str, str]:
+    """Return the levels of all factors by which a file can be grouped.
 
-    The factors are the name of the file, the name of its folder, all settings of the trial whose
-    value is a text or a number, and the factors of the series to which the file belongs.
-
-    Parameters
-    ----------
-    source
-        The file.
-    settings
-        Settings of the recorded trial by name; empty if another program wrote the file.
+    These are its name and folder, the settings that are texts or numbers, and those of its series.
     """
     found = {"file": source.path.name, "folder": source.path.absolute().parent.name}
     for name, value in stated_settings(settings).items():
@@ -250,12 +164,8 @@ def known_factors(source: Source, settings: Mapping[str, Any]) -> dict[str, str]
     return found | source.levels
 
 
-def usual_factors(found: Iterable[Source]) -> list[str]:
-    """Return the factors by which the files are grouped if the user does not choose factors.
-
-    These are the factors of a series that have two or more levels in the given files. The factors
-    `subject` and `repetition` are omitted.
-    """
+def usual_factors(found: Iterable[ComparedFile]) -> list[str]:
+    """Return the factors of a series with several levels; files are grouped by them."""
     levels: dict[str, set[str]] = {}
     for source in found:
         for name, level in source.levels.items():

@@ -16,25 +16,11 @@ from teleop.interruption import SIGNALS
 
 @contextlib.contextmanager
 def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
-    """Context manager that provides a pool of worker processes.
+    """Context manager that provides a pool of worker processes, by default one per processor.
 
     If the block of the `with` statement raises an exception, including KeyboardInterrupt, the
     worker processes are killed, even if their tasks are not finished. If the process that created
     the pool is killed, the worker processes end by themselves.
-
-    Parameters
-    ----------
-    count
-        Number of processes; None for one process per processor.
-
-    Yields
-    ------
-    The pool of processes.
-
-    Raises
-    ------
-    InputError
-        The system provides no semaphores, for example because /dev/shm is not writable.
     """
     others = set(multiprocessing.active_children())
     try:

@@ -194,7 +194,7 @@ class Trial(Presented):
             The condition is not `mimic`, or the target moved for too few periods, see `tracking`.
         """
         from estimation.figure_style import figure_style
-        from teleop.output.tracking_figure import tracking_figure
+        from teleop.output.trial_figures import tracking_figure
 
         ticks = tracked_ticks(self.ticks)
         found = tracking_of(ticks, self.settings)

@@ -63,14 +63,6 @@ def rls_averages(condition: ConditionName, cube: CubeName, setup: Setup) -> tupl
     """Run a trial of the paper, and return the averages of b [N s/m] and k [N/m] from RLS.
 
     RLS is recursive least squares, one of the estimators of the paper.
-
-    Parameters
-    ----------
-    condition, cube
-        Names of the control condition and of the cube.
-    setup
-        Cube, lag of the force channel, depth of palpation, and transmission of the slave in this
-        trial.
     """
     settings = replace(paper_trial(condition, cube), custom_setup=setup, estimators=("rls",))
     columns = run_trial(settings).columns
@@ -78,18 +70,11 @@ def rls_averages(condition: ConditionName, cube: CubeName, setup: Setup) -> tupl
 
 
 def setups(values: Vector) -> dict[tuple[str, str], Setup]:
-    """Return the properties of rig and cube in each trial of the calibration.
+    """Return the properties of rig and cube in each trial, by (condition, cube).
 
-    Parameters
-    ----------
-    values
-        The eight unknowns of the calibration, shape (8,): k1 of the three cubes [N/m], k3 of the
-        three cubes [N/m^3], the lag of the force channel [s], and the lost motion of the slave [m].
-        The elastic force of a cube at the displacement x is k1 x + k3 x^3.
-
-    Returns
-    -------
-    The properties, by (condition, cube).
+    The eight unknowns are k1 of the three cubes [N/m], k3 of the three cubes [N/m^3], the lag of
+    the force channel [s], and the lost motion of the slave [m]. The elastic force of a cube is
+    k1 x + k3 x^3.
     """
     k1, k3, (lag, lost_motion) = values[:3], values[3:6], values[6:].tolist()
     cubes = {
@@ -105,19 +90,7 @@ def setups(values: Vector) -> dict[tuple[str, str], Setup]:
 
 
 def averages(values: Vector, pool: Executor) -> Mapping[tuple[str, str], tuple[float, float]]:
-    """Run the trials of the calibration, and return what recursive least squares estimates.
-
-    Parameters
-    ----------
-    values
-        The eight unknowns of the calibration, as in `setups`, shape (8,).
-    pool
-        Pool of processes that run the trials.
-
-    Returns
-    -------
-    The averages of b [N s/m] and k [N/m] in each trial, by (condition, cube).
-    """
+    """Run the trials of the calibration, and return what recursive least squares estimates."""
     made = setups(values)
     conditions, cubes = zip(*TRIALS, strict=True)
     results = pool.map(rls_averages, conditions, cubes, [made[trial] for trial in TRIALS])
@@ -130,13 +103,6 @@ def calibrate(start: Vector, pool: Executor) -> Vector:
     The docstring of `setups` lists the unknowns. They are fitted such that recursive least squares
     (RLS) estimates the same averages of b and k in the simulated trials as in the paper. The fit is
     a nonlinear least-squares fit.
-
-    Parameters
-    ----------
-    start
-        Initial values of the unknowns, in the order of `setups`, shape (8,).
-    pool
-        Pool of processes that run the trials.
     """
 
     def residuals(logarithms: Vector) -> Vector:

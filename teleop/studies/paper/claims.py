@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from estimation.quantities import STIFFNESS
 from sim_backend import CUBES
 from teleop.studies.paper.table1 import CONDITIONS, ESTIMATORS
-from teleop.studies.paper.trials import Damping, Outcome, as_rows
+from teleop.studies.paper.trials import Damping, PaperTrial, as_rows
 
 RISE = 0.6
 """Longest rise time that the paper states [s]."""
@@ -36,14 +36,8 @@ class Claim(NamedTuple):
     """Numbers that show whether the claim is true."""
 
 
-def check_claims(outcomes: Sequence[Outcome]) -> list[Claim]:
-    """Check all claims about the simulated results, and return whether each of them is true.
-
-    Parameters
-    ----------
-    outcomes
-        Simulated results of the paper's nine trials, for one seed.
-    """
+def check_claims(outcomes: Sequence[PaperTrial]) -> list[Claim]:
+    """Check all claims about the simulated results, and return whether each of them is true."""
     rows = as_rows(outcomes)
     cell = {(row["condition"], row["cube"], row["estimator"]): row for row in rows}
     return [
@@ -56,13 +50,7 @@ def check_claims(outcomes: Sequence[Outcome]) -> list[Claim]:
 
 
 def table_claims(rows: list[dict[str, Any]]) -> list[Claim]:
-    """Check that the simulated stiffness, damping and force error agree with the paper's Table I.
-
-    Parameters
-    ----------
-    rows
-        One row for each trial and estimator, from `as_rows`.
-    """
+    """Check that stiffness, damping and force error agree with the paper's Table I."""
     off = {
         f"{row['condition']} {row['cube']} {row['estimator']}": row["k"] / row["paper"]["k"] - 1.0
         for row in rows
@@ -99,11 +87,6 @@ def error_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[Claim
 
     The first claim is that adaptive identification has the largest force error in every trial. The
     second claim is that recursive least squares (RLS) has the smallest force error in most trials.
-
-    Parameters
-    ----------
-    cell
-        The rows from `as_rows`, by (condition, cube, estimator).
     """
     claims = []
     for wording, name, pick, least in (
@@ -130,11 +113,6 @@ def rise_claim(rows: list[dict[str, Any]]) -> Claim:
     """Check that no estimate of the stiffness has a longer rise time than the paper states.
 
     `RISE` is the longest rise time that the paper states. The claim is false if a rise time is NaN.
-
-    Parameters
-    ----------
-    rows
-        One row for each trial and estimator, from `as_rows`.
     """
     slowest = max(
         rows, key=lambda row: math.inf if math.isnan(row["rise_time_s"]) else row["rise_time_s"]
@@ -148,17 +126,7 @@ def rise_claim(rows: list[dict[str, Any]]) -> Claim:
 
 
 def stiffness_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[Claim]:
-    """Check how the estimated stiffness depends on the cube and on the control condition.
-
-    The first claim is that the stiffness increases from the soft to the medium to the hard cube,
-    for every condition and estimator. The second claim is that the stiffness is smaller under the
-    condition `autonomous` than under `free`, for every cube and estimator.
-
-    Parameters
-    ----------
-    cell
-        The rows from `as_rows`, by (condition, cube, estimator).
-    """
+    """Check that k increases from soft to hard, and decreases from free to autonomous."""
     rises = all(
         cell[c, "soft", e]["k"] < cell[c, "medium", e]["k"] < cell[c, "hard", e]["k"]
         for c in CONDITIONS
@@ -184,20 +152,8 @@ def stiffness_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[C
     ]
 
 
-def damping_claims(steps: list[Damping], outcomes: Sequence[Outcome]) -> list[Claim]:
-    """Check the sign of the damping that is estimated with bias, and the value without bias.
-
-    The first claim is that the damping from recursive least squares (RLS), which is biased, is
-    negative in the same trials as in the paper. The second claim is that the estimated damping is
-    close to the true damping if all causes of bias are removed.
-
-    Parameters
-    ----------
-    steps
-        For each trial, the true damping, and the estimates with and without causes of bias.
-    outcomes
-        Results of the same trials, in the same order.
-    """
+def damping_claims(steps: list[Damping], outcomes: Sequence[PaperTrial]) -> list[Claim]:
+    """Check the sign of the biased damping of RLS, and the damping without bias."""
     positive = [
         f"{outcome.condition} {outcome.cube}: {step.rls:+.1f}"
         for outcome, step in zip(outcomes, steps, strict=True)

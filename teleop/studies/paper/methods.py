@@ -40,7 +40,7 @@ class MethodResult(NamedTuple):
     """Fraction of the samples at which the estimate was held constant."""
 
 
-class Methods(NamedTuple):
+class FurtherMethods(NamedTuple):
     """Estimators that a user requests in addition to the three of the paper, and their model."""
 
     estimators: tuple[str, ...] = ()
@@ -49,7 +49,7 @@ class Methods(NamedTuple):
     """Model of the environment for those of the estimators that support several models."""
 
 
-def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
+def compare_methods(trial: Trial, methods: FurtherMethods) -> dict[str, MethodResult]:
     """Run estimators on the data of a simulated trial, and compute the errors of the estimates.
 
     All estimators use the paper's settings and process the same signals: the measured force, and
@@ -60,17 +60,6 @@ def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
     stiffness from an estimator without the parameter k3 is compared with k1 + k3 x^2, the secant
     stiffness of the cube at the x of each sample. The stiffness from an estimator that also
     estimates k3 is compared with k1, the stiffness at the surface of the cube.
-
-    Parameters
-    ----------
-    trial
-        The simulated trial.
-    methods
-        The estimators, and their model.
-
-    Returns
-    -------
-    The errors of each estimator, by the name of the estimator.
     """
     settings, columns = trial.settings, trial.columns
     model = methods.model
@@ -110,15 +99,6 @@ def averages(results: Sequence[Mapping[str, MethodResult]]) -> dict[str, MethodR
     """Average the results of each estimator over several trials.
 
     The average of `k_error` is the root mean square. All other averages are arithmetic means.
-
-    Parameters
-    ----------
-    results
-        One dictionary for each trial: the results in this trial, by the name of the estimator.
-
-    Returns
-    -------
-    The averages, by the name of the estimator.
     """
     found = {}
     for name in results[0]:

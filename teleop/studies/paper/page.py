@@ -7,17 +7,16 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from markupsafe import Markup
 
-from estimation.quantities import FORCE_ERROR
+from estimation.quantities import DAMPING, FORCE_ERROR
 from sim_backend import CUBES
-from teleop.output.effects_table import effect_cells
 from teleop.output.estimate_tables import RMS_RATIO
 from teleop.output.web_page import web_page
-from teleop.studies.anova import Effect
+from teleop.studies.anova import Effect, effect_cells
 from teleop.studies.paper.claims import Claim
 from teleop.studies.paper.methods import MethodResult
 from teleop.studies.paper.study import RESPONSES, finding
 from teleop.studies.paper.table1 import CONDITIONS, ESTIMATORS, TABLE_1, is_calibrated, table1
-from teleop.studies.paper.trials import Outcome, SlowTrial
+from teleop.studies.paper.trials import PaperTrial, SlowTrial
 
 TITLE = "Techniques for environment parameter estimation during telemanipulation, reproduced"
 METHOD_HEADINGS = (
@@ -36,16 +35,7 @@ estimators."""
 
 
 def method_cells(methods: Mapping[str, MethodResult]) -> list[list[str]]:
-    """Return the cells of the table of further estimators as texts, one row for each estimator.
-
-    Further estimators are those that a user requested in addition to the three of the paper. The
-    headings of the columns are `METHOD_HEADINGS`.
-
-    Parameters
-    ----------
-    methods
-        Results of the further estimators, by the name of the estimator.
-    """
+    """Return the cells of the table of further estimators, see `METHOD_HEADINGS`."""
 
     def percent(value: float, digits: int = 0) -> str:
         return f"{value:.{digits}%}" if math.isfinite(value) else "-"
@@ -66,19 +56,8 @@ def method_cells(methods: Mapping[str, MethodResult]) -> list[list[str]]:
     ]
 
 
-def table_one(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, list[dict[str, object]]]]:
-    """Yield each row of Table I: its name, and cells with the simulated and the paper's values.
-
-    A row contains the results of one estimator under one control condition. A cell is a dictionary.
-    Its entry `ours` is the simulated value, and its entry `paper` is the value in the paper. Its
-    entry `calibrated` states whether this value of the paper was used to calibrate the simulated
-    rig.
-
-    Parameters
-    ----------
-    outcomes
-        Results of the nine trials of one seed.
-    """
+def table_one(outcomes: Sequence[PaperTrial]) -> Iterator[tuple[str, list[dict[str, object]]]]:
+    """Yield name and cells (simulated, paper, calibrated) of each row of Table I."""
     by_trial = {(outcome.condition, outcome.cube): outcome for outcome in outcomes}
     for condition in CONDITIONS:
         for estimator in ESTIMATORS:
@@ -98,49 +77,38 @@ def table_one(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, list[dict[str,
             yield f"{condition} {estimator.upper()}", cells
 
 
-def damping_cells(outcomes: Sequence[Outcome]) -> list[list[str]]:
-    """Return the cells of the table of the damping as texts, with one row for each trial.
-
-    A row contains the name of the trial, the damping in the paper, and the damping that recursive
-    least squares (RLS) estimates in the simulated trial. These two values are biased. The next
-    three values are estimates from which one, two and all three causes of bias are removed (see
-    `Damping`). The last value is the true damping.
-    """
+def damping_cells(outcomes: Sequence[PaperTrial]) -> list[list[str]]:
+    """Return b of each trial: paper, RLS, without one, two and all biases, true value."""
     return [
         [
             f"{outcome.condition} {outcome.cube}",
-            f"{outcome.damping.paper:.1f}",
-            f"{outcome.damping.rls:.1f}",
-            f"{outcome.damping.matched:.1f}",
-            f"{outcome.damping.tip:.1f}",
-            f"{outcome.damping.stiffening:.2f}",
-            f"{outcome.damping.true:g}",
+            DAMPING.number(outcome.damping.paper),
+            DAMPING.number(outcome.damping.rls),
+            DAMPING.number(outcome.damping.matched),
+            DAMPING.number(outcome.damping.tip),
+            f"{DAMPING.shown(outcome.damping.stiffening):.2f}",
+            f"{DAMPING.shown(outcome.damping.true):g}",
         ]
         for outcome in outcomes
     ]
 
 
 def slow_cells(slow: Sequence[SlowTrial]) -> list[list[str]]:
-    """Return the cells of the table of the slow trials as texts, with one row for each trial.
-
-    In a slow trial, the slave moves sinusoidally with a low frequency. The lag of the force channel
-    and the damping of the cube were both estimated from each trial. A row contains the frequency
-    [Hz], the lag and its 95 % interval [ms], and the damping and its 95 % interval [N s/m].
-    """
+    """Return frequency [Hz], lag [ms] and b [N s/m] of each slow trial, with 95 % intervals."""
     return [
         [
             f"{trial.frequency:g}",
             f"{trial.lag.value * 1e3:.2f}",
             f"{trial.lag.low * 1e3:.2f} to {trial.lag.high * 1e3:.2f}",
-            f"{trial.b.value:.1f}",
-            f"{trial.b.low:.1f} to {trial.b.high:.1f}",
+            DAMPING.number(trial.b.value),
+            f"{DAMPING.number(trial.b.low)} to {DAMPING.number(trial.b.high)}",
         ]
         for trial in slow
     ]
 
 
 def reproduction_page(
-    outcomes: Sequence[Outcome],
+    outcomes: Sequence[PaperTrial],
     claims: Sequence[Claim],
     figures: Mapping[str, Markup],
     slow: Sequence[SlowTrial],
@@ -148,27 +116,7 @@ def reproduction_page(
     seeds: int,
     methods: Mapping[str, MethodResult],
 ) -> str:
-    """Return the page with all results of the reproduction as HTML.
-
-    Parameters
-    ----------
-    outcomes
-        Results of the nine trials of one seed.
-    claims
-        Claims of the paper, and whether they are true for the simulated trials.
-    figures
-        Figures as SVG elements, by caption.
-    slow
-        Estimated lag of the force channel and estimated damping, for each frequency of the motion.
-    study
-        Effects from an analysis of variance, by the name of the response (dependent variable);
-        empty if there is only one seed.
-    seeds
-        Number of repetitions of the nine trials, each with another seed.
-    methods
-        Results of estimators that were requested in addition to the three of the paper, averaged
-        over the trials; empty if none were requested.
-    """
+    """Return the page with all results of the reproduction as HTML."""
     return web_page(
         "reproduction.html",
         __package__,
@@ -179,7 +127,8 @@ def reproduction_page(
         claims=claims,
         figures=figures,
         damping=damping_cells(outcomes),
-        true_b=f"{slow[0].true_b:g}",
+        b_heading=DAMPING.heading,
+        true_b=DAMPING.text(slow[0].true_b, "g"),
         true_lag_ms=f"{slow[0].true_lag * 1e3:g}",
         slow=slow_cells(slow),
         method_headings=METHOD_HEADINGS,

@@ -17,17 +17,17 @@ from sim_backend import CUBES
 from teleop.errors import InputError
 from teleop.files import check_outputs, unwritable, write_text
 from teleop.output.figure_files import save
-from teleop.output.stiffness_figure import stiffness_figure
+from teleop.output.trial_figures import stiffness_figure
 from teleop.output.web_page import svg
 from teleop.studies.anova import Effect, check_available
 from teleop.studies.paper.claims import Claim, check_claims
-from teleop.studies.paper.methods import MethodResult, Methods, averages
+from teleop.studies.paper.methods import FurtherMethods, MethodResult, averages
 from teleop.studies.paper.page import reproduction_page
 from teleop.studies.paper.study import RESPONSES, effects_on
 from teleop.studies.paper.table1 import CONDITIONS, table1
 from teleop.studies.paper.trials import (
     NO_METHODS,
-    Outcome,
+    PaperTrial,
     SlowTrial,
     as_rows,
     lag_and_damping,
@@ -53,22 +53,18 @@ CAPTIONS = {
 class Reproduction:
     """Results of the reproduction of the paper in simulation."""
 
-    outcomes: list[Outcome]
+    outcomes: list[PaperTrial]
     """Results of the nine trials for every seed."""
     slow: list[SlowTrial]
     """Lag of the force channel and damping, both estimated from one trial for each frequency."""
     claims: list[Claim]
     """Claims of the paper, checked against the trials of the first seed."""
     study: dict[str, list[Effect]]
-    """Effects from an analysis of variance, by the name of the response (dependent variable); empty
-    if there is only one seed."""
+    """Effects from an analysis of variance, by the name of the response; empty for one seed."""
 
     @property
-    def first(self) -> list[Outcome]:
-        """Results of the paper's nine trials with the first seed.
-
-        The nine trials are run once for each seed.
-        """
+    def first(self) -> list[PaperTrial]:
+        """Results of the paper's nine trials with the first seed."""
         return self.outcomes[: len(CONDITIONS) * len(CUBES)]
 
     @property
@@ -109,25 +105,9 @@ class Reproduction:
 
 
 def reproduce(
-    seeds: int, methods: Methods = NO_METHODS, on_done: Callable[[], None] = lambda: None
+    seeds: int, methods: FurtherMethods = NO_METHODS, on_done: Callable[[], None] = lambda: None
 ) -> Reproduction:
-    """Run the paper's nine trials in simulation for several seeds, on all processor cores.
-
-    Parameters
-    ----------
-    seeds
-        Number of times that the nine trials are run, with the seeds 0, 1, ...
-    methods
-        Estimators that are run on the same trials, in addition to the three of the paper.
-    on_done
-        Function that is called without arguments after each trial.
-
-    Raises
-    ------
-    InputError
-        `seeds` is less than 1, worker processes are not available, or there are several seeds and
-        statsmodels is not installed.
-    """
+    """Run the paper's nine trials in simulation for several seeds, on all processor cores."""
     if seeds < 1:
         raise InputError(f"seeds {seeds}: expected at least 1")
     if seeds > 1:
@@ -147,14 +127,7 @@ def reproduce(
 
 
 def check_folder(folder: Path, overwrite: bool) -> None:
-    """Create the folder of the results, and check that the result files can be written.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be created, a file in it cannot be written, or a file exists and
-        `overwrite` is False.
-    """
+    """Create the folder of the results, and check that the result files can be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except FileExistsError as error:
@@ -167,22 +140,7 @@ def check_folder(folder: Path, overwrite: bool) -> None:
 
 
 def write(reproduction: Reproduction, folder: Path, overwrite: bool = False) -> Path:
-    """Write a table (CSV), figures (SVG, PNG) and a page (HTML); return the path of the page.
-
-    Parameters
-    ----------
-    reproduction
-        Results of the reproduction.
-    folder
-        An existing folder.
-    overwrite
-        Whether to overwrite existing files.
-
-    Raises
-    ------
-    InputError
-        A file cannot be written, or exists and `overwrite` is False.
-    """
+    """Write a table (CSV), figures (SVG, PNG) and a page (HTML); return the path of the page."""
     write_text(folder / TABLE, csv_table(as_rows(reproduction.first)), overwrite)
     with workers() as pool:
         drawn = pool.map(draw, CAPTIONS, [reproduction.first] * 3, [folder] * 3, [overwrite] * 3)
@@ -204,11 +162,6 @@ def csv_table(rows: Sequence[dict[str, Any]]) -> str:
     """Return a CSV text with the simulated Table I and the paper's Table I.
 
     The table has one row for each trial and estimator.
-
-    Parameters
-    ----------
-    rows
-        The results, from `as_rows`.
     """
     text = StringIO(newline="")
     writer = csv.writer(text)
@@ -219,21 +172,10 @@ def csv_table(rows: Sequence[dict[str, Any]]) -> str:
     return text.getvalue()
 
 
-def draw(name: str, outcomes: Sequence[Outcome], folder: Path, overwrite: bool) -> Markup:
+def draw(name: str, outcomes: Sequence[PaperTrial], folder: Path, overwrite: bool) -> Markup:
     """Draw a figure of the paper with simulated results, and write it to a PNG and an SVG file.
 
     The figure is returned as an SVG element.
-
-    Parameters
-    ----------
-    name
-        Name of the figure, a key of `CAPTIONS`: `figure3`, `figure4` or `figure5`.
-    outcomes
-        Results of the nine trials of one seed.
-    folder
-        An existing folder.
-    overwrite
-        Whether to overwrite existing files.
     """
     trial = {(outcome.condition, outcome.cube): outcome for outcome in outcomes}
     if name == "figure3":

@@ -6,28 +6,16 @@ from collections.abc import Sequence
 
 from teleop.studies.anova import ESTIMATOR, Effect, analysis_of_variance
 from teleop.studies.paper.table1 import ESTIMATORS
-from teleop.studies.paper.trials import Outcome
+from teleop.studies.paper.trials import PaperTrial
 
 RESPONSES = {"e_f": "Average force error [N]", "rise_time_s": "Rise time [s]"}
 """Responses (dependent variables) of the analyses of variance, with their headings."""
 
 
-def effects_on(outcomes: Sequence[Outcome], response: str) -> list[Effect]:
+def effects_on(outcomes: Sequence[PaperTrial], response: str) -> list[Effect]:
     """Return the analysis of variance of a response: the effects of cube, condition and estimator.
 
     The result contains each main effect and each interaction, with its p value and effect sizes.
-
-    Parameters
-    ----------
-    outcomes
-        Results of the nine trials for at least two seeds.
-    response
-        Name of the response (dependent variable), a key of `RESPONSES`.
-
-    Raises
-    ------
-    InputError
-        A value of the response is not finite, or statsmodels is not available.
     """
     rows = [
         {
@@ -47,11 +35,6 @@ def finding(effects: Sequence[Effect]) -> str:
     """Return a sentence that compares the result of an analysis of variance with the paper.
 
     The paper states that "only the choice of the estimation algorithm has an effect".
-
-    Parameters
-    ----------
-    effects
-        Effects of cube, control condition and estimator, from `effects_on`.
     """
     largest = max(effects, key=lambda effect: effect.eta_squared)
     significant = [effect.source for effect in effects if effect.p < 0.01]

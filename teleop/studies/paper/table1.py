@@ -19,7 +19,7 @@ ESTIMATORS = ("rls", "ai", "me")
 class Cell(NamedTuple):
     """A cell of the paper's Table I: results of one estimator in one trial.
 
-    A trial has one control condition and one cube. The estimates are averages over the trial.
+    The estimates are averages over the trial.
     """
 
     b: float
@@ -49,9 +49,5 @@ CALIBRATED = ("free", "autonomous")
 
 
 def is_calibrated(condition: str, estimator: str) -> bool:
-    """Return whether b and k of a cell of the paper's Table I were used in the calibration.
-
-    The simulated rig is calibrated such that its results agree with these b and k. A cell has one
-    control condition, one cube and one estimator. The result is the same for all cubes.
-    """
+    """Return whether b and k of a cell of Table I were used to calibrate the simulated rig."""
     return estimator == "rls" and condition in CALIBRATED

@@ -14,16 +14,7 @@ from teleop.studies.paper.table1 import TABLE_1
 
 
 def print_reproduction(summary: Mapping[str, Any]) -> None:
-    """Print the simulated Table I beside the paper's, and whether each claim is true.
-
-    One table is printed for each cube. A claim is a statement of the paper about its results, or a
-    statement about the agreement with the paper.
-
-    Parameters
-    ----------
-    summary
-        Results of the reproduction, from `Reproduction.summary`.
-    """
+    """Print Table I beside the paper's, one table for each cube, and the claims."""
     console = plain_console()
     for cube in ("soft", "medium", "hard"):
         table = TrimmedTable(

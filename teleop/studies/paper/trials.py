@@ -20,7 +20,7 @@ from estimation.stiffening import Interval, MatchedSignals
 from teleop.control.excitation_signals import Sine
 from teleop.names import ConditionName, CubeName
 from teleop.settings.trial_settings import TrialSettings
-from teleop.studies.paper.methods import MethodResult, Methods, compare_methods
+from teleop.studies.paper.methods import FurtherMethods, MethodResult, compare_methods
 from teleop.studies.paper.table1 import is_calibrated, table1
 from teleop.trial.result import Trial
 from teleop.trial.run import run_trial
@@ -30,7 +30,7 @@ DURATION = 10.0
 BANDWIDTH = 50.0
 """Bandwidth of the filtered difference that gives the velocity [Hz]. The paper does not state this
 bandwidth."""
-NO_METHODS = Methods()
+NO_METHODS = FurtherMethods()
 """Value of a parameter `methods`: no estimator is run in addition to the three of the paper."""
 DRAWN = 10
 """Number of ticks (periods of the control loop) from one point of a figure to the next point."""
@@ -61,7 +61,7 @@ class Damping(NamedTuple):
     """As `tip`, but with the additional term k3 x^3 in the model."""
 
 
-class Outcome(NamedTuple):
+class PaperTrial(NamedTuple):
     """Results of one simulated trial of the paper."""
 
     condition: str
@@ -126,14 +126,6 @@ def damping_steps(trial: Trial, rls: float) -> Damping:
     """Return the true damping in a trial, and estimates with fewer and fewer causes of bias.
 
     The docstring of `Damping` explains the causes of bias and the estimates.
-
-    Parameters
-    ----------
-    trial
-        The simulated trial.
-    rls
-        Average of the damping that recursive least squares (RLS) estimated in this trial
-        [N s/m]. This estimate is biased by all causes.
     """
     settings, columns = trial.settings, trial.columns
     force, dt = columns["contact_force"], columns["dt"]
@@ -150,21 +142,15 @@ def damping_steps(trial: Trial, rls: float) -> Damping:
     )
 
 
-def palpate(trial: tuple[ConditionName, CubeName, int], methods: Methods = NO_METHODS) -> Outcome:
-    """Run one of the paper's trials, and run further estimators on the data of this trial.
-
-    Parameters
-    ----------
-    trial
-        Condition, cube and seed.
-    methods
-        The further estimators, which were requested in addition to the three of the paper.
-    """
+def palpate(
+    trial: tuple[ConditionName, CubeName, int], methods: FurtherMethods = NO_METHODS
+) -> PaperTrial:
+    """Run one of the paper's trials, and run further estimators on the data of this trial."""
     condition, cube, seed = trial
     run = run_trial(paper_trial(condition, cube, seed))
     estimates = run.summary()["estimates"]
     thin = slice(None, None, DRAWN)
-    return Outcome(
+    return PaperTrial(
         condition,
         cube,
         seed,
@@ -185,11 +171,6 @@ def lag_and_damping(frequency: float) -> SlowTrial:
     start and the end of the trial, where the displacement increases from zero and decreases to
     zero, are not used. The true position of the slave's tip is used instead of the position that
     its encoder measures. Therefore, lost motion between encoder and tip has no effect.
-
-    Parameters
-    ----------
-    frequency
-        Frequency of the sinusoidal motion [Hz].
     """
     settings = replace(
         paper_trial("autonomous", "medium"),
@@ -217,7 +198,7 @@ def lag_and_damping(frequency: float) -> SlowTrial:
     )
 
 
-def as_rows(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
+def as_rows(outcomes: Iterable[PaperTrial]) -> list[dict[str, Any]]:
     """Return the results as table rows, one row for each trial and each of the three estimators.
 
     Each row is a dictionary. Its entry `paper` contains the values that Table I of the paper states

@@ -34,43 +34,17 @@ unattended series, no person is asked before a trial."""
 
 
 def unattended(question: Question) -> tuple[Answer, str]:
-    """Answer "run" to the question whether to run a trial, without asking a person.
-
-    In an unattended series, this function is the argument `ask` of `conduct`. The returned note is
-    empty.
-    """
+    """Answer "run" without asking a person."""
     return "run", ""
 
 
 def no_note(trial: PlannedTrial) -> str:
-    """Return an empty note on a trial that has ended, without asking a person for a note.
-
-    In an unattended series, this function is the argument `ask_note` of `conduct`.
-    """
+    """Return an empty note without asking a person."""
     return ""
 
 
 def open_journal(folder: Path, plan: Plan, trials: Sequence[PlannedTrial]) -> Journal:
-    """Open the journal of a new series, or of a series that is resumed.
-
-    The journal is a file with a line for each event of the series, such as the start of a trial.
-    The plan is written to the journal of a new series.
-
-    Parameters
-    ----------
-    folder
-        Folder of the series, which must exist.
-    plan
-        The plan of the series.
-    trials
-        The trials of the plan, in the order in which they are run.
-
-    Raises
-    ------
-    InputError
-        The folder contains other files, or a series of another plan, or the journal cannot be read
-        or written.
-    """
+    """Open the journal of a series, new or resumed; a new one begins with the plan."""
     journal = Journal(folder)
     document = plan.model_dump(mode="json")
     known = next((entry["plan"] for entry in journal.entries if entry["entry"] == "plan"), None)
@@ -100,45 +74,13 @@ def conduct(
 ) -> Journal:
     """Run the trials of a series that are not done yet, and return the journal of the series.
 
-    A trial is repeated if it was stopped for safety, interrupted, or recorded incompletely. The
-    recording of the failed attempt is kept. Sometimes a trial cannot be run at all, for example
-    because the rig cannot be opened. If a person is asked before each trial, the same trial is then
-    proposed again. In an unattended series, nobody is asked, and the series then ends with an
-    error. The table of results is written at the start, after each trial, and after each note.
-
-    Parameters
-    ----------
-    folder
-        Folder of the series.
-    plan
-        The plan of the series.
-    trials
-        The trials of the plan, in the order in which they are run.
-    ask
-        Function that asks a person before each trial whether to run it.
-    ask_note
-        Function that asks a person for a note after each trial.
-    run
-        Function that runs and records a trial.
-    report
-        Function that shows one line of progress.
-    is_ended
-        Function that returns whether the whole series must end after the trial that has just ended,
-        for example because the terminal was closed during this trial. Nobody is then asked.
-
-    Raises
-    ------
-    InputError
-        A file cannot be written, the folder contains other files or a series of another plan,
-        another series or sweep is running in the folder, a trial of an unattended series could not
-        be run or recorded, or its recording had gaps in `ATTEMPTS` attempts.
-    RigError
-        The rig failed in a trial of an unattended series.
-    KeyboardInterrupt
-        A trial of an unattended series was interrupted, or `is_ended` returned True.
-    SafetyStop
-        A trial of an unattended series failed `ATTEMPTS` times, and was stopped for safety in the
-        last attempt.
+    A trial is repeated if it was stopped for safety, interrupted, or recorded incompletely; the
+    recording of the failed attempt is kept. If a trial cannot be run at all, for example because
+    the rig cannot be opened, it is proposed to the person again. An unattended series then ends
+    with the InputError or RigError. It also ends with the problem of a trial that failed `ATTEMPTS`
+    times, and at an interrupted trial. `is_ended` states that the series must end after the present
+    trial, for example because the terminal was closed; a KeyboardInterrupt follows, and nobody is
+    asked.
     """
     make_folder(folder / NAME)
     with locked(folder):
@@ -155,12 +97,8 @@ def conduct(
             question = question_on(trial, plan, trials, journal)
             answer, note = ask(question)
             returned = None
-            if answer == "skip" and not journal.is_finished(trial.number):
-                journal.write("skipped", trial.number, note=note)
-            elif answer != "run" and note:
-                about = question.previous or trial if answer == "repeat" else trial
-                attempts = journal.attempts(about.number)
-                journal.write("note", about.number, attempt=attempts, answer=answer, note=note)
+            write_answer(journal, question, trial, answer, note)
+            if answer != "run":
                 write_results(folder, trials, journal)
             if answer == "quit":
                 break
@@ -195,34 +133,22 @@ def conduct(
     return journal
 
 
+def write_answer(
+    journal: Journal, question: Question, trial: PlannedTrial, answer: Answer, note: str
+) -> None:
+    """Write to the journal that a person skips a trial, or the note of another answer than run."""
+    if answer == "skip" and not journal.is_finished(trial.number):
+        journal.write("skipped", trial.number, note=note)
+    elif answer != "run" and note:
+        about = question.previous or trial if answer == "repeat" else trial
+        attempts = journal.attempts(about.number)
+        journal.write("note", about.number, attempt=attempts, answer=answer, note=note)
+
+
 def attempt(
     folder: Path, journal: Journal, trial: PlannedTrial, run: Run, note: str
 ) -> BaseException | None:
-    """Run a trial once, and return the reason why it must be repeated; None after success.
-
-    The start and the result are written to the journal, a file with a line for each event.
-
-    Parameters
-    ----------
-    folder
-        Folder of the series.
-    journal
-        Journal of the series.
-    trial
-        The trial.
-    run
-        Function that runs and records a trial.
-    note
-        Note that a person wrote before the trial; empty if there is none.
-
-    Raises
-    ------
-    InputError, RigError
-        The trial could not be run, or its recording could not be written. The journal contains the
-        reason, if it can be written.
-    SafetyStop
-        The trial was stopped for safety, and the journal cannot be written.
-    """
+    """Run a trial once, and return the reason why it must be repeated; None after success."""
     number = journal.attempts(trial.number) + 1
     path = folder / RECORDINGS / f"{trial.number:03d}-{trial.label}-{number}.mcap"
     make_folder(path)
@@ -251,12 +177,7 @@ def attempt(
 
 
 def spoilt(trial: Trial) -> BaseException | None:
-    """Return the reason why a trial that has ended must be repeated; None after success.
-
-    The reason is an exception. It is a SafetyStop if the trial was stopped for safety, a
-    KeyboardInterrupt if the trial was interrupted, and an InputError if the recording is not
-    complete.
-    """
+    """Return why a trial that has ended must be repeated; None after success."""
     if trial.fault:
         return SafetyStop(trial.stop_text)
     if trial.interrupted:
@@ -265,11 +186,7 @@ def spoilt(trial: Trial) -> BaseException | None:
 
 
 def resumed_text(folder: Path, trials: Sequence[PlannedTrial], journal: Journal) -> str:
-    """Return a text on the state of a series that is resumed.
-
-    The text states how many trials are done or skipped, and which trials failed and must be
-    repeated. If no trial remains, it states that the series is complete.
-    """
+    """Return a text on the state of a series that is resumed."""
     found = counts(journal, trials)
     if not found["pending"]:
         return f"{folder}: the series is complete, no trial is run"
@@ -282,13 +199,7 @@ def resumed_text(folder: Path, trials: Sequence[PlannedTrial], journal: Journal)
 
 
 def is_complete(folder: Path, plan: Plan, trials: Sequence[PlannedTrial]) -> bool:
-    """Return whether all trials of a series are done or skipped; False for a new folder.
-
-    Raises
-    ------
-    InputError
-        The folder contains a series of another plan, or another series is running in it.
-    """
+    """Return whether all trials of a series are done or skipped; False for a new folder."""
     if not (folder / NAME).is_file():
         return False
     with locked(folder):
@@ -296,10 +207,7 @@ def is_complete(folder: Path, plan: Plan, trials: Sequence[PlannedTrial]) -> boo
 
 
 def counts(journal: Journal, trials: Sequence[PlannedTrial]) -> dict[str, Any]:
-    """Return the numbers of trials with the state `done`, `skipped` and `pending`.
-
-    A trial is pending if it was not run yet, or if it failed and must be repeated.
-    """
+    """Return the numbers of trials with the state `done`, `skipped` and `pending` (to be run)."""
     last = [journal.last(trial.number) for trial in trials]
     done = sum(entry is not None and entry["entry"] == "done" for entry in last)
     skipped = sum(entry is not None and entry["entry"] == "skipped" for entry in last)

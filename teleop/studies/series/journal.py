@@ -61,16 +61,6 @@ class Journal:
     """Journal of a series of trials: a file with a line for each event of the series.
 
     A line is called an entry. An event is, for example, that a trial was started or is done.
-
-    Parameters
-    ----------
-    folder
-        Folder of the series, which must exist.
-
-    Raises
-    ------
-    InputError
-        The journal cannot be read, or a line is not an entry of a journal.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -94,11 +84,7 @@ class Journal:
                 self._last[number] = {**entry, "entry": "spoilt", "problem": f"its {problem}"}
 
     def problem_of_recording(self, result: Mapping[str, Any]) -> str:
-        """Return why the recording of a trial is not the one that the trial wrote; empty if it is.
-
-        `result` is the entry of the trial that is done. An older version of the program did not
-        write the size of the recording to this entry.
-        """
+        """Return why a recording is not the one that its trial wrote; empty if it is."""
         path = self._folder / RECORDINGS / result["file"]
         if not path.is_file():
             return f"recording {path.name} is missing"
@@ -113,19 +99,7 @@ class Journal:
     def write(self, entry: Entry, trial: int = 0, **values: Any) -> None:
         """Append a line to the journal, and wait until it is written to the disk.
 
-        Parameters
-        ----------
-        entry
-            Kind of the entry, for example `started`.
-        trial
-            Number of the trial, from 1; 0 for an entry about the whole series.
-        values
-            Further values of the entry, by name. JSON must be able to represent them.
-
-        Raises
-        ------
-        InputError
-            The journal cannot be written.
+        `trial` is 0 for an entry about the whole series.
         """
         now = datetime.now().astimezone().isoformat(timespec="seconds")
         record = {"time": now, "entry": entry, "trial": trial, **values}
@@ -146,38 +120,23 @@ class Journal:
         return self._attempts[trial]
 
     def problem(self, trial: int) -> str:
-        """Return the reason why the last attempt of a trial must be repeated.
-
-        If the program was killed during the attempt, the journal does not contain the reason. The
-        returned reason is then that the trial was interrupted. If there was a safety stop before
-        the program was killed, the text also names the fault report that was written at this stop.
-        """
+        """Return why the last attempt of a trial must be repeated."""
         last = self._last[trial]
         report = (self._folder / RECORDINGS / last.get("file", "")).with_suffix(FAULT_REPORT)
         after = f" after a safety stop, see {report.name}" if report.is_dir() else ""
         return str(last.get("problem", f"{INTERRUPTED}{after}"))
 
     def note(self, trial: int, attempt: int) -> str:
-        """Return all notes of a person on one attempt of a trial, separated by semicolons.
-
-        `trial` is the number of the trial, and `attempt` the number of the attempt, both from 1.
-        """
+        """Return all notes of a person on one attempt of a trial."""
         return "; ".join(self._notes[trial, attempt])
 
     def is_finished(self, trial: int) -> bool:
-        """Return whether a trial is done, or was skipped by a person.
-
-        `trial` is the number of the trial, from 1.
-        """
+        """Return whether a trial is done or was skipped by a person."""
         last = self.last(trial)
         return last is not None and last["entry"] in ("done", "skipped")
 
     def results(self) -> Iterator[dict[str, Any]]:
-        """Yield the journal entry with the result of each trial that is done.
-
-        A trial whose recording is missing is included, because its result is known. The order is
-        that of the numbers of the trials.
-        """
+        """Yield the entry of each trial that is done, even if its recording is missing."""
         for _, result in sorted(self._results.items()):
             yield result
 

@@ -9,24 +9,11 @@ OrderName = Literal["listed", "random", "latin-square"]
 
 
 def ordered(count: int, order: OrderName, seed: int, block: int) -> list[int]:
-    """Return the order in which the trials of a block are run, as a list of indices.
+    """Return the order of the trials of a block, as indices of the trials of the plan.
 
-    A block is a group of trials that are run one after the other, for example all trials of one
-    subject. Every block contains the same combinations of levels and repetitions. The index of a
-    trial is its position, from 0, in the order in which the plan lists the trials of a block.
-
-    Parameters
-    ----------
-    count
-        Number of trials in the block.
-    order
-        `listed`: the order of the plan. `random`: a random permutation, different for each block.
-        `latin-square`: the order in a block is given by a row of a Williams square. The numbers in
-        the square are assigned to the trials at random. This assignment is the same for all blocks.
-    seed
-        Seed of the random permutation or of the random assignment.
-    block
-        Number of the block, from 0.
+    A random permutation differs between blocks. For a Latin square, each block is a row of a
+    Williams square, whose numbers are assigned to the trials at random, in the same way for all
+    blocks.
     """
     if order == "listed":
         return list(range(count))
@@ -48,13 +35,6 @@ def williams_row(count: int, row: int) -> list[int]:
     row. If `count` is odd, the square has 2 `count` rows, and each number directly follows every
     other number in exactly two rows. In this case, every second row is the previous row in reversed
     order.
-
-    Parameters
-    ----------
-    count
-        Number of trials in a block.
-    row
-        Number of the row, from 0. After the last row, the rows of the square are repeated.
 
     References
     ----------

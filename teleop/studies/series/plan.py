@@ -44,9 +44,7 @@ COLUMNS = ("trial", "repetition", "attempt", "time", "file", "note", "seed", "es
 class Plan(BaseModel):
     """Plan of a series of trials.
 
-    A factor is a property in which the trials differ, for example the cube. A level is a value of a
-    factor, for example `soft`. Each combination of the levels of all factors is run in
-    `repetitions` trials.
+    Each combination of the levels of all factors is run in `repetitions` trials.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -80,17 +78,7 @@ class Plan(BaseModel):
 
 
 def on_rig(plan: Plan, rig: Path, tare: Path | None = None) -> Plan:
-    """Return a copy of a plan in which all trials run on a given hardware rig.
-
-    Parameters
-    ----------
-    plan
-        The plan.
-    rig
-        The rig file, which describes the hardware rig.
-    tare
-        File with the zero offsets of the sensor channels; None for the setting in the plan.
-    """
+    """Return a copy of a plan for a hardware rig; without `tare`, with the plan's zero offsets."""
     settings = plan.settings | {"rig": str(rig.resolve()), "clock": "real"}
     if tare:
         settings["tare"] = str(tare.resolve())
@@ -98,18 +86,7 @@ def on_rig(plan: Plan, rig: Path, tare: Path | None = None) -> Plan:
 
 
 def plan_document(path: Path) -> dict[str, Any]:
-    """Return the contents of the file of a plan, without checking whether the plan is valid.
-
-    Parameters
-    ----------
-    path
-        A TOML file, or the name of a plan that is part of this package, such as `paper`.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or is not a TOML file.
-    """
+    """Return the contents of the file of a plan, without checking whether the plan is valid."""
     packaged = files(__package__).joinpath("plans", f"{path}.toml")
     if not path.suffix and packaged.is_file():
         with as_file(packaged) as source:
@@ -118,14 +95,7 @@ def plan_document(path: Path) -> dict[str, Any]:
 
 
 def checked_plan(document: dict[str, Any]) -> tuple[Plan, list[str]]:
-    """Return the valid part of a plan, and a message for each problem.
-
-    Parameters
-    ----------
-    document
-        Contents of the file of the plan. Items that are invalid are left out of the plan, so that
-        the rest of the plan can be checked.
-    """
+    """Return the valid part of a plan, and a message for each problem."""
     try:
         plan = Plan.model_validate(document)
     except ValidationError as error:
@@ -143,13 +113,6 @@ def remove(document: Any, place: Sequence[str | int]) -> None:
     """Remove an item from a document, which consists of nested dictionaries and lists.
 
     If the item does not exist, the document is not changed.
-
-    Parameters
-    ----------
-    document
-        The document.
-    place
-        The keys and list indices that lead to the item, the outermost first.
     """
     *outer, last = place
     with contextlib.suppress(KeyError, IndexError, TypeError):
@@ -159,16 +122,7 @@ def remove(document: Any, place: Sequence[str | int]) -> None:
 
 
 def inconsistencies(plan: Plan, stated: object) -> Iterator[str]:
-    """Yield a message for each inconsistency of a plan, such as a block that is not a factor.
-
-    Parameters
-    ----------
-    plan
-        The plan, without its invalid items.
-    stated
-        The factors as in the file of the plan, including invalid items. Without these items, an
-        invalid factor would also be reported as an unknown factor.
-    """
+    """Yield a message for each inconsistency of a plan, such as a block that is not a factor."""
     trials = plan.repetitions * prod(map(len, plan.factors.values()))
     if trials > MOST_TRIALS:
         yield f"{trials} trials: expected at most {MOST_TRIALS}"

@@ -49,19 +49,7 @@ class Question:
 def question_on(
     trial: PlannedTrial, plan: Plan, trials: Sequence[PlannedTrial], journal: Journal
 ) -> Question:
-    """Return the question whether to run a trial of a series.
-
-    Parameters
-    ----------
-    trial
-        The trial.
-    plan
-        Plan of the series, which contains a text for the person.
-    trials
-        All trials of the plan, in the order in which they are run.
-    journal
-        Journal of the series, which states what was done in this trial before.
-    """
+    """Return the question whether to run a trial of a series."""
     last = journal.last(trial.number)
     running, skipping = EFFECTS.get(last["entry"] if last else "", EFFECTS_ON_PENDING)
     return Question(
@@ -80,15 +68,6 @@ def prompt_of(plan: Plan, trial: PlannedTrial, count: int) -> str:
     The prompt is a text for the person. It can contain placeholders: {trial} is replaced by the
     name of the trial. The name of a factor in braces, such as {cube}, is replaced by the level of
     this factor in the trial, such as soft.
-
-    Parameters
-    ----------
-    plan
-        Plan of the series.
-    trial
-        The trial.
-    count
-        Number of trials in the plan.
     """
     text = plan.prompt.replace("{trial}", trial.label)
     for name, level in trial.levels.items():
@@ -100,13 +79,6 @@ def state_of(number: int, journal: Journal) -> str:
     """Return a sentence that states whether a trial is done, was skipped, or must be repeated.
 
     The result is empty if the trial has neither been started nor skipped yet.
-
-    Parameters
-    ----------
-    number
-        Number of the trial, from 1.
-    journal
-        Journal of the series, which states what was done in each trial.
     """
     last, attempt = journal.last(number), journal.attempts(number)
     if last is None:

@@ -16,7 +16,7 @@ from teleop.studies.series.journal import Journal
 from teleop.studies.series.trials import PlannedTrial
 
 NAME = "trials.csv"
-RESULTS = {
+RESULT_COLUMNS = {
     "k": STIFFNESS.column,
     "b": DAMPING.column,
     "k_end": f"k at the end [{STIFFNESS.si}]",
@@ -36,13 +36,6 @@ def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[di
 
     A row contains the values by the heading of the column. If an older version of the program did
     not write a value to the journal, this value is None.
-
-    Parameters
-    ----------
-    trials
-        All trials of the series.
-    journal
-        Journal of the series, which contains the results.
     """
     planned = {trial.number: trial for trial in trials}
     for result in journal.results():
@@ -59,44 +52,24 @@ def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[di
                 "note": journal.note(trial.number, result["attempt"]),
                 "seed": None if trial.settings.rig else summary.get("seed"),
                 "estimator": name,
-                **{RESULTS[key]: values.get(key) for key in RESULTS},
+                **{RESULT_COLUMNS[key]: values.get(key) for key in RESULT_COLUMNS},
                 **{TRACKING[key]: tracking.get(key) for key in TRACKING},
             }
 
 
 def columns(trials: Sequence[PlannedTrial]) -> list[str]:
-    """Return the headings of the columns of the table of results, in their order.
-
-    The table has a column for each factor of `trials`, which are all trials of the series.
-    """
+    """Return the headings of the table of results, with a column for each factor."""
     return [
         "trial",
         *trials[0].levels,
         *("repetition", "attempt", "time", "file", "note", "seed", "estimator"),
-        *RESULTS.values(),
+        *RESULT_COLUMNS.values(),
         *TRACKING.values(),
     ]
 
 
 def write_results(folder: Path, trials: Sequence[PlannedTrial], journal: Journal) -> None:
-    """Write the results of a series to the CSV file `NAME` in a folder.
-
-    If the file already exists with the same contents, it is not written again.
-
-    Parameters
-    ----------
-    folder
-        Folder of the series.
-    trials
-        All trials of the series.
-    journal
-        Journal of the series, which contains the results.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written, or the existing file cannot be read.
-    """
+    """Write the results of a series to its CSV file, unless it has the same contents."""
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, fieldnames=columns(trials))
     writer.writeheader()

@@ -45,42 +45,17 @@ class PlannedTrial:
 
     @property
     def label(self) -> str:
-        """Name of the trial for file names.
-
-        The name consists of the level of each factor and the number of the repetition, joined by
-        hyphens. For example, cube is a factor, and soft is one of its levels.
-        """
+        """Name of the trial for file names: levels and repetition, joined by hyphens."""
         return "-".join([*self.levels.values(), str(self.repetition)])
 
 
 def read_series(
     path: Path, rig: Path | None = None, tare: Path | None = None
 ) -> tuple[Plan, list[PlannedTrial]]:
-    """Read the plan of a series from a file, check it, and list its trials in their order.
+    """Read the plan of a series, check it, and list its trials in the order in which they are run.
 
-    Parameters
-    ----------
-    path
-        A TOML file, or the name of a plan that is part of this package, such as `paper`. Paths in
-        the plan are relative to the folder of the file.
-    rig
-        Rig file of the hardware rig on which the trials run; None for the rig of the plan.
-    tare
-        File with the zero offsets of the sensors of `rig`; None for the zero offsets of the plan.
-        Not used if `rig` is None.
-
-    Returns
-    -------
-    plan
-        The plan.
-    trials
-        All trials of the plan, in the order in which they are run.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or is not a valid plan. The message has one line for each problem
-        of the plan and of the settings of its trials.
+    `path` may also be the name of a plan of this package, such as `paper`. `rig` and `tare` replace
+    those of the plan. The InputError has one line for each problem of the plan and of its trials.
     """
     plan, problems = checked_plan(plan_document(path))
     if rig:
@@ -100,11 +75,7 @@ def read_series(
 
 
 def acting_factors(plan: Plan) -> dict[str, list[str]]:
-    """Return the factors that change the settings of the trials, with the levels of each factor.
-
-    For example, the factor cube with the levels soft and hard changes the settings. Other factors,
-    such as the name of the subject, can describe a trial without changing its settings.
-    """
+    """Return the levels of the factors that change the settings, unlike the name of a subject."""
     return {
         name: levels
         for name, levels in plan.factors.items()
@@ -113,11 +84,7 @@ def acting_factors(plan: Plan) -> dict[str, list[str]]:
 
 
 def cells(plan: Plan) -> list[tuple[dict[str, str], int]]:
-    """Return the cells of a plan in the order in which they are run.
-
-    A cell describes one trial. It contains the level of each factor by the name of the factor, and
-    the number of the repetition, from 1.
-    """
+    """Return levels and repetition of each trial, in the order in which they are run."""
     blocked = [plan.factors[name] for name in plan.blocks]
     inner = {name: levels for name, levels in plan.factors.items() if name not in plan.blocks}
     of_block = [
@@ -137,26 +104,7 @@ def cells(plan: Plan) -> list[tuple[dict[str, str], int]]:
 def chosen_settings(
     plan: Plan, acting: Mapping[str, Sequence[str]], folder: Path
 ) -> tuple[dict[tuple[str, ...], TrialSettings], list[str]]:
-    """Return the settings for each combination of levels, and a message for each invalid setting.
-
-    A combination contains one level, such as soft, of each factor, such as cube.
-
-    Parameters
-    ----------
-    plan
-        The plan.
-    acting
-        Factors whose levels are combined, with the levels of each factor, see `acting_factors`.
-    folder
-        Folder to which the paths in the settings of the plan are relative.
-
-    Returns
-    -------
-    settings
-        Valid settings, by the combination of levels.
-    problems
-        Messages about invalid settings, with the combinations of levels that cause each problem.
-    """
+    """Return the settings for each combination of levels, and a message for each invalid one."""
     settings: dict[tuple[str, ...], TrialSettings] = {}
     problems: dict[str, list[str]] = {}
     unknown = [name for name in SETTINGS if not plan.factors or plan.factors.get(name) == []]
@@ -179,21 +127,8 @@ def chosen_settings(
 def document_of(plan: Plan, levels: Mapping[str, str]) -> dict[str, Any]:
     """Return the settings for one combination of levels, with the keys of a configuration file.
 
-    A combination contains one level, such as soft, of each factor, such as cube. On a hardware rig,
-    the factor cube sets the name of the specimen. This factor then also sets the depth, unless the
-    plan states a depth.
-
-    Parameters
-    ----------
-    plan
-        The plan.
-    levels
-        Level of each factor that changes the settings, by the name of the factor.
-
-    Raises
-    ------
-    InputError
-        Two levels assign different values to the same setting.
+    On a hardware rig, the factor cube sets the name of the specimen and, unless the plan states it,
+    the depth.
     """
     document = dict(plan.settings)
     assigned: dict[str, tuple[object, str]] = {}

@@ -1,14 +1,11 @@
-"""Run the points of a sweep that are not done yet, and write the results.
-
-A sweep runs a task, such as a simulated trial, with different settings. A point is one combination
-of values of these settings.
-"""
+"""Run the points of a sweep that are not done yet, and write the results."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from teleop.errors import InputError
 from teleop.files import make_folder
@@ -26,7 +23,7 @@ order in which the results were computed."""
 
 
 @dataclass
-class Progress:
+class SweepProgress:
     """Progress of a sweep: how many of its points are done, and how many have failed."""
 
     total: int
@@ -49,62 +46,24 @@ def conduct(
     task: Task,
     points: Sequence[Point],
     execute: Execute,
-    report: Callable[[Progress], None] = lambda progress: None,
-) -> Progress:
+    report: Callable[[SweepProgress], None] = lambda progress: None,
+) -> SweepProgress:
     """Run the points of a sweep that are not done yet, and write the tables of results.
 
     A point whose result was an error is run again. Each result is written to the journal as soon as
     it is computed. The table results.csv contains the results in the order of the points. The
     result of a point is added to this table as soon as all points before this point are done.
-
-    Parameters
-    ----------
-    folder
-        Folder of the sweep.
-    plan
-        The plan.
-    task
-        Task that is run at each point.
-    points
-        All points of the plan.
-    execute
-        Function that runs the task at the points that are not done. It yields the results of groups
-        of points (chunks).
-    report
-        Function that is called with the progress at the start and after each chunk of points.
-
-    Returns
-    -------
-    The progress at the end: the numbers of points that are done and that have failed.
-
-    Raises
-    ------
-    InputError
-        A file cannot be written, the folder contains other files or a sweep of another plan,
-        another series or sweep is running in the folder, or the settings of all checked points are
-        invalid (see `check`). The software or a file changed after the sweep began, or a worker has
-        other software or files.
     """
     make_folder(folder / JOURNAL)
     with locked(folder):
         journal = JsonLines(folder / JOURNAL)
-        positions: dict[int, int] = {}
-        progress = Progress(len(points))
-        document = plan.model_dump(mode="json")
         known = journal.read()
         _, first = next(known, (0, None))
         if first is None:
-            if any(path.name not in (LOCK, JOURNAL) for path in folder.iterdir()):
-                raise InputError(f"{folder}: expected an empty folder, or the folder of a sweep")
-            check(task, points)
-            first = {"plan": document, "origin": origin_of(task.files, task.plug_ins)}
-            journal.append([first])
-        elif first.get("plan") != document:
-            keys = [key for key in document if first.get("plan", {}).get(key) != document[key]]
-            raise InputError(
-                f"{folder}: contains a sweep of another plan, which differs in {', '.join(keys)}: "
-                "expected another folder (--out)"
-            )
+            first = begin(folder, journal, plan, task, points)
+        check_plan(folder, first, plan)
+        progress = SweepProgress(len(points))
+        positions: dict[int, int] = {}
         for position, result in known:
             if "error" not in result:
                 positions[result["point"]] = position
@@ -112,15 +71,8 @@ def conduct(
         progress.done = progress.resumed = len(positions)
         pending = [point for point in points if point.number not in positions]
         origin: Origin = first.get("origin") or {}
-        if pending and not origin:
-            raise InputError(
-                f"{folder}: contains a sweep of an earlier version: expected another folder (--out)"
-            )
-        if pending and (changed := differences(origin, origin_of(task.files, task.plug_ins))):
-            raise InputError(
-                f"{folder}: changed since the sweep began: {changed}; to compute all points with "
-                "the present state, expected another folder (--out)"
-            )
+        if pending:
+            check_origin(folder, origin, task)
         report(progress)
         tables = Tables(folder, task, points, journal, positions)
         for results, used, place in execute(task, pending) if pending else ():
@@ -138,3 +90,42 @@ def conduct(
             report(progress)
         progress.parquet = tables.write_parquet()
     return progress
+
+
+def begin(
+    folder: Path, journal: JsonLines, plan: SweepPlan, task: Task, points: Sequence[Point]
+) -> dict[str, Any]:
+    """Write the first line of the journal of a new sweep, and return its contents."""
+    if any(path.name not in (LOCK, JOURNAL) for path in folder.iterdir()):
+        raise InputError(f"{folder}: expected an empty folder, or the folder of a sweep")
+    check(task, points)
+    first = {
+        "plan": plan.model_dump(mode="json"),
+        "origin": origin_of(task.files, task.plug_ins),
+    }
+    journal.append([first])
+    return first
+
+
+def check_plan(folder: Path, first: Mapping[str, Any], plan: SweepPlan) -> None:
+    """Check that a sweep began with the same plan (`first`: the first line of its journal)."""
+    document, known = plan.model_dump(mode="json"), first.get("plan", {})
+    if known != document:
+        keys = [key for key in document if known.get(key) != document[key]]
+        raise InputError(
+            f"{folder}: contains a sweep of another plan, which differs in {', '.join(keys)}: "
+            "expected another folder (--out)"
+        )
+
+
+def check_origin(folder: Path, origin: Origin, task: Task) -> None:
+    """Check that software and files are those with which a sweep began."""
+    if not origin:
+        raise InputError(
+            f"{folder}: contains a sweep of an earlier version: expected another folder (--out)"
+        )
+    if changed := differences(origin, origin_of(task.files, task.plug_ins)):
+        raise InputError(
+            f"{folder}: changed since the sweep began: {changed}; to compute all points with the "
+            "present state, expected another folder (--out)"
+        )

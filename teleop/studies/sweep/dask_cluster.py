@@ -1,8 +1,4 @@
-"""Run the points of a sweep on a Dask cluster, which can consist of several machines.
-
-A point is one combination of values of the settings. A worker is a process of the cluster. The
-scheduler is the process that assigns points to the workers.
-"""
+"""Run the points of a sweep on a Dask cluster, which can consist of several machines."""
 
 from __future__ import annotations
 
@@ -11,15 +7,15 @@ import contextlib
 import logging
 import pickle
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 from teleop.errors import InputError
 from teleop.studies.sweep.executors import (
     AHEAD,
-    ATTEMPTS,
     Execute,
+    alone,
     chunks_of,
-    killed,
     processors,
 )
 from teleop.studies.sweep.origin import versions
@@ -35,24 +31,11 @@ TIMEOUT = 30.0
 def on_dask(address: str, count: int | None = None) -> Execute:
     """Return a function that runs a task at the points of a sweep on a Dask cluster.
 
-    If a worker (process of the cluster) is killed, Dask assigns the points of this worker to
-    another worker. If several workers are killed with the same points, Dask abandons these points.
-    At the end, the abandoned points are run again one by one. If Dask abandons a point `ATTEMPTS`
-    more times, the result of the point is an error.
+    `address` is that of a scheduler, such as tcp://10.0.0.1:8786, or `LOCAL` for a cluster of
+    `count` processes on this machine.
 
-    Parameters
-    ----------
-    address
-        Address of the scheduler, such as tcp://10.0.0.1:8786, or `local` for a cluster of
-        processes on this machine.
-    count
-        Number of processes if `address` is `local`; None for one process per processor. Not used
-        for another address.
-
-    Raises
-    ------
-    InputError
-        dask.distributed is not installed, or the address is empty.
+    If a worker is killed, Dask assigns its points to another worker. Points with which several
+    workers are killed are abandoned by Dask; at the end, they are run again one by one (`alone`).
     """
     if not address.strip():
         raise InputError(
@@ -89,7 +72,8 @@ def on_dask(address: str, count: int | None = None) -> Execute:
                         suspects.extend(chunk)
                     submit()
                 for point in suspects:
-                    yield alone(client, task, point)
+                    run = partial(result_of, client, task, point)
+                    yield alone(point, run, distributed.KilledWorker)
             except (OSError, distributed.CancelledError) as error:
                 raise InputError(
                     f"the connection to the Dask scheduler {address} was lost: {error}; to "
@@ -126,6 +110,12 @@ def submitted(client: Any, task: Task, points: Sequence[Point]) -> Any:
     return client.submit(pickle.loads, packed(computed_on_worker, task, points), pure=False)
 
 
+def result_of(client: Any, task: Task, point: Point) -> Computed:
+    """Run a task at one point on the cluster."""
+    found: Computed = submitted(client, task, [point]).result()
+    return found
+
+
 def packed(function: Callable[..., Any], *arguments: Any) -> bytes:
     """Return a pickled call of a function, which `pickle.loads` makes."""
     from distributed.protocol.pickle import dumps
@@ -156,42 +146,12 @@ def check_workers(client: Any, address: str) -> None:
         raise InputError(f"dask {address}: {'; '.join(others)}: expected {expected}")
 
 
-def alone(client: Any, task: Task, point: Point) -> Computed:
-    """Run a single point of a sweep while the cluster has no other work, and return its result.
-
-    If Dask abandons the point because its workers are killed, the point is run again. After
-    `ATTEMPTS` attempts, the result is an error.
-
-    Parameters
-    ----------
-    client
-        Dask client that is connected to the cluster.
-    task
-        Task that is run at the point.
-    point
-        The point.
-    """
-    from distributed import KilledWorker
-
-    for _ in range(ATTEMPTS):
-        with contextlib.suppress(KilledWorker):
-            found: Computed = submitted(client, task, [point]).result()
-            return found
-    return killed(point)
-
-
 @contextlib.contextmanager
 def cluster(address: str, count: int | None) -> Iterator[Any]:
     """Context manager that provides a Dask client, which is connected to a Dask cluster.
 
     A cluster that was started on this machine ends at the end of the `with` block. The parameters
     are the same as for `on_dask`.
-
-    Raises
-    ------
-    InputError
-        The scheduler cannot be reached, the scheduler has no workers, or a worker has no teleop or
-        another version of the software.
     """
     from distributed import Client, LocalCluster
 

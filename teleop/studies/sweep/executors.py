@@ -1,7 +1,10 @@
 """Run the points of a sweep in several processes of this machine.
 
-A point is one combination of values of the settings. Points are sent to a process in groups, which
-are called chunks.
+Why `concurrent.futures` and `distributed` are used directly, and not joblib (1.6, measured with 40
+short trials and 2 processes): joblib starts new interpreters and takes 11.6 s instead of 5.9 s; if
+a process is killed, joblib ends with the results so far (2 of 40; here 40, one with an error), so
+that the bookkeeping below is needed all the same; if the command is killed, its processes run on
+for more than 20 s (here they end after 0.2 s, see `workers`). Ctrl-C ends both within 1 s.
 """
 
 from __future__ import annotations
@@ -10,6 +13,8 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from contextlib import suppress
+from functools import partial
 from itertools import chain
 
 from teleop.studies.sweep.points import Point
@@ -26,11 +31,7 @@ of the point is an error."""
 
 
 def chunks_of(task: Task, points: Sequence[Point]) -> Iterator[Sequence[Point]]:
-    """Divide points into chunks, and yield the chunks.
-
-    A chunk is a group of points that are sent to a process together. The task states how many
-    points are in a chunk.
-    """
+    """Yield the points in groups of `task.chunk`, which are sent to a process together."""
     for start in range(0, len(points), task.chunk):
         yield points[start : start + task.chunk]
 
@@ -44,15 +45,11 @@ def processors() -> int:
 def in_processes(count: int | None = None) -> Execute:
     """Return a function that runs a task at the points of a sweep in processes of this machine.
 
+    By default, there is one process per processor.
     If one of the processes is killed, all processes end. The points that were already sent to the
     processes and have no result are then run again one by one, each in a separate process. If the
     separate process of a point is killed in each of `ATTEMPTS` attempts, the result of this point
     is an error. The remaining points are run in new processes.
-
-    Parameters
-    ----------
-    count
-        Number of processes; None for one process per processor.
     """
     size = count or processors()
 
@@ -71,30 +68,25 @@ def in_processes(count: int | None = None) -> Execute:
                             del running[future]
             except BrokenExecutor:
                 for point in chain.from_iterable(running.values()):
-                    yield alone(task, point)
+                    yield alone(point, partial(in_own_process, task, point), BrokenExecutor)
 
     return execute
 
 
-def alone(task: Task, point: Point) -> Computed:
-    """Run a single point of a sweep in a separate process, and return its result.
+def in_own_process(task: Task, point: Point) -> Computed:
+    """Run a task at one point in a new process."""
+    with workers(1) as pool:
+        return pool.submit(computed, task, [point]).result()
 
-    If the process is killed, the point is run again in a new process. If the process is killed in
-    each of `ATTEMPTS` attempts, the result is an error.
+
+def alone(point: Point, run: Callable[[], Computed], killed: type[Exception]) -> Computed:
+    """Return the result of `run`, which runs a single point while no other point is run.
+
+    If the process is killed, `run` raises `killed`, and is called again. After `ATTEMPTS` attempts,
+    the result is an error.
     """
     for _ in range(ATTEMPTS):
-        try:
-            with workers(1) as pool:
-                return pool.submit(computed, task, [point]).result()
-        except BrokenExecutor:
-            continue
-    return killed(point)
-
-
-def killed(point: Point) -> Computed:
-    """Return the result of a point that could not be run because its process was always killed.
-
-    The result contains the number of the point and an error message.
-    """
+        with suppress(killed):
+            return run()
     problem = "its process was killed, for example for its memory"
     return Computed([{"point": point.number, "error": problem}], None)

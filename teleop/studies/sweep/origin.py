@@ -34,15 +34,7 @@ CODE = (".py", ".so", ".pyd")
 
 
 def origin_of(files: Mapping[str, Path], plug_ins: Iterable[str]) -> Origin:
-    """Return the origin of results that this process computes.
-
-    Parameters
-    ----------
-    files
-        Path of each file that is read, by the name that the origin contains.
-    plug_ins
-        Names of the estimators of other packages that are used.
-    """
+    """Return the origin of results that this process computes."""
     return {
         **{name: {"version": text} for name, text in versions().items()},
         **{f"estimator {name}": plug_in(name) for name in plug_ins},

@@ -1,7 +1,6 @@
 """Read the plan of a sweep: the settings that vary, their values, and the task at each point.
 
-A point is one combination of values of the settings. The task is to run a trial, or to compute
-estimates from a recording.
+The task is to run a trial, or to compute estimates from a recording.
 """
 
 from __future__ import annotations
@@ -123,22 +122,7 @@ class SweepPlan(BaseModel):
 
 
 def read_plan(path: Path, seeds: int | None = None) -> SweepPlan:
-    """Read the plan of a sweep from a file, and check it.
-
-    Parameters
-    ----------
-    path
-        A TOML file, or the name of a plan that is part of this package, such as `paper`.
-    seeds
-        Number of repetitions of each combination of values. It replaces the number in the plan,
-        unless it is None.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or is not a valid plan. The message lists the problems that were
-        found.
-    """
+    """Read the plan of a sweep from a file, and check it."""
     packaged = files(__package__).joinpath("plans", f"{path}.toml")
     if not path.suffix and packaged.is_file():
         with as_file(packaged) as source:

@@ -1,8 +1,4 @@
-"""Compute the points of a sweep from its plan.
-
-A point is one combination of values of the factors, and the number of the repetition. The factors
-are the settings that vary.
-"""
+"""Compute the points of a sweep from its plan."""
 
 from __future__ import annotations
 
@@ -22,7 +18,7 @@ class Point(NamedTuple):
     number: int
     """Position of the point in the sweep, from 1."""
     values: tuple[Any, ...]
-    """Values of the settings that vary (the factors), in the order of the plan."""
+    """Values of the settings that vary, in the order of the plan."""
     repetition: int
     """Number of the repetition, from 0. It is added to the seed of the trial."""
 
@@ -41,7 +37,7 @@ def points_of(plan: SweepPlan) -> list[Point]:
 def listed_values(plan: SweepPlan) -> list[tuple[Any, ...]]:
     """Return the combinations of values of the factors in the design `grid` or `list`.
 
-    The factors are the settings that vary. Each combination contains one value of each factor.
+    Each combination contains one value of each factor.
     """
     values = [
         spaced(one, np.linspace(0.0, 1.0, one.steps or 0)) if isinstance(one, Range) else one
@@ -53,9 +49,9 @@ def listed_values(plan: SweepPlan) -> list[tuple[Any, ...]]:
 def random_values(plan: SweepPlan) -> list[tuple[Any, ...]]:
     """Return the combinations of values in the design `random` or `latin-hypercube`.
 
-    Each combination contains one value of each factor (setting that varies). In a Latin hypercube
-    with n combinations, the range of each factor is divided into n equal parts. Each part contains
-    the value of exactly one combination.
+    Each combination contains one value of each factor. In a Latin hypercube with n combinations,
+    the range of each factor is divided into n equal parts. Each part contains the value of exactly
+    one combination.
     """
     count, size = plan.points or 0, len(plan.factors)
     generator = np.random.default_rng(plan.seed)
@@ -71,16 +67,7 @@ def random_values(plan: SweepPlan) -> list[tuple[Any, ...]]:
 
 
 def spaced(values: Range, shares: Sequence[float] | np.ndarray) -> list[float]:
-    """Return the values at given fractions of a range.
-
-    Parameters
-    ----------
-    values
-        The range, with a linear or logarithmic scale.
-    shares
-        The fractions. The fraction 0 gives the lowest value of the range, and 1 gives the highest
-        value. The fraction 0.5 gives the middle of the range on its scale.
-    """
+    """Return the values at given fractions of a range."""
     low, high = values.low, values.high
     inside = [float(share) for share in shares]
     if values.scale == "log":
@@ -91,16 +78,7 @@ def spaced(values: Range, shares: Sequence[float] | np.ndarray) -> list[float]:
 
 
 def chosen(values: Sequence[Any], shares: np.ndarray) -> list[Any]:
-    """Return the items at given fractions of the length of a list.
-
-    Parameters
-    ----------
-    values
-        The list.
-    shares
-        The fractions, at least 0 and less than 1, shape (n,). The fraction 0 gives the first item.
-        In a list of four items, each fraction of at least 0.75 gives the last item.
-    """
+    """Return the items at given fractions of the length of a list."""
     return [values[math.floor(share * len(values))] for share in shares.tolist()]
 
 

@@ -23,18 +23,7 @@ from teleop.trial.recorded_trial import recorded_part
 
 
 class RecordedTrial:
-    """A recorded trial from which estimates are computed with other settings than in the trial.
-
-    Parameters
-    ----------
-    path
-        The recording (.mcap).
-
-    Raises
-    ------
-    InputError
-        The recording cannot be read, or has no settings.
-    """
+    """A recorded trial from which estimates are computed with other settings than in the trial."""
 
     def __init__(self, path: Path) -> None:
         recording = load(path)
@@ -73,18 +62,5 @@ KEPT = 20
 
 @lru_cache(maxsize=2)
 def recorded_trial(path: Path, content: str) -> RecordedTrial:
-    """Return a recorded trial. Each process reads the file only once, unless the file changes.
-
-    Parameters
-    ----------
-    path
-        The recording (.mcap).
-    content
-        Hash of the content of the file.
-
-    Raises
-    ------
-    InputError
-        The recording cannot be read, or has no settings.
-    """
+    """Return a recorded trial. Each process reads the file only once, unless the file changes."""
     return RecordedTrial(path)

@@ -1,21 +1,28 @@
-"""Write the tables of results of a sweep, with a row for each estimator at each point.
-
-A point is one combination of values of the settings that vary.
-"""
+"""Write the tables of results of a sweep, with a row for each estimator at each point."""
 
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
+from estimation.quantities import RESULTS as QUANTITIES
+from teleop.errors import InputError
 from teleop.files import new_file, unwritable
 from teleop.json_documents import dumps
 from teleop.studies.json_lines import JsonLines
+from teleop.studies.series.table import RESULT_COLUMNS
 from teleop.studies.sweep.points import Point
-from teleop.studies.sweep.tasks import Row, Task
+from teleop.studies.sweep.tasks import ESTIMATOR, Row, Task
+
+if TYPE_CHECKING:
+    from teleop.output.sweep_figures import SweepRows
+
 
 CSV, PARQUET = "results.csv", "results.parquet"
 BATCH = 10_000
@@ -27,26 +34,6 @@ class Tables:
 
     The file results.csv is written while the sweep runs. The file results.parquet is written by the
     method `write_parquet`.
-
-    Parameters
-    ----------
-    folder
-        Folder of the sweep.
-    task
-        Task that is run at each point.
-    points
-        All points of the plan.
-    journal
-        The journal with the results.
-    positions
-        Where the journal contains the result of each point that is done: the key is the number of
-        the point, and the value is the position of the result in the journal [bytes]. While the
-        sweep runs, the caller adds the positions of further points.
-
-    Raises
-    ------
-    InputError
-        The file results.csv cannot be written.
     """
 
     def __init__(
@@ -66,16 +53,7 @@ class Tables:
         self.extend()
 
     def extend(self) -> None:
-        """Append rows to results.csv for the points that are done and not yet in this table.
-
-        The rows are in the order of the points. Therefore only the points before the first point
-        that is not done are written.
-
-        Raises
-        ------
-        InputError
-            The file results.csv cannot be written.
-        """
+        """Append the points that are done to results.csv, up to the first one that is not done."""
         start = self._written
         while self._written < len(self._points) and self._next in self._positions:
             self._written += 1
@@ -98,11 +76,7 @@ class Tables:
             raise unwritable(path, error) from error
 
     def rows(self, start: int, end: int) -> Iterator[Row]:
-        """Yield the rows of the points with the indices `start` to `end` - 1, counted from 0.
-
-        All of these points must be done. A point whose result is a safety stop or an error has one
-        row, which contains the message.
-        """
+        """Yield the rows of the points `start` to `end` - 1, or a row with the error of a point."""
         points = self._points[start:end]
         results = self._journal.documents_at(self._positions[point.number] for point in points)
         for point, result in zip(points, results, strict=True):
@@ -116,13 +90,7 @@ class Tables:
                 yield {**about, **row}
 
     def write_parquet(self) -> bool:
-        """Write the file results.parquet if pyarrow is installed. Return whether it is installed.
-
-        Raises
-        ------
-        InputError
-            The file cannot be written.
-        """
+        """Write results.parquet. Return False if pyarrow is not installed."""
         try:
             import pyarrow
             from pyarrow import parquet
@@ -163,11 +131,34 @@ def is_number(value: Any) -> bool:
 
 
 def as_text(value: Any) -> str | None:
-    """Return the text in a table's cell for a value; None for None, whose cell is empty.
-
-    A text is returned unchanged. A number, True or False is converted by `str`, as in a CSV file.
-    Another value, such as a list, is converted to a text in JSON.
-    """
+    """Return a value as in a CSV cell: texts and numbers as they are, others as JSON."""
     if value is None or isinstance(value, str):
         return value
     return str(value) if isinstance(value, int | float) else dumps(value)
+
+
+def read_rows(path: Path, factors: Sequence[str], response: str) -> SweepRows:
+    """Return those rows of a table of results that contain a value of the result `response`."""
+    from teleop.output.sweep_figures import SweepRows  # imports matplotlib, which takes long
+
+    heading = RESULT_COLUMNS[response]
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if math.isfinite(float(row[heading] or "nan"))]
+    if not rows:
+        raise InputError(f"{path}: no point has a value of {heading}: nothing to plot")
+    # The table has SI units, the figure the unit in which the quantity is shown.
+    quantity = QUANTITIES.get(response)
+    return SweepRows(
+        {name: values_of([row[name] for row in rows]) for name in factors},
+        np.array([row[ESTIMATOR] for row in rows]),
+        np.array([float(row[heading]) for row in rows]) * (quantity.factor if quantity else 1.0),
+        quantity.heading if quantity else heading,
+    )
+
+
+def values_of(cells: Sequence[str]) -> Sequence[float] | Sequence[str]:
+    """Return the values of a column as numbers, or as texts if one of them is not a number."""
+    try:
+        return [float(cell) for cell in cells]
+    except ValueError:
+        return cells

@@ -1,8 +1,7 @@
 """Define the tasks at a point of a sweep: run a simulated trial, or evaluate a recording.
 
-A point is one combination of values of the settings that vary. A task can be sent to another
-process. The result of a task at a point depends only on the plan. It does not depend on the number
-of processes or the order in which the points are run.
+A task can be sent to another process. The result of a task at a point depends only on the plan. It
+does not depend on the number of processes or the order in which the points are run.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from estimation.summary import summarise
 from teleop.errors import InputError, SafetyStop
 from teleop.settings.configuration import settings_from
 from teleop.settings.trial_settings import TrialSettings
-from teleop.studies.series.table import RESULTS
+from teleop.studies.series.table import RESULT_COLUMNS
 from teleop.studies.sweep.origin import Origin, file, origin_of, plug_ins_in
 from teleop.studies.sweep.plan import Range, SweepPlan
 from teleop.studies.sweep.points import Point, evenly
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
 
 CHECKED = 100
 """Approximate number of points that are checked before a sweep begins; see `evenly`."""
-TRUTH = {"k_deepest": f"true {STIFFNESS.column}", "b": f"true {DAMPING.column}"}
+TRUE_COLUMNS = {"k_deepest": f"true {STIFFNESS.column}", "b": f"true {DAMPING.column}"}
 """Headings of the columns with true values of a simulated trial, by the key in its summary."""
 SEED, ESTIMATOR = "seed", "estimator"
 """Headings of the columns with the seed of the trial and the name of the estimator."""
@@ -54,10 +53,7 @@ class Computed(NamedTuple):
 
 
 class Task(Protocol):
-    """Interface of a task, which is run at each point of a sweep.
-
-    A point is one combination of values of the settings that vary.
-    """
+    """Interface of a task, which is run at each point of a sweep."""
 
     @property
     def files(self) -> Mapping[str, Path]:
@@ -71,7 +67,7 @@ class Task(Protocol):
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """Names of the settings that vary (the factors)."""
+        """Names of the settings that vary."""
         ...
 
     @property
@@ -85,13 +81,7 @@ class Task(Protocol):
         ...
 
     def settings(self, point: Point) -> TrialSettings:
-        """Return the settings of the task at a point of the sweep.
-
-        Raises
-        ------
-        InputError
-            The settings are invalid.
-        """
+        """Return the settings of the task at a point of the sweep."""
         ...
 
     def rows(self, point: Point) -> list[Row]:
@@ -104,7 +94,7 @@ class TrialTask:
     """Task that runs a trial on the simulated rig in virtual time."""
 
     keys: tuple[str, ...]
-    """Names of the settings that vary (the factors)."""
+    """Names of the settings that vary."""
     common: Mapping[str, Any]
     """Settings of all trials, with the keys of a configuration file."""
     folder: Path
@@ -114,16 +104,15 @@ class TrialTask:
     plug_ins: tuple[str, ...]
     """Names of the estimators of other packages that the task uses."""
     chunk: ClassVar[int] = 1
-    columns: ClassVar[tuple[str, ...]] = (SEED, *TRUTH.values(), ESTIMATOR, *RESULTS.values())
+    columns: ClassVar[tuple[str, ...]] = (
+        SEED,
+        *TRUE_COLUMNS.values(),
+        ESTIMATOR,
+        *RESULT_COLUMNS.values(),
+    )
 
     def settings(self, point: Point) -> TrialSettings:
-        """Return the settings of the trial at a point of the sweep.
-
-        Raises
-        ------
-        InputError
-            The settings are invalid.
-        """
+        """Return the settings of the trial at a point of the sweep."""
         document = with_values(self.common, self.keys, point.values)
         for key, expected in (("clock", "virtual"), ("rig", None)):
             if document.get(key, expected) != expected:
@@ -132,23 +121,19 @@ class TrialTask:
         return replace(settings, seed=settings.seed + point.repetition)
 
     def rows(self, point: Point) -> list[Row]:
-        """Run the trial at a point of the sweep, and return one row of results per estimator.
-
-        Raises
-        ------
-        InputError
-            The settings are invalid.
-        SafetyStop
-            The trial was stopped for safety.
-        """
+        """Run the trial at a point of the sweep, and return one row of results per estimator."""
         settings = self.settings(point)
         summary = run_trial(settings).summary()
         if fault := summary["safety"]["fault"]:
             raise SafetyStop(f"stopped for safety: {fault['text']}")
         about = {SEED: settings.seed}
-        about |= {heading: summary["truth"][key] for key, heading in TRUTH.items()}
+        about |= {heading: summary["truth"][key] for key, heading in TRUE_COLUMNS.items()}
         return [
-            {**about, ESTIMATOR: name, **{RESULTS[key]: values[key] for key in RESULTS}}
+            {
+                **about,
+                ESTIMATOR: name,
+                **{RESULT_COLUMNS[key]: values[key] for key in RESULT_COLUMNS},
+            }
             for name, values in summary["estimates"].items()
         ]
 
@@ -162,7 +147,7 @@ class EstimateTask:
     """
 
     keys: tuple[str, ...]
-    """Names of the settings that vary (the factors)."""
+    """Names of the settings that vary."""
     path: Path
     """Path of the recording."""
     files: Mapping[str, Path]
@@ -170,7 +155,7 @@ class EstimateTask:
     own_plug_ins: tuple[str, ...]
     """Names of the estimators of other packages that the plan contains."""
     chunk: ClassVar[int] = 50
-    columns: ClassVar[tuple[str, ...]] = (SEED, ESTIMATOR, *RESULTS.values())
+    columns: ClassVar[tuple[str, ...]] = (SEED, ESTIMATOR, *RESULT_COLUMNS.values())
 
     @property
     def recorded(self) -> RecordedTrial:
@@ -192,13 +177,7 @@ class EstimateTask:
         return (*dict.fromkeys((*self.own_plug_ins, *recorded)),)
 
     def settings(self, point: Point) -> TrialSettings:
-        """Return the settings with which the estimates are computed at a point of the sweep.
-
-        Raises
-        ------
-        InputError
-            The settings are invalid, or the recording cannot be read.
-        """
+        """Return the settings with which the estimates are computed at a point of the sweep."""
         document = with_values(self.recorded.document, self.keys, point.values)
         return settings_from(document, self.path.parent)
 
@@ -217,22 +196,14 @@ class EstimateTask:
             {
                 SEED: settings.seed,
                 ESTIMATOR: name,
-                **{RESULTS[key]: getattr(values, key) for key in RESULTS},
+                **{RESULT_COLUMNS[key]: getattr(values, key) for key in RESULT_COLUMNS},
             }
             for name, values in summaries.items()
         ]
 
 
 def task_of(plan: SweepPlan, folder: Path) -> Task:
-    """Return the task of a sweep: to run a trial at each point, or to evaluate a recording.
-
-    Parameters
-    ----------
-    plan
-        The plan of the sweep, which states the task.
-    folder
-        Folder to which the paths in the plan are relative.
-    """
+    """Return the task of a sweep: to run a trial at each point, or to evaluate a recording."""
     keys, root = tuple(plan.factors), folder.absolute()
     values = {key: [] if isinstance(one, Range) else one for key, one in plan.factors.items()}
     tares = [plan.settings.get("tare"), *values.get("tare", ())]
@@ -252,11 +223,6 @@ def check(task: Task, points: Sequence[Point]) -> None:
     About `CHECKED` points, evenly distributed over the sweep, are checked. One point with valid
     settings is sufficient. The sweep then runs, and the result of each point with invalid settings
     is an error.
-
-    Raises
-    ------
-    InputError
-        The settings of all checked points are invalid.
     """
     first: InputError | None = None
     for point in evenly(points, CHECKED):
@@ -281,7 +247,7 @@ def results(task: Task, points: Sequence[Point]) -> list[dict[str, Any]]:
     The dictionary contains the number of the point, and its rows of results, the reason of a safety
     stop (`stopped`), or an error message (`error`). A safety stop is a result of the trial. After
     an error, there is no result, and the point must be run again. An exception other than
-    InputError is an error in the program (a bug). The dictionary then also contains the traceback.
+    InputError is an error in the program. The dictionary then also contains the traceback.
     """
     found = []
     for point in points:
@@ -304,23 +270,7 @@ def results(task: Task, points: Sequence[Point]) -> list[dict[str, Any]]:
 def with_values(
     document: Mapping[str, Any], keys: Sequence[str], values: Sequence[Any]
 ) -> dict[str, Any]:
-    """Return a copy of a document with settings, in which some settings have new values.
-
-    Parameters
-    ----------
-    document
-        Settings with the keys of a configuration file.
-    keys
-        Names of the settings, with a dot between the names of nested settings.
-    values
-        New values of these settings.
-
-    Raises
-    ------
-    InputError
-        A key names a setting within another setting that is not a table. An example is `a.b` if
-        the value of `a` is a number.
-    """
+    """Return a copy of a document with settings, in which some settings have new values."""
     changed: dict[str, Any] = deepcopy(dict(document))
     for key, value in zip(keys, values, strict=True):
         *outer, last = key.split(".")

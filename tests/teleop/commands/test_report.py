@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from teleop.cli import main
 from teleop.control.excitation_signals import Sine
-from teleop.output.settings_rows import value_text
+from teleop.output.report_page import value_text
 from teleop.recording.recording import load
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.recorded_trial import performed

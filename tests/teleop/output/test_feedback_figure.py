@@ -7,8 +7,8 @@ import pytest
 from sim_backend import OperatorModel
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.evaluation.teleoperation.rendering import hand
-from teleop.output.feedback_figure import feedback_figure
 from teleop.output.report_page import report_page
+from teleop.output.trial_figures import feedback_figure
 from teleop.recording.recording import load
 from teleop.safety.events import ACTIVE
 from teleop.settings.trial_settings import TrialSettings

@@ -23,7 +23,7 @@ from teleop.evaluation.evaluate import EstimateSettings, evaluate
 from teleop.evaluation.reading.signals import Signals
 from teleop.output.figure_files import save
 from teleop.output.fit_figures import fit_figure
-from teleop.output.stiffness_figure import stiffness_figure
+from teleop.output.trial_figures import stiffness_figure
 from teleop.output.web_page import svg
 
 T = np.linspace(0.0, 10.0, 5000)

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.output.effects_table import effects_table
-from teleop.output.latex import latex
-from teleop.output.table_files import TextTable, latex_text
+from teleop.output.table_files import TextTable, latex, latex_text
+from teleop.studies.anova import effects_table
 
 PRINTED = {
     r"\textbackslash{}": "\\",

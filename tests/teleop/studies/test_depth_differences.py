@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from teleop.evaluation.across.comparison import Compared
-from teleop.studies.depth_differences import depth_note
+from teleop.studies.anova import depth_note
 
 FACTORS = ["condition", "cube"]
 

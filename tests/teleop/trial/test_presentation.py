@@ -10,7 +10,7 @@ import pytest
 from teleop.cli import main
 from teleop.errors import InputError
 from teleop.evaluation.teleoperation.tracking import tracking
-from teleop.output.tracking_figure import tracking_figure
+from teleop.output.trial_figures import tracking_figure
 from teleop.output.web_page import svg
 from teleop.recording.recording import Recording, load
 from teleop.settings.trial_settings import TrialSettings

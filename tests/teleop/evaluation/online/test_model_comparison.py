@@ -8,7 +8,7 @@ import pytest
 from estimation import MODELS, Regression, paper_preset
 from teleop.evaluation.online.model_comparison import compare
 from teleop.settings.trial_settings import TrialSettings
-from teleop.studies.paper.methods import Methods, averages, compare_methods
+from teleop.studies.paper.methods import FurtherMethods, averages, compare_methods
 from teleop.trial.run import run_trial
 
 
@@ -56,7 +56,7 @@ def trial():
 
 
 def test_methods_are_held_against_the_cube_that_was_palpated(trial):
-    results = compare_methods(trial, Methods(("rls", "me", "reference")))
+    results = compare_methods(trial, FurtherMethods(("rls", "me", "reference")))
     assert results["rls"].k_error < 0.15  # the cube stiffens
     assert results["rls"].b_error < 30.0
     assert np.isnan(results["reference"].k_coverage)
@@ -66,7 +66,7 @@ def test_methods_are_held_against_the_cube_that_was_palpated(trial):
 
 
 def test_a_model_that_is_true_of_the_cube_errs_less(trial):
-    plain = compare_methods(trial, Methods(("rls",)))["rls"]
-    stiffening = compare_methods(trial, Methods(("rls",), MODELS["stiffening"]))["rls"]
+    plain = compare_methods(trial, FurtherMethods(("rls",)))["rls"]
+    stiffening = compare_methods(trial, FurtherMethods(("rls",), MODELS["stiffening"]))["rls"]
     assert stiffening.k_error < 0.5 * plain.k_error
     assert stiffening.e_f < 0.5 * plain.e_f

@@ -12,7 +12,7 @@ from teleop.studies.paper.claims import check_claims
 from teleop.studies.paper.page import reproduction_page
 from teleop.studies.paper.reproduction import reproduce
 from teleop.studies.paper.table1 import CONDITIONS, is_calibrated, table1
-from teleop.studies.paper.trials import Damping, Outcome, paper_trial
+from teleop.studies.paper.trials import Damping, PaperTrial, paper_trial
 
 from ...html_page import Page
 
@@ -57,7 +57,7 @@ def outcomes(change=None):
                 estimates[change[2]][change[3]] = change[4]
             rls = estimates["rls"]["b"]
             damping = Damping(10.0, table1()[condition, cube, "rls"].b, rls, 5.0, 8.0, 10.0)
-            made.append(Outcome(condition, cube, 0, estimates, damping, *([None] * 4), {}))
+            made.append(PaperTrial(condition, cube, 0, estimates, damping, *([None] * 4), {}))
     return made
 
 
