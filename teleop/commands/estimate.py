@@ -162,7 +162,6 @@ def estimate(
         Write signals and estimates to this CSV file.
     """
     from teleop.errors import InputError
-    from teleop.evaluation.across.pooled import evaluate_together
     from teleop.evaluation.evaluate import KEPT, evaluate
     from teleop.evaluation.reading.samples import is_replayed
     from teleop.evaluation.settings import settings_summary
@@ -201,7 +200,11 @@ def estimate(
             print_evaluation(summary, path.name)
         evaluations[str(path)] = evaluation
         summaries.append(summary)
-    together = evaluate_together(evaluations) if more else None
+    together = None
+    if more:
+        from teleop.evaluation.across.pooled import evaluate_together
+
+        together = evaluate_together(evaluations)
     if json:
         print_json({"files": summaries, "together": together} if together else summaries[0])
     elif together:
@@ -232,11 +235,11 @@ def writer(file: BinaryIO | None) -> Callable[[Table], None] | None:
 
 def material(evaluation: Evaluation, tip: Indenter | None) -> dict[str, Any]:
     """The elastic modulus for the summary, if there is a tip and the stiffness is identifiable."""
-    from teleop.evaluation.batch.material import elastic_modulus
-
     analysis = evaluation.analysis
     if not (tip and analysis.result.identifiable):
         return {}
+    from teleop.evaluation.batch.material import elastic_modulus
+
     known = analysis.phases.contact_point is not None
     return {"material": elastic_modulus(analysis.result, tip, known)}
 

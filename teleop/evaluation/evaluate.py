@@ -41,9 +41,7 @@ from teleop.evaluation.online.run import OnlineRun, Table
 from teleop.evaluation.online.thresholds import FEWEST_SAMPLES, RESOLUTIONS
 from teleop.evaluation.reading.force_filter import without_filter_delay
 from teleop.evaluation.reading.samples import Samples
-from teleop.evaluation.reading.sampling_gaps import closed_up
-from teleop.evaluation.reading.signals import Signals
-from teleop.evaluation.reading.smallest_step import smallest_step
+from teleop.evaluation.reading.signals import Signals, closed_up, smallest_step
 from teleop.evaluation.reason import Reason
 from teleop.evaluation.settings import EstimateSettings
 

@@ -114,7 +114,10 @@ def grouped(
 def group_of(
     levels: tuple[str, ...], rows: Sequence[Compared], planned: Iterable[str] = ()
 ) -> Group:
-    """Return the mean results and estimates of the recordings of one group, see `Group`."""
+    """Return the mean results and estimates of the recordings of one group, see `Group`.
+
+    `planned` are all factors of the series of trials.
+    """
     missing: dict[str, dict[str, str]] = {}
     for row in rows:
         if not row.result.identifiable:

@@ -122,7 +122,9 @@ def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
 def compare_values(values: Floats, std: Floats) -> dict[str, float]:
     """Test whether the values of one parameter from several recordings are equal.
 
-    The result is NaN if the smallest value is not positive.
+    `ratio` is the largest by the smallest value, with its 95 % interval from `low` to `high`; NaN
+    if the smallest value is not positive. `p_value` is that of Cochran's test. `detectable` is the
+    smallest ratio that the test detects with a probability of 80 %.
     """
     weights = 1.0 / std**2
     mean = float(weights @ values / weights.sum())

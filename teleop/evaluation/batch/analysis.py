@@ -20,13 +20,13 @@ from teleop.evaluation.batch.local_stiffness import LocalStiffness, local_stiffn
 from teleop.evaluation.batch.phases import Phase, Phases, find_phases
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord, resample, smoothed_record
 from teleop.evaluation.batch.stiffness_result import StiffnessResult, stiffness_result
+from teleop.evaluation.batch.strokes import cycle_frequency, least_stroke, turning_points
 from teleop.evaluation.batch.thresholds import (
     FEWEST_FIT_SAMPLES,
     FEWEST_STROKES,
     LEAST_STROKE_NOISE,
     WIDEST_KERNEL,
 )
-from teleop.evaluation.batch.turning_points import cycle_frequency, least_stroke, turning_points
 from teleop.evaluation.reading.signals import Signals
 
 

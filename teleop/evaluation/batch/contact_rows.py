@@ -30,7 +30,8 @@ from teleop.evaluation.batch.thresholds import (
 def digital_values(values: Floats, count: float) -> NDArray[np.intp] | None:
     """Return the level (digital value) of each measured value, as a number from 0, shape (n,).
 
-    Values have the same level if they are equal after rounding to multiples of `count`.
+    Values have the same level if they are equal after rounding to multiples of `count`, the
+    resolution. If `count` is 0, the values are not rounded, and the result is None.
     """
     if count == 0.0:
         return None
@@ -41,7 +42,8 @@ def summed_by_level(sensitivity: Floats, level: NDArray[np.intp] | None) -> Floa
     """Return the sensitivity of fitted parameters to the rounding of measured values.
 
     The result, multiplied by the standard deviation of the rounding error, is the standard
-    deviation of each parameter. All samples with the same rounded value have the same rounding
+    deviation of each of m parameters. `sensitivity` is the derivative of the parameters to n
+    values, shape (m, n). All samples with the same rounded value have the same rounding
     error. Their derivatives are therefore added. This gives one sum for each rounded value. The
     errors of different rounded values are independent. The result is therefore the root of the sum
     of the squares of these sums.
@@ -68,6 +70,9 @@ class Rows:
     Each model is f = baseline + P(x) + b v + relaxing parts. The baseline is the slow part of the
     force. P(x) is a polynomial in the position. The relaxing parts decay with time constants. The
     class is called `Rows`, because each sample is a row of the regression matrix.
+
+    With `baseline`, the baseline may contain slow cosines besides a constant. If the force out of
+    contact is steady, it is always a constant.
     """
 
     def __init__(self, record: SmoothedRecord, phases: Phases, baseline: bool = True) -> None:
@@ -124,7 +129,7 @@ class Rows:
         return np.where(self.record.raw_x < point.value, y[near], y)
 
     def allow(self, terms: int) -> bool:
-        """Return whether there are enough samples to fit a model of the force."""
+        """Return whether there are enough samples for a model whose elastic force has `terms`."""
         return len(self.f) >= self.v_column + 1 + terms + SPARE_SAMPLES
 
     @property
@@ -168,6 +173,8 @@ class Rows:
 
         All samples at which a sensor has the same digital value have the same rounding error, for
         example all samples of a hold. An average over these samples does not reduce the error.
+        `to_force` is the derivative of m parameters to the measured force, shape (m, n), and
+        `slopes` that of the force to the position [N/m], shape (n,).
         """
         record = self.record
         x_level, f_level = self.levels
@@ -223,6 +230,7 @@ def with_corners(raw: Floats, smoothed: Floats, noise: float, largest: float) ->
 
     Smoothing rounds a corner. For example, it reduces the peaks of a triangle wave. A sample is at
     a corner if the difference between its measured and its smoothed value is too large for noise.
+    A difference above `largest`, which smoothing cannot cause, is an outlier.
     """
     difference = np.abs(raw - smoothed)
     return np.where(

@@ -85,7 +85,8 @@ def hayes_factor(aspect: float, poisson: float, nodes: int = 48) -> float:
     """Return Hayes' factor: the stiffness of a layer divided by the stiffness of a half-space.
 
     The layer is bonded to a rigid base, and a flat punch presses on it. The half-space is of the
-    same material. The factor is larger than 1.
+    same material. The factor is larger than 1. `aspect` is the contact radius divided by the
+    thickness. The integral equation is solved at `nodes` nodes of the Gauss-Legendre quadrature.
     """
     kolosov = 3.0 - 4.0 * poisson
     m = np.linspace(0.0, 30.0, 3001)
@@ -121,7 +122,9 @@ def elastic_modulus(
     """Return the elastic modulus [Pa] with its 95 % interval, as a dictionary for JSON.
 
     The interval includes the errors of the stiffness and of the contact point, combined as
-    independent errors. It does not include errors of the dimensions of the tip.
+    independent errors. It does not include errors of the dimensions of the tip. For a sphere or a
+    cone, the depth must be measured from the contact point (`depth_known`), because the contact
+    radius depends on it.
     """
     if result.k is None or result.k_low is None or result.k_high is None:
         raise InputError("elastic modulus: no stiffness is identifiable from the record")

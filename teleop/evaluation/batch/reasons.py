@@ -12,8 +12,8 @@ from teleop.evaluation.batch.constancy import Change, rise_at_rest
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
 from teleop.evaluation.batch.masks import runs
 from teleop.evaluation.batch.phases import Phases
-from teleop.evaluation.batch.single_stroke import is_single_stroke, typical_speed
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
+from teleop.evaluation.batch.strokes import is_single_stroke, typical_speed
 from teleop.evaluation.batch.thresholds import (
     ADHESION_NOISE,
     BAD_FIT_R2,
@@ -309,8 +309,6 @@ def remarks(
     change: Change | None,
 ) -> list[Reason]:
     """Return the remarks on a record whose stiffness is reported.
-
-    `change`: None if the stiffness does not change.
 
     A remark informs the user, for example, that the Kelvin-Voigt model does not fit well.
     """

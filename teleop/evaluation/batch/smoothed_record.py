@@ -28,11 +28,9 @@ from estimation.baseline import FEWEST_CYCLES, baseline_order, without_baseline
 from estimation.coherent_band import CoherentBand, block_means, coherent_band
 from estimation.filters import Lag
 from estimation.smoothing import kernel_width, slope, smooth, smooth_pieces
-from teleop.evaluation.batch.single_stroke import combined, stroke_band
+from teleop.evaluation.batch.strokes import combined, cycle_frequency, stroke_band, turning_points
 from teleop.evaluation.batch.thresholds import FEWEST_IN_PIECE, SINE_SHARE, SMOOTHING_CORNER
-from teleop.evaluation.batch.turning_points import cycle_frequency, turning_points
-from teleop.evaluation.reading.signals import Signals
-from teleop.evaluation.reading.smallest_step import repeated_rounding, smallest_step
+from teleop.evaluation.reading.signals import Signals, repeated_rounding, smallest_step
 
 
 @dataclass(frozen=True)
@@ -50,7 +48,7 @@ class ResampledRecord:
     """Frequency band in which the force follows the position, computed from the longest piece."""
     ramp: bool
     """Whether `band` is computed from the duration of a motion that never reverses, such as a ramp
-    (`teleop.evaluation.batch.single_stroke`). False if it is computed from the spectra."""
+    (`teleop.evaluation.batch.strokes`). False if it is computed from the spectra."""
     x_noise: float
     """Standard deviation of the noise of the position [m], of the longest piece."""
     f_noise: float
@@ -165,7 +163,7 @@ class SmoothedRecord:
     is the same whenever the force has the same value."""
     ramp: bool
     """Whether `band` is computed from the duration of a motion that never reverses, such as a ramp
-    (`teleop.evaluation.batch.single_stroke`). False if it is computed from the spectra."""
+    (`teleop.evaluation.batch.strokes`). False if it is computed from the spectra."""
     force_lag: float
     """Time constant of the force channel that is compensated [s]; 0 if no lag is compensated."""
 

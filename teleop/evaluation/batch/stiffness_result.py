@@ -140,11 +140,10 @@ def stiffness_result(
     local: LocalStiffness | None,
     other: LocalStiffness | None,
 ) -> StiffnessResult:
-    """Return the result of a record for publication.
+    """Return k and b of a record with 95 % intervals, or the reasons why they are not reported.
 
-    `local`: None if there are too few samples for a fit.
-
-    It contains k and b with 95 % intervals, or the reasons why they are not reported.
+    `local` is None if there are too few samples for a fit. `other` is fitted with another smoothing
+    bandwidth; its difference from `local` widens the intervals.
     """
     against = reasons_before_fit(record, phases)
     if local is None and not against:

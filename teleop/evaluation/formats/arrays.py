@@ -28,7 +28,7 @@ def vectors(name: str, value: Any, by_rows: bool = False) -> dict[str, Floats]:
     A vector is one column, with the name of the array. The columns of a matrix have the names
     `name[1]`, `name[2]`, and so on. The result is empty if the array cannot contain samples, for
     example because it contains text or too few values. Dates are converted to the time since the
-    first sample [s].
+    first sample [s]. With `by_rows`, a signal is a row of the matrix, as in HDF5 files of MATLAB.
     """
     array = np.asarray(value)
     if array.dtype.kind == "M":

@@ -8,7 +8,6 @@ from pathlib import Path
 from drivers.input_file import open_input
 from teleop.errors import InputError
 from teleop.evaluation.formats.columns import Wanted
-from teleop.evaluation.formats.reader_process import read_apart
 from teleop.evaluation.formats.table import Pick, Table
 from teleop.files import unreadable
 
@@ -60,6 +59,8 @@ def read_tables(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
         if wanted.topic and name not in OF_MESSAGES:
             raise InputError(f"{path}: --topic is for a ROS bag or an MCAP file")
         if name in FOREIGN:
+            from teleop.evaluation.formats.reader_process import read_apart
+
             tables = read_apart(name, FOREIGN[name], path, pick, wanted)
         else:
             tables = import_module(f"{__package__}.{name}").read(path, pick, wanted)

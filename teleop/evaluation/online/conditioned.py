@@ -5,6 +5,8 @@ If samples are missing in the record (gaps), each piece between two gaps is filt
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +17,6 @@ from estimation.arrays import Floats
 from teleop.errors import InputError
 from teleop.evaluation.online.datum import Datum
 from teleop.evaluation.online.thresholds import FEWEST_SAMPLES
-from teleop.evaluation.reading.sampling_gaps import PiecewiseConditioner
 from teleop.evaluation.reading.signals import Signals
 from teleop.evaluation.settings import AveragedPart
 
@@ -76,6 +77,36 @@ def conditioned(
             f"expected at least {FEWEST_SAMPLES}"
         )
     return found
+
+
+class PiecewiseConditioner:
+    """Filters a record in blocks of samples, and restarts the filters after each gap.
+
+    In a gap, samples are missing. The filters compute displacement, velocity and force from the
+    measured position and force (conditioning).
+    """
+
+    def __init__(self, conditioner: Conditioner) -> None:
+        self._conditioner = conditioner
+        self._resumed = -np.inf
+        conditioner.reset()
+
+    def run(
+        self, t: Floats, x: Floats, f: Floats, dt: Floats, gaps: Sequence[int]
+    ) -> tuple[Regression, NDArray[np.bool_]]:
+        """Filter the next block of n samples."""
+        conditioner = self._conditioner
+        bounds = sorted({0, len(t), *gaps})
+        settled = np.ones(len(t), dtype=np.bool_)
+        parts = []
+        for start, end in pairwise(bounds):
+            if start in gaps:
+                conditioner.reset()
+                self._resumed = float(t[start])
+            parts.append(conditioner.run(x[start:end], f[start:end], dt[start:end]))
+            settled[start:end] = t[start:end] - self._resumed > conditioner.settling
+        channels = (np.concatenate(channel) for channel in zip(*parts, strict=True))
+        return Regression(*channels), settled
 
 
 class ConditionedBlocks:

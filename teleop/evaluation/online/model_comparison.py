@@ -56,9 +56,9 @@ def compare(
     b: ArrayLike,
     k: ArrayLike,
 ) -> dict[str, Comparison]:
-    """Compare the estimates of each estimator with reference values of b and k.
+    """Compare the estimates of each estimator with reference values of b [N s/m] and k [N/m].
 
-    The results are returned by the name of the estimator.
+    Each reference is one number, or one value for each of the n samples.
     """
     running = RunningComparison(bank, estimates, regression.dt, b, k)
     running.begin(regression)
@@ -93,7 +93,8 @@ class RunningComparison:
     """Compares estimators with reference values of b and k, in blocks of samples of a record.
 
     For each block, call `begin` once, and then `add` for each estimator. After the last block, call
-    `result`.
+    `result`. `dt` are sample periods of the record or of a part of it, for the median period and
+    the time that is omitted at the start. References with one value per sample need one block.
     """
 
     def __init__(

@@ -125,7 +125,9 @@ class OnlineResult(NamedTuple):
 class OnlineRun:
     """Runs several estimators over a record that is processed in blocks of samples.
 
-    Call `add` for each block, and then `result`.
+    Call `add` for each block, and then `result`. Bank, misfit and measure of the excitation have
+    not yet processed a sample. `period` is the usual sample period [s], and `count` the largest
+    number of samples. Every `every`-th estimate is kept in memory. `write` gets all of them.
     """
 
     def __init__(
@@ -152,7 +154,11 @@ class OnlineRun:
     def add(
         self, samples: ConditionedSamples, recorded: Mapping[str, tuple[Floats, Floats]]
     ) -> None:
-        """Run the estimators over the next block of samples."""
+        """Run the estimators over the next block of samples.
+
+        `recorded` are the b and k that a trial recorded after each sample of the block, before
+        samples were omitted.
+        """
         t, regression, used, apart = samples
         if not len(t):
             return

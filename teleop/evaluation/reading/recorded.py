@@ -140,7 +140,8 @@ class RecordedSamples(Samples):
     The file is read when the object is made, and again by `blocks`. If the recording is long, the
     attribute `signals` contains only evenly spaced sections of it (see `Sections`). Their number
     and duration are limited. The required memory therefore does not increase with the duration of
-    the recording, but it increases with the sampling rate.
+    the recording, but it increases with the sampling rate. The attribute `recording` has the
+    columns whose names `is_wanted` accepts.
     """
 
     def __init__(self, path: Path, is_wanted: Callable[[str], bool]) -> None:
@@ -194,7 +195,8 @@ class RecordedSamples(Samples):
 def measured(block: Mapping[str, Floats], further: Sequence[str] = ()) -> Floats:
     """Return the n samples that the estimators received in a block of ticks of the control loop.
 
-    Ticks at which the estimators received no sample are omitted.
+    Ticks at which the estimators received no sample are omitted. The rows are `MEASURED`, and then
+    the columns `further`.
     """
     part = np.isfinite(block["x"])
     samples = np.stack([block[name][part] for name in (*MEASURED, *further)])
@@ -229,6 +231,9 @@ def with_gaps(
     In a gap, samples are missing. The first sample after a gap has a recorded `dt` that is too
     short: it is the time since the last missing sample. It is replaced by the time since the last
     sample before the gap. The array `dt` is changed in place.
+
+    A gap ends at a time in `ends` [s], or at an index in `starts`. `before` is the time of the last
+    sample before these n samples [s], shape (1,), or empty.
     """
     found = {int(i) for i in np.searchsorted(t, ends) if i < len(t)} | set(starts)
     for i in found:

@@ -1,12 +1,14 @@
-"""Read measured time, position and force from a file of any supported format."""
+"""Read measured time, position and force from a file; find gaps and the resolution in them."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimation.arrays import Floats
 from teleop.errors import InputError
@@ -14,10 +16,11 @@ from teleop.evaluation.formats.columns import Picker, Wanted, find_columns, list
 from teleop.evaluation.formats.registry import read_tables
 from teleop.evaluation.formats.table import Table
 from teleop.evaluation.formats.units import LARGEST
-from teleop.evaluation.reading.sampling_gaps import long_periods
 from teleop.evaluation.reading.thresholds import (
     COARSE_TIMES,
     FEWEST_TABLE_SAMPLES,
+    LONG_PERIOD,
+    ROUNDING_OF_STEP,
     SHORTEST_PERIOD,
     SMALLEST_CHANNEL,
 )
@@ -179,3 +182,53 @@ def rising(table: Table, t: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]
             f"{table.where}: times {smallest:g} s apart: expected {SHORTEST_PERIOD:g} s or more"
         )
     return kept
+
+
+def long_periods(dt: Floats) -> NDArray[np.intp]:
+    """Return the index of the first sample after each gap.
+
+    A gap is a sample period that is longer than `LONG_PERIOD` times the median period.
+    """
+    return np.flatnonzero(dt > LONG_PERIOD * np.median(dt))
+
+
+def closed_up(dt: Floats, gaps: Sequence[int]) -> Floats:
+    """Return the sample periods [s], shape (n,), with the duration of gaps removed.
+
+    At the first sample after each gap, the period is replaced by the median period.
+    """
+    periods = dt.copy()
+    periods[list(gaps)] = np.median(dt)
+    return periods
+
+
+def smallest_step(values: Floats) -> float:
+    """Return the smallest change of the value between successive samples, without zero changes.
+
+    The result is 0 if the value never changes. For a channel with an encoder or an analogue-digital
+    converter, the result is the resolution.
+    """
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > ROUNDING_OF_STEP * float(np.max(np.abs(values), initial=0.0))]
+    return float(steps.min()) if len(steps) else 0.0
+
+
+def repeated_rounding(count: float, noise: float) -> float:
+    """Return the standard deviation of the repeatable part of the rounding error of a signal.
+
+    A signal that is rounded to multiples of the resolution `count` has a rounding error with the
+    standard deviation count / sqrt(12). Without noise, the error is the same whenever the signal
+    has the same value: the error is repeatable. If the signal contains noise before the rounding,
+    the error varies randomly. The repeatable part is then the mean error at a given value of the
+    signal. The noise reduces the repeatable part by a factor. This factor is the characteristic
+    function of the noise at 2 pi / count (Widrow).
+
+    References
+    ----------
+    B. Widrow, I. Kollar, "Quantization noise", Cambridge University Press, 2008.
+    """
+    rounding = count / math.sqrt(12.0)
+    if rounding == 0.0:
+        return 0.0
+    before = max(noise**2 - rounding**2, 0.0) / count**2
+    return rounding * math.exp(-min(2.0 * math.pi**2 * before, 700.0))

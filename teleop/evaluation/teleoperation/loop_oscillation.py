@@ -55,7 +55,8 @@ processed first gives the number of samples in a segment."""
 class RunningSpectra:
     """Spectra of velocity and force of a trial, from which oscillations of the loop are detected.
 
-    `arm_damping`: None if the damping of the arm is not known.
+    `arm_damping` returns the damping of the arm [N s/m] at frequencies [Hz]; None if it is not
+    known. `velocity` [m/s] is that of the virtual mass, and `force` [N] that of the hand on it.
 
     The samples can arrive in blocks. The spectra are averages over overlapping segments (P. D.
     Welch, IEEE Trans. Audio Electroacoust. 15(2), 1967). The sample period is treated as constant:
@@ -119,10 +120,7 @@ class RunningSpectra:
 def sustained_share(
     velocity: Floats, force: Floats, dt: Floats, arm_damping: ArmDamping | None = None
 ) -> float:
-    """Return the share of the power of a motion that is in an oscillation of the control loop.
-
-    `arm_damping`: None if the damping of the arm is not known.
-    """
+    """Return the share of the power of a motion that is in an oscillation of the control loop."""
     spectra = RunningSpectra(arm_damping)
     spectra.add(velocity, force, dt)
     return spectra.sustained_share()

@@ -82,6 +82,9 @@ class RunningHand:
     There is one exception. At some ticks of the control loop, the safety supervisor changed the
     commanded velocity of the master, and the equation does not hold. At these ticks, v is the
     velocity that the drive applied, and f_e is the displayed force in the recording.
+
+    `scale` is slave motion by master motion. The ticks are those at which the drives follow the
+    commands.
     """
 
     def __init__(self, mass: float, damping: float, stiffness: float, scale: float = 1.0) -> None:
@@ -119,10 +122,12 @@ def hand(
 class RunningRendering:
     """Computes stiffness, force error and energy that the hand felt in a recorded trial.
 
-    `prior`: None for another law.
+    Call `add` for each block of ticks at which the drives follow the commands, and then `result`.
 
-    The ticks of the control loop are added in blocks by the method `add`. The method `result`
-    returns the results.
+    `scale` is slave motion by master motion, `gain` displayed force by contact force, and `end` the
+    time of the last tick [s]. `arm_damping` returns the damping of the operator's arm [N s/m] at
+    frequencies [Hz]; None if it is not known. `prior` is the stiff first model of the
+    model-mediated law at the hand [N/m]; None for another law.
     """
 
     def __init__(

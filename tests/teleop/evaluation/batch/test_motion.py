@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from teleop.evaluation.batch.analysis import Analysis, analyse, motion_of
-from teleop.evaluation.batch.turning_points import cycle_frequency
+from teleop.evaluation.batch.strokes import cycle_frequency
 from teleop.evaluation.evaluate import evaluate
 from teleop.evaluation.reading.signals import Signals, periods
 from teleop.evaluation.settings import EstimateSettings

@@ -13,12 +13,11 @@ from teleop.cli import main
 from teleop.errors import InputError
 from teleop.evaluation.across.groups import short
 from teleop.evaluation.batch.analysis import analyse
-from teleop.evaluation.batch.force_levels import clipped
+from teleop.evaluation.batch.phases import clipped
 from teleop.evaluation.batch.smoothed_record import smoothed_signals
 from teleop.evaluation.batch.stiffness_result import StiffnessResult
 from teleop.evaluation.evaluate import evaluate
-from teleop.evaluation.reading.signals import Signals, periods
-from teleop.evaluation.reading.smallest_step import smallest_step
+from teleop.evaluation.reading.signals import Signals, periods, smallest_step
 from teleop.evaluation.settings import EstimateSettings
 
 RATE, K, AMPLITUDE = 500.0, 3000.0, 2e-3
