@@ -179,6 +179,20 @@ def test_the_schema_names_every_key_with_its_description():
     json.dumps(found)
 
 
+def test_the_schema_states_the_range_and_the_unit_of_a_setting():
+    depth, none = schema()["properties"]["depth_m"]["anyOf"]
+    assert depth == {"type": "number", "unit": "m", "exclusiveMinimum": 0.0, "maximum": 0.1}
+    assert none == {"type": "null"}
+
+
+def test_a_wrong_argument_without_a_keyword_is_reported_by_the_name_of_the_setting():
+    with pytest.raises(InputError) as refused:
+        TrialSettings("odd", "soft", duration=-1.0)
+    first, second = str(refused.value).splitlines()
+    assert first.startswith("condition: expected one of free")
+    assert second.startswith("duration -1 s")
+
+
 def test_the_command_writes_a_file_that_it_accepts(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["config", "init"]) == 0

@@ -70,7 +70,7 @@ OTHER = {
     "custom_rig",
     "rig",
 }
-"""Settings that are not varied here: see `test_settings_json.py` for those of other objects."""
+"""Settings that are not varied here: see `test_documents.py` for those of other objects."""
 SIGNALS = st.sampled_from([None, Multisine((1.0, 2.0)), Chirp(1.0, 4.0, 1.0)])
 
 
