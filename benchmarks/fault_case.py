@@ -13,8 +13,8 @@ from page_process import PageProcess
 from sim_backend.faults import FaultyRig
 from teleop.control.clock import Tick, VirtualClock
 from teleop.recording.black_box import BlackBox
+from teleop.recording.columns import Layout
 from teleop.recording.mcap_writer import McapFile
-from teleop.recording.message import Layout
 from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Mode
 from teleop.settings.trial_settings import TrialSettings

@@ -7,9 +7,11 @@ points of the group `teleop.devices`.
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Mapping
+from functools import cache
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from typing import Any
 
 from drivers.device import Device
@@ -34,12 +36,18 @@ NAME = re.compile(r"[A-Za-z0-9_.-]+")
 
 def kinds() -> list[str]:
     """Return the names of all kinds of devices that a rig file can contain, sorted."""
-    return sorted(BUILT_IN.keys() | entry_points(group=GROUP).names)
+    return sorted(BUILT_IN.keys() | offered(GROUP, tuple(sys.path)).names)
+
+
+@cache
+def offered(group: str, path: tuple[str, ...]) -> EntryPoints:
+    """Return the classes that the packages in `sys.path` offer; the search takes about 10 ms."""
+    return entry_points(group=group)
 
 
 def loaded_class(group: str, kind: str, built_in: Mapping[str, str]) -> Any:
     """Return the class for a kind of device, of this package or of another installed package."""
-    points = tuple(entry_points(group=group, name=kind))
+    points = tuple(offered(group, tuple(sys.path)).select(name=kind))
     if points and (kind in built_in or len(points) > 1 or not NAME.fullmatch(kind)):
         names = ", ".join(map(package, points))
         raise ValueError(

@@ -17,6 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from estimation.arrays import Floats
+from estimation.batch_fit import Fit
 from estimation.conditioning import Regression
 from estimation.estimator import LEVEL_95, Estimates
 from estimation.figure_style import (
@@ -37,7 +38,6 @@ from estimation.figure_style import (
     shade,
     tidy,
 )
-from estimation.least_squares import Fit
 from estimation.metrics import predicted_force
 from estimation.quantities import DAMPING, POSITION, STIFFNESS, VELOCITY
 

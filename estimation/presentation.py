@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from estimation.arrays import Floats
 from estimation.bank import Bank
+from estimation.batch_fit import least_squares, no_fit
 from estimation.conditioning import Regression
 from estimation.estimate_columns import estimate_arrays, estimate_columns
 from estimation.estimator import LEVEL_95, Estimates
-from estimation.least_squares import least_squares, no_fit
 from estimation.quantities import DAMPING, STIFFNESS, Quantity
 
 if TYPE_CHECKING:

@@ -213,3 +213,9 @@ def test_only_the_controller_commands_a_rig_so_that_the_supervisor_sees_every_mo
         if re.search(r"rig\.(write|enable)\(", path.read_text())
     }
     assert commanding == {"controller.py", "pausable_rig.py"}
+
+
+def test_no_public_name_of_estimation_is_the_name_of_one_of_its_modules():
+    import estimation
+
+    assert not set(estimation.__all__) & {path.stem for path in (ROOT / "estimation").iterdir()}

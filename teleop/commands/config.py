@@ -71,7 +71,7 @@ def schema() -> int:
     Example: `teleop config schema > trial.schema.json`
     """
     from teleop.output.console import print_json
-    from teleop.settings.configuration import configuration_schema
+    from teleop.settings.trial_settings import schema
 
-    print_json(configuration_schema())
+    print_json(schema())
     return 0

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from estimation.registry import BUILT_IN
 from teleop.commands.options import ESTIMATION
 from teleop.commands.quantities import Hertz, Seconds
 from teleop.names import ConditioningName, CubeName, ModelName, PresetName
@@ -40,14 +39,10 @@ class EstimationOptions:
     """Lag of the force channel, such as 2.66ms, as measured by `teleop lag`; matched conditioning
     compensates for it. Default: that of the recording, and otherwise 0; for other files, the delay
     of the force filter if the file states this filter."""
-    estimators: Annotated[
-        str | None,
-        Parameter(
-            help=f"Names of estimators, separated by commas, or all: {', '.join(BUILT_IN)}. "
-            "Default: the estimators of the recording, and rls,ai,me for a new trial or a file of "
-            "another program."
-        ),
-    ] = None
+    estimators: str | None = None
+    """Names of estimators, such as rls,kalman,rls_sift, or all. The message about an unknown name
+    lists all names. Default: the estimators of the recording, and rls,ai,me for a new trial or a
+    file of another program."""
     model: ModelName | None = None
     """Model of the environment, for the estimators that support several models. Default: that of
     the recording, and otherwise kelvin-voigt."""

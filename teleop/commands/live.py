@@ -40,7 +40,7 @@ def live(
 
     check_installed()
     from teleop.live.replay import Replay
-    from teleop.live.serving import serve_until
+    from teleop.live.server import serve_until
 
     recording = load(file)
     if not len(recording):

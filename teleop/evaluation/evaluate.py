@@ -19,9 +19,9 @@ from estimation import (
     paper_preset,
     scaled_preset,
 )
+from estimation.batch_fit import no_fit
 from estimation.conditioning import BANDWIDTH, make_conditioner
 from estimation.excitation import dominant_frequency
-from estimation.least_squares import no_fit
 from estimation.model import KELVIN_VOIGT
 from estimation.registry import PAPER
 from teleop.errors import InputError, as_input_error

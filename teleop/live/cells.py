@@ -1,15 +1,11 @@
 """Cells in shared memory, which transfer the requests of the live page to the control loop.
 
-The live process (which serves the page) writes the cells. The control process reads them at each
-tick of the control loop. A cell contains one number of 8 bytes. A processor writes 8 bytes in one
-operation, so that no lock is needed.
+The live process writes the cells, and the control process reads them at each tick. A cell contains
+one number of 8 bytes. A processor writes 8 bytes in one operation, so that no lock is needed.
 
-The hand of a simulated operator can follow the mouse or touch pointer of the page. The state of the
-pointer needs two cells: the depth, and whether the hand holds the handle. The live process
-increases a sequence number by one before it writes these two cells, and again afterwards. The
-sequence number is therefore odd during the writing. The control process reads the sequence number
-before and after it reads the two cells. The two values belong together if both readings of the
-sequence number are equal and even.
+The state of the pointer needs two cells. The live process increases a sequence number before it
+writes them, and again afterwards, so that it is odd during the writing. The two values belong
+together if the control process reads the same even number before and after them.
 """
 
 from __future__ import annotations
@@ -31,51 +27,26 @@ LONGEST_ROUND_TRIP = 0.3
 
 
 class CellWriter:
-    """Writes the requests of the live page to cells in shared memory.
-
-    The live process, which serves the page, uses this class. The control process reads the cells.
-
-    Parameters
-    ----------
-    buffer
-        Shared memory of `SIZE` bytes.
-    """
+    """Writes the requests of the live page to `SIZE` bytes of shared memory (live process)."""
 
     def __init__(self, buffer: mmap) -> None:
         self._counts = memoryview(buffer).cast("Q")
         self._numbers = memoryview(buffer).cast("d")
 
     def count(self, cell: int) -> None:
-        """Increase the counter in a cell by one, to send one request or one heartbeat.
-
-        Parameters
-        ----------
-        cell
-            Index of the cell, such as `STOP`.
-        """
+        """Increase the counter in a cell by one, to send one request or one heartbeat."""
         self._counts[cell] += 1
 
     def confirm(self, seen: float) -> None:
-        """Write the time of the newest data that the page in control has confirmed.
+        """Write the time of the newest data that the page in control has confirmed [s].
 
-        Parameters
-        ----------
-        seen
-            Time at which the live process sent these data [s], on the monotonic clock of the
-            machine, which all processes share.
+        It is the time at which the live process sent these data, on the monotonic clock of the
+        machine, which all processes share.
         """
         self._numbers[SEEN] = seen
 
     def point(self, depth: float, grip: bool) -> None:
-        """Write the state of the pointer, which moves the hand of a simulated operator.
-
-        Parameters
-        ----------
-        depth
-            Wanted position of the hand [m].
-        grip
-            Whether the hand holds the handle.
-        """
+        """Write the wanted position of the hand [m], and whether the hand holds the handle."""
         self._counts[SEQUENCE] += 1
         self._numbers[DEPTH] = depth
         self._counts[GRIP] = grip
@@ -83,15 +54,7 @@ class CellWriter:
 
 
 class CellReader:
-    """Reads the requests of the live page from cells in shared memory.
-
-    The control process uses this class. The live process, which serves the page, writes the cells.
-
-    Parameters
-    ----------
-    buffer
-        Shared memory of `SIZE` bytes.
-    """
+    """Reads the requests of the live page from `SIZE` bytes of shared memory (control process)."""
 
     def __init__(self, buffer: mmap) -> None:
         self.counts = memoryview(buffer).toreadonly().cast("Q")
@@ -102,26 +65,18 @@ class CellReader:
         """Return the age of the newest data that the page in control has confirmed [s].
 
         It is infinite if the time of these data is not possible, for example in the future.
-        Otherwise such a time would hide the loss of the page.
-
-        Parameters
-        ----------
-        now
-            Function that returns the present time [s], on the clock of `CellWriter.confirm`. The
-            cell is read first, because the live process may write it at any time.
+        Otherwise such a time would hide the loss of the page. `now` is a function, because the cell
+        must be read first: the live process may write it at any time.
         """
         seen = self._numbers[SEEN]
         age = now() - seen
         return age if age >= 0.0 else math.inf
 
     def pointer(self) -> tuple[int, float, bool] | None:
-        """Return the state of the pointer, which moves the hand of a simulated operator.
+        """Return the state of the pointer; None while the live process writes it.
 
-        Returns
-        -------
-        Three values: a number that changes whenever the live process writes a state, the wanted
-        position of the hand [m], and whether the hand holds the handle. None while the live process
-        writes.
+        The state is a number that changes with each state, the wanted position of the hand [m], and
+        whether the hand holds the handle.
         """
         counts = self.counts
         before = counts[SEQUENCE]

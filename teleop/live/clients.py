@@ -23,27 +23,12 @@ MOST_SENT = 1024
 ALIVE = 2.0
 """Longest time between two heartbeats of the live page that has control [s]. A heartbeat is a
 message that a page sends at regular times."""
+UNLOCKED = 2.0
+"""Time for which the request `start` is accepted after a person pressed the button Unlock [s]."""
 
 
 class Client:
-    """A live page in a browser that is connected to the server.
-
-    Parameters
-    ----------
-    connection
-        The WebSocket connection.
-    now
-        Function that returns the present time [s].
-
-    Attributes
-    ----------
-    view
-        View that the page shows: `main` or `operator`.
-    is_new
-        Whether the messages for new clients have not been sent to this client yet.
-    seen
-        Time at which the newest frame was sent that the page has confirmed [s].
-    """
+    """A live page in a browser that is connected to the server."""
 
     def __init__(
         self, connection: ServerConnection, now: Callable[[], float] = time.monotonic
@@ -51,10 +36,12 @@ class Client:
         self.connection = connection
         self.view = "main"
         self.is_new = True
+        """Whether the messages for new clients have not been sent yet."""
         self._now = now
         self._epoch = -1
         self._next = 0
         self.seen = -math.inf
+        """Time at which the newest frame was sent that the page has confirmed [s]."""
         self._sent: dict[float, None] = {}
         """Times of the newest frames that were sent, the oldest first. The values are not used."""
 
@@ -66,9 +53,9 @@ class Client:
     def confirm(self, seen: float) -> None:
         """Store that the page has received the frame that was sent at the time `seen` [s].
 
-        The page returns the time in the newest frame that it has received. This time is therefore a
-        time of the clock of this process, and the clocks need not agree. A time at which no frame
-        was sent to this page is ignored, because it says nothing about the data that the page has.
+        The page returns the time in the newest frame that it has received. This is a time of the
+        clock of this process, and the clocks need not agree. A time at which no frame was sent to
+        this page is ignored, because it says nothing about the data that the page has.
         """
         if seen in self._sent:
             self.seen = max(self.seen, seen)
@@ -82,7 +69,7 @@ class Client:
         return self._now() - self.seen
 
     def send(self, document: dict[str, Any]) -> None:
-        """Send a message to the client, or abort the connection if too many bytes are unsent."""
+        """Send a message, or abort the connection if too many bytes are unsent."""
         if self.unsent > MOST_UNSENT_TEXT:
             self.abort()
         else:
@@ -91,21 +78,12 @@ class Client:
     def send_rows(
         self, history: History, frames: dict[tuple[int, bool], tuple[bytes, int]]
     ) -> None:
-        """Send the client the rows that it has not received yet, unless too many bytes are unsent.
+        """Send the rows that the client has not received yet, unless too many bytes are unsent.
 
-        The rows are sent in a frame, which is a binary message with several rows. Clients that need
-        the same rows share one frame. If there are no new rows, the frame contains only the time,
-        which the page returns (see `confirm`).
-
-        Parameters
-        ----------
-        history
-            The latest rows of data for the live page.
-        frames
-            Frames that were already created in this period of the server. The key of a frame is the
-            index of its first row, and whether its rows replace all rows that the page shows. The
-            value is the frame, and the index after its last row. If the frame for this client is
-            missing, it is created and added to `frames`.
+        `frames` contains the frames of this period of the server, by the index of their first row
+        and whether they replace all rows of the page. Clients that need the same rows share one
+        frame. If there are no new rows, the frame contains only the time, which the page returns
+        (see `confirm`).
         """
         clear = self._epoch != history.epoch
         first = history.start if clear else self._next
@@ -121,5 +99,60 @@ class Client:
         broadcast([self.connection], frame)
 
     def abort(self) -> None:
-        """Close the connection to the client immediately, and discard unsent data."""
+        """Close the connection immediately, and discard unsent data."""
         self.connection.transport.abort()
+
+
+class Control:
+    """Stores which client has control: only this client may send requests such as `start`."""
+
+    def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
+        self.holder: Client | None = None
+        self._now = now
+        self._beat = self._unlocked = -math.inf
+
+    def ask(self, client: Client) -> bool:
+        """Give control to a client, unless another has it. Return whether it now has control."""
+        if self.holder is None:
+            self.holder = client
+            self.lock()
+            self.beat(client)
+        return self.holder is client
+
+    def release(self, client: Client) -> bool:
+        """End the control by a client. Return False if it did not have control."""
+        if self.holder is not client:
+            return False
+        self.holder = None
+        self.lock()
+        return True
+
+    def beat(self, client: Client) -> bool:
+        """Store the time of a heartbeat of a client. Return whether it has control."""
+        if self.holder is client:
+            self._beat = self._now()
+        return self.holder is client
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether the last heartbeat of the client in control is more than `ALIVE` seconds ago."""
+        return self.holder is not None and self._now() - self._beat > ALIVE
+
+    @property
+    def unlocked(self) -> bool:
+        """Whether the request `start` of the live page, which arms the drives, is accepted now."""
+        return self._now() - self._unlocked <= UNLOCKED
+
+    def unlock(self) -> None:
+        """Accept the request `start`, which arms the drives, for the next `UNLOCKED` seconds."""
+        self._unlocked = self._now()
+
+    def lock(self) -> None:
+        """Refuse the request `start`, which arms the drives, until the next call of `unlock`."""
+        self._unlocked = -math.inf
+
+    def of(self, client: Client) -> str:
+        """Return who has control, for a message to a client: `you`, `other` or `none`."""
+        if self.holder is None:
+            return "none"
+        return "you" if self.holder is client else "other"

@@ -38,13 +38,7 @@ class ControlPipe:
         """Time at which standard input ended [s]; 0 before it ended."""
 
     def read_line(self) -> dict[str, Any]:
-        """Wait for a message of the control process, and return the message.
-
-        Raises
-        ------
-        EOFError
-            The control process has ended.
-        """
+        """Wait for a message of the control process. Raise an EOFError if it has ended."""
         while b"\n" not in self._received:
             if not (part := os.read(self._input, MOST_UNREAD)):
                 raise EOFError
@@ -53,11 +47,7 @@ class ControlPipe:
         return loads(line)
 
     def receive_into(self, receiver: Receiver) -> None:
-        """Pass the messages that have arrived from the control process to the receiver.
-
-        If the control process has ended, this is also reported to the receiver. This method does
-        not wait.
-        """
+        """Pass arrived messages, and the end of the control process, to `receiver`."""
         if self.ended:
             return
         try:
@@ -72,10 +62,7 @@ class ControlPipe:
             receiver.receive(loads(line))
 
     def send(self, document: dict[str, Any]) -> None:
-        """Send a JSON document to the control process.
-
-        If the control process does not read or has ended, the document is discarded.
-        """
+        """Send a document, or discard it if the control process does not read or has ended."""
         try:
             os.write(self._output, dumps(document).encode() + b"\n")
         except (BlockingIOError, BrokenPipeError):

@@ -47,33 +47,15 @@ FURTHER = tuple(name for name in UNITS if name not in PARTS)
 
 
 def shown_columns(names: Sequence[str], estimators: Sequence[str]) -> list[str]:
-    """Return the names of the columns that are sent to the live page.
-
-    The order of the names is the order of the values in a row of data.
-
-    Parameters
-    ----------
-    names
-        Names of all columns that the control loop writes.
-    estimators
-        Names of the estimators.
-    """
+    """Return those of the recorded columns that are sent to the live page, in their order."""
     of_estimators = [f"{name}_{part}" for name in estimators for part in (*PARTS, *FURTHER)]
     return [name for name in (*NAMES, *of_estimators) if name in set(names)]
 
 
 def estimator_indices(names: Sequence[str], estimators: Sequence[str]) -> list[dict[str, Any]]:
-    """Return one dictionary for each estimator, with its name and the indices of its values.
+    """Return the name of each estimator, and the places of its values in a row; None if not shown.
 
-    An index is the place of a value in a row of data; None if the row does not contain this value.
-    The key `further` contains the indices of the parameters besides b and k, by their names.
-
-    Parameters
-    ----------
-    names
-        Names of the columns of a row.
-    estimators
-        Names of the estimators.
+    `further` contains the places of the parameters besides b and k, by their names.
     """
     place = {name: i for i, name in enumerate(names)}
     return [
@@ -87,22 +69,13 @@ def estimator_indices(names: Sequence[str], estimators: Sequence[str]) -> list[d
 
 
 class Feed(ABC):
-    """Source of the data of the live page: a running trial or a recording.
-
-    Attributes
-    ----------
-    history
-        The latest rows of data for the page.
-    """
+    """Source of the data of the live page: a running trial or a recording."""
 
     history: History
 
     @abstractmethod
     def advance(self) -> list[dict[str, Any]]:
-        """Add new rows of data to `history`, and return the new messages for all open pages.
-
-        The server calls this method regularly, once per `teleop.live.server.PERIOD`.
-        """
+        """Add new rows to `history`, and return the new messages for all open pages."""
 
     @abstractmethod
     def documents(self) -> list[dict[str, Any]]:
@@ -110,41 +83,19 @@ class Feed(ABC):
 
     @abstractmethod
     def state(self) -> dict[str, Any]:
-        """Return the fields of the message `state` that describe the trial or recording.
-
-        The server adds the other fields, and sends the message to the page at regular times.
-        """
+        """Return the fields of the message `state`; the server adds `clients` and `unlocked`."""
 
     @abstractmethod
     def request(self, request: dict[str, Any]) -> None:
-        """Carry out a request of an open page. The caller has checked that this page may make it.
+        """Carry out a request; raise BadRequest if it is not possible here or now.
 
-        Every page may request `stop`.
-
-        Parameters
-        ----------
-        request
-            The fields of the request, by their names. The field `type` is the kind of the request.
-
-        Raises
-        ------
-        BadRequest
-            The request is not possible for this source of data, or not at this time.
+        The server has checked that the page may make it. Every page may request `stop`.
         """
 
     @abstractmethod
     def beat(self, seen: float) -> None:
-        """Process a heartbeat, which the page that has control sends at regular times.
-
-        Parameters
-        ----------
-        seen
-            Time at which the newest frame was sent that the page has received [s].
-        """
+        """Process a heartbeat of the page in control, which has the frame sent at `seen` [s]."""
 
     @abstractmethod
     def lost(self) -> None:
-        """Process the event that the page that had control has lost control.
-
-        The page has released control, is disconnected, or has sent no heartbeat for too long.
-        """
+        """Process that the page in control has released it, is disconnected or is silent."""

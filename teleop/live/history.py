@@ -1,7 +1,4 @@
-"""Store the latest rows of data for the live page, and convert them to binary messages (frames).
-
-A row contains the values of one tick of the control loop.
-"""
+"""Keep the latest rows of data for the live page, and convert them to frames (binary messages)."""
 
 from __future__ import annotations
 
@@ -29,62 +26,21 @@ LARGEST_FRAME = 32_000
 
 
 def decimation(rate: float) -> int:
-    """Return the smallest distance between two ticks that are sent to the live page [ticks].
-
-    Not every tick of the control loop is sent, because at most `MOST_ROWS` ticks are sent per
-    second.
-
-    Parameters
-    ----------
-    rate
-        Rate of the control loop [Hz].
-    """
+    """Return the smallest distance between two ticks that are sent to the page [ticks]."""
     return max(1, int(np.ceil(rate / MOST_ROWS)))
 
 
 def decimated(first: int, end: int, last: int, step: int) -> list[int]:
-    """Return the numbers of the ticks that are sent to the live page, from a range of new ticks.
+    """Return the numbers of the ticks that are sent, from the new ticks `first` to `end` - 1.
 
-    These are the last tick of the range, and every `step`-th tick before it. A tick that is closer
-    than `step` to the tick that was sent before is not sent.
-
-    Parameters
-    ----------
-    first, end
-        The range contains the ticks from number `first` up to but not including number `end`.
-    last
-        Number of the latest tick that was sent before.
-    step
-        Smallest difference between the numbers of two ticks that are sent.
+    These are the last tick, and every `step`-th tick before it, but none that is closer than `step`
+    to the tick `last` that was sent before.
     """
     return list(range(end - 1, max(first - 1, last + step - 1), -step))[::-1]
 
 
 class History:
-    """Ring buffer of the latest rows of data for the live page.
-
-    A row contains the values of one tick of the control loop. If the buffer is full, new rows
-    overwrite the oldest rows.
-
-    Parameters
-    ----------
-    columns
-        Number of columns.
-    rows
-        Number of rows that the buffer can store.
-    now
-        Function that returns the present time [s]. Each frame (binary message to a page) contains
-        the time at which it was created.
-
-    Attributes
-    ----------
-    epoch
-        Integer that increases when the rows are cleared, or when a new trial begins. A page must
-        then remove the rows that it shows.
-    end
-        Index of the next row that will be added. Rows are numbered from 0 in the order in which
-        they are added. `clear` does not change this index.
-    """
+    """Ring buffer of the latest rows; a row contains the shown values of one tick."""
 
     def __init__(
         self,
@@ -96,15 +52,17 @@ class History:
         self._now = now
         self._start = 0
         self.epoch = 0
+        """Increases when the rows are cleared, or when a new trial begins."""
         self.end = 0
+        """Number of the next row. Rows are numbered from 0 on; `clear` does not change this."""
 
     @property
     def start(self) -> int:
-        """Index of the oldest row in the buffer. Rows are numbered from 0 as they are added."""
+        """Number of the oldest row in the buffer."""
         return max(self._start, self.end - len(self._rows))
 
     def add(self, rows: Floats) -> None:
-        """Add rows to the buffer. They have the shape (n, columns), and the oldest row is first."""
+        """Add rows of shape (n, columns), the oldest first."""
         rows = rows[-len(self._rows) :]
         places = (self.end + np.arange(len(rows))) % len(self._rows)
         self._rows[places] = rows
@@ -116,17 +74,9 @@ class History:
         self._start = self.end
 
     def frame(self, first: int, clear: bool) -> tuple[bytes, int]:
-        """Return a frame (binary message to a page), and the index after its last row.
+        """Return a frame with the rows from number `first` on, and the number after its last row.
 
-        The frame contains rows from the index `first` on. `LARGEST_FRAME` limits the number of rows
-        in a frame.
-
-        Parameters
-        ----------
-        first
-            Index of the first row. Rows that are no longer in the buffer are omitted.
-        clear
-            Whether the rows replace all rows that the page shows.
+        `LARGEST_FRAME` limits the number of rows. With `clear`, they replace all rows of the page.
         """
         count = self._rows.shape[1]
         first = max(first, self.start)

@@ -30,13 +30,7 @@ class LimitedConnection(ServerConnection):
     Therefore the frames are counted while they are parsed: the first frame above the limit ends the
     parsing.
 
-    Parameters
-    ----------
-    protocol, server, **options
-        Parameters of `ServerConnection`.
-    waiting
-        The open connections that have not sent the token, in the order of their age. The values are
-        not used.
+    `waiting` contains the open connections that have not sent the token, the oldest first.
     """
 
     def __init__(

@@ -2,11 +2,10 @@
 
     python -m teleop.live.process
 
-The control process, which runs the control loop, starts the live process. On standard input, the
-live process receives one JSON document per line: first a description of the session, then messages
-about the trials. When standard input ends, the control process has ended. On standard output, the
-live process sends the address of the page, or the text of a problem. After that, it sends the
-requests of the page that the control process carries out between two trials.
+Standard input has one JSON document per line: first a description of the session, then messages
+about the trials. When it ends, the control process has ended. On standard output, the live process
+sends the address of the page, or the text of a problem, and then the requests of the page that the
+control process carries out between two trials.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from teleop.errors import InputError
 from teleop.live.cells import CellWriter
 from teleop.live.control_pipe import ControlPipe
 from teleop.live.ring import RingReader
-from teleop.live.serving import serve
+from teleop.live.server import serve
 from teleop.live.shared_file import SharedFile
 from teleop.live.trial_feed import TrialFeed
 

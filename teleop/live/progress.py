@@ -1,7 +1,4 @@
-"""The progress line, which shows time, mode and present estimates during a trial.
-
-The line is shown on a terminal, or in the output of a notebook.
-"""
+"""The progress line, which shows time, mode and estimates on a terminal or in a notebook."""
 
 from __future__ import annotations
 
@@ -10,12 +7,17 @@ import os
 import textwrap
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from estimation.quantities import DAMPING, STIFFNESS
-from teleop.live.cue import LEGEND, Cue
 from teleop.live.terminal import Terminal
 
+WIDTH = 30
+"""Number of characters of the bar between its ends."""
+TARGET, OWN, BOTH = "O", "x", "@"
+"""Marks of the target, of the position of the slave, and of both at the same place."""
+LEGEND = f"follow {TARGET} with {OWN}; {BOTH} where both are at the same place"
 REDRAW, REDRAW_CUE, REDRAW_PLAIN = 0.1, 0.03, 0.5
 """Time between two updates of the progress line [s]. The first is for a terminal, the second for a
 terminal and a trial with a target, and the third for other outputs such as a notebook."""
@@ -35,6 +37,34 @@ STDERR = 2
 """File descriptor of standard error."""
 
 
+@dataclass(frozen=True)
+class Cue:
+    """Bar of characters that shows target and slave position in the condition `mimic`."""
+
+    depth: float
+    """Largest displacement of the target [m]."""
+    count_in: float
+    """Time at the start of the trial during which the target does not move [s]."""
+
+    def text(self, t: float, target: float, position: float) -> str:
+        """Return the bar at time t [s], with the rest of the count-in; positions [m] may be NaN."""
+        cells = [" "] * WIDTH
+        own, aim = self._place(position), self._place(target)
+        if own is not None:
+            cells[own] = OWN
+        if aim is not None:
+            cells[aim] = BOTH if aim == own else TARGET
+        left = math.ceil(self.count_in - max(t, 0.0))
+        return f"|{''.join(cells)}|" + (f" in {left}" if left > 0 else "")
+
+    def _place(self, x: float) -> int | None:
+        """Return the place of x [m] in the bar (-0.1 to 1.1 times `depth`); None for NaN."""
+        if math.isnan(x):
+            return None
+        share = (x / self.depth + 0.1) / 1.2
+        return min(max(round(share * (WIDTH - 1)), 0), WIDTH - 1)
+
+
 class Status(NamedTuple):
     """Data that the progress line shows in addition to the time."""
 
@@ -51,22 +81,9 @@ class Status(NamedTuple):
 class Progress:
     """The progress line, which shows the state of a running trial on standard error.
 
-    Parameters
-    ----------
-    shown
-        Whether to show the line. Messages of `report` are always written.
-    duration
-        Duration of the trial [s].
-    hint
-        Short text in the line that names the key that stops the trial; empty for no text.
-    instructions
-        Text that explains how to stop the trial. It is written once before the line. Empty if a
-        person has already read it.
-    largest_misfit
-        Limit of the misfit, which is the systematic part of the force error of an estimator. An
-        estimator with a larger misfit is marked in the line.
-    cue
-        Bar that shows the target in the condition `mimic`; None for another condition.
+    If `shown` is False, only the messages of `report` are written. `hint` names the key that stops
+    the trial, and `instructions` explain it once. An estimator whose misfit exceeds
+    `largest_misfit` is marked.
     """
 
     def __init__(
@@ -92,15 +109,9 @@ class Progress:
                 self.report(textwrap.fill(f"teleop: {text}", width, break_on_hyphens=False))
 
     def show(self, t: float, status: Callable[[], Status]) -> None:
-        """Update the progress line, unless the time since the last update is too short.
+        """Update the line at time t [s] of the trial, unless the last update is too recent.
 
-        Parameters
-        ----------
-        t
-            Time of the trial [s]. The time is negative until the checks before the trial have
-            ended. The drives are not armed before.
-        status
-            Function that returns the data to show. It is called only if the line is updated.
+        `status` is called only if the line is updated.
         """
         now = time.monotonic()
         if not self._shown or now < self._due:
@@ -118,18 +129,10 @@ class Progress:
         self._draw(line + cue + self._texts(estimates, max(len(longest), len(line)) + len(cue)))
 
     def _texts(self, estimates: Sequence[tuple[str, float, float, float]], used: int) -> str:
-        """Return the part of the progress line with the estimates: a heading and their texts.
+        """Return the heading and the texts of as many estimators as fit after `used` characters.
 
-        Only as many estimators are shown as fit into the line. The text of an estimator has the
-        same width at each update, so that the same estimators are always shown. The result is empty
-        if the line has no space for an estimator, or if no estimator has an estimate yet.
-
-        Parameters
-        ----------
-        estimates
-            Name, b [N s/m], k [N/m] and misfit of each estimator.
-        used
-            Largest number of characters that the line needs before the heading.
+        The text of an estimator has the same width at each update, so that the same estimators are
+        always shown.
         """
         room = (terminal_width() or PLAIN_WIDTH) - 1 - used
         texts = [self._text(*one) for one in estimates[:SHOWN]]
@@ -141,10 +144,7 @@ class Progress:
         return "".join([heading, *texts])
 
     def _text(self, name: str, b: float, k: float, misfit: float) -> str:
-        """Return the text of an estimator: name, k, b, and a mark if the misfit is too large.
-
-        If there is no estimate yet, dashes replace the values.
-        """
+        """Return name, k [N/m] and b [N s/m] (dashes if unknown), and a mark of a large misfit."""
         signed = f"{DAMPING.shown(b):+.{max(DAMPING.decimals - 1, 0)}f}"
         values = ("-", "-") if math.isnan(k) else (STIFFNESS.number(k), signed)
         mark = "*" if misfit > self._largest_misfit else " "
@@ -155,21 +155,18 @@ class Progress:
         self._terminal.write((self._replacing("") + "\r" if self._shown else "") + text + "\n")
 
     def close(self) -> None:
-        """Remove the progress line from the terminal.
-
-        If a person has stopped the output of the terminal (Ctrl-S), the line may remain.
-        """
+        """Remove the line. It may remain if a person has stopped the terminal (Ctrl-S)."""
         if self._shown:
             self._terminal.draw(self._replacing("") + "\r")
         self._terminal.close()
 
     def _draw(self, line: str) -> None:
-        """Draw the progress line. The text `line` is cut to the width of the terminal."""
+        """Draw the line, cut to the width of the terminal."""
         width = terminal_width() or PLAIN_WIDTH
         self._terminal.draw(self._replacing(line[: width - 1]))
 
     def _replacing(self, text: str) -> str:
-        """Return a text with added control characters, so that it replaces the progress line."""
+        """Return a text with control characters, so that it replaces the progress line."""
         drawn, self._drawn = self._drawn, len(text)
         return f"\r{text}\x1b[K" if terminal_width() else f"\r{text:<{drawn}}"
 

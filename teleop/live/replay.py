@@ -1,7 +1,4 @@
-"""Source of data for the live page (a web page) that replays a recording.
-
-A person can move to any time of the recording, and change the speed of the replay.
-"""
+"""Source of data for the live page that replays a recording."""
 
 from __future__ import annotations
 
@@ -26,26 +23,11 @@ FASTEST = 16.0
 
 
 class Replay(Feed):
-    """Source of data for the live page, which replays a recording.
+    """Source of data that replays a recording, at any time and speed that a person chooses.
 
-    The live page is a web page that shows a running trial or a recording.
-
-    Parameters
-    ----------
-    columns
-        Columns of the recording by name, each of shape (n,), for n > 0 ticks (periods of the loop).
-    descriptions
-        Descriptions of columns, as dictionaries with the keys `name`, `unit` and `meaning`. A
-        column without a description is shown, too.
-    estimators
-        Names of the estimators.
-    events
-        Events of the recorded trial (changes of mode, and faults), as dictionaries.
-    trial
-        The message `trial` to the page, which describes the recorded trial. If it is empty, no such
-        message is sent.
-    now
-        Function that returns the present time [s].
+    `columns` has the columns of the recording by name, shape (n,), n > 0. `descriptions` have the
+    keys `name`, `unit` and `meaning`; a column without a description is shown, too. `trial` is the
+    message that describes the recorded trial; if it is empty, it is not sent.
     """
 
     def __init__(
@@ -97,11 +79,10 @@ class Replay(Feed):
         return float(self._t[-1])
 
     def advance(self) -> list[dict[str, Any]]:
-        """Add the rows up to the present time of the replay to `history`; return the new messages.
+        """Add the rows up to the present time of the replay; return the new messages.
 
-        The list of messages contains at most one message, `replay`, which states time and speed of
-        the replay. The message is due once per `POSITION_PERIOD`, and after a person has changed
-        time or speed.
+        The only message, `replay`, is due once per `POSITION_PERIOD`, and after a person has
+        changed time or speed.
         """
         now = self._now()
         if self._rate:
@@ -118,20 +99,11 @@ class Replay(Feed):
         return [position]
 
     def documents(self) -> list[dict[str, Any]]:
-        """Return the messages that a newly opened live page needs.
-
-        `welcome` describes the columns of the data, `trial` describes the recorded trial, and
-        `replay` contains time and speed of the replay. If there is no message `trial`, it is left
-        out.
-        """
+        """Return `welcome`, `trial` (if there is one) and `replay`, which has time and speed."""
         return [self._welcome, *filter(None, [self._trial]), self._position()]
 
     def state(self) -> dict[str, Any]:
-        """Return the fields of the message `state` to the live page.
-
-        The field `text` describes the latest fault before the time that the page shows. It is empty
-        if there is no fault before this time.
-        """
+        """Return the fields of `state`; `text` is the latest fault before the shown time."""
         faults = [e for e in self._events if e.get("fault") and e["time"] <= self._at]
         text = str(faults[-1]["text"]) if faults else ""
         return {
@@ -143,13 +115,7 @@ class Replay(Feed):
         }
 
     def request(self, request: dict[str, Any]) -> None:
-        """Carry out a request of the live page to change the time or the speed of the replay.
-
-        Raises
-        ------
-        BadRequest
-            The request is possible only during a running trial, or a value is out of its range.
-        """
+        """Change the time or the speed of the replay."""
         if request["type"] == "seek":
             self._seek(float(request["t"]))
         elif request["type"] == "play":
@@ -182,15 +148,9 @@ class Replay(Feed):
         self._from, self._since, self._rate = self._at, self._now(), rate
 
     def _seek(self, t: float) -> None:
-        """Continue the replay at time t [s] of the recording.
+        """Continue the replay at time t [s], limited to the recording.
 
-        The live page then shows the data of the `SHOWN` seconds before t. If t is before the start
-        of the recording, the start is used; if t is after the end, the end is used.
-
-        Raises
-        ------
-        BadRequest
-            t is not finite.
+        The live page then shows the data of the `SHOWN` seconds before t.
         """
         if not math.isfinite(t):
             raise BadRequest("seek: expected a time")
@@ -202,12 +162,7 @@ class Replay(Feed):
         self._add(int(np.searchsorted(self._t, self._at - SHOWN)), end)
 
     def _add(self, start: int, end: int) -> None:
-        """Add rows to `history`, whose rows are sent to the live page.
-
-        The rows are ticks of the recording with indices from `start` up to but not including `end`.
-        Only every `_step`-th tick is added, because the page needs fewer rows than the loop had
-        ticks.
-        """
+        """Add every `_step`-th of the ticks from index `start` to `end` - 1 to `history`."""
         ticks = decimated(start, end, start - 1, self._step)
         self.history.add(self._rows[ticks])
         self._next = ticks[-1] + 1 if ticks else start

@@ -49,14 +49,7 @@ class BadRequest(ValueError):
 
 
 def parse_request(message: str | bytes) -> dict[str, Any]:
-    """Check a message of the live page, and return the request that the message contains.
-
-    Raises
-    ------
-    BadRequest
-        The message is not a JSON object in text form, its field `type` is not a name in `FIELDS`,
-        its other fields are not those of this type, or a value has a wrong type or is too large.
-    """
+    """Return the request in a message; raise BadRequest if it is not one of `FIELDS`."""
     if isinstance(message, bytes):
         raise BadRequest("expected text")
     try:

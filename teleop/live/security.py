@@ -1,11 +1,10 @@
 """Decide who may connect to the server of the live page, and define the headers of the responses.
 
-The live page is a web page that shows a running trial or a recording. Only pages of this server
-that know the token may connect. The token is a random text, which is a part of the address of the
-live page. The server also checks two headers of a request. `Host` must be an address of the server,
-and `Origin`, which names the server of the page that sent the request, must be this server. A page
-of another server is therefore refused, even if the name of that server has been directed to this
-machine (DNS rebinding).
+Only pages of this server that know the token may connect. The token is a random text in the address
+of the live page. The server also checks two headers of a request. `Host` must be an address of the
+server, and `Origin`, which names the server of the page that sent the request, must be this server.
+A page of another server is therefore refused, even if the name of that server has been directed to
+this machine (DNS rebinding).
 """
 
 from __future__ import annotations
@@ -39,18 +38,15 @@ HTTP_PORT = 80
 
 
 def new_token() -> str:
-    """Return a new random token as hexadecimal digits. It is so long that nobody can guess it.
-
-    A page must send the token to the server before it receives data.
-    """
+    """Return a new random token of 128 bits as hexadecimal digits."""
     return secrets.token_hex(16)
 
 
 def is_token(given: object, token: str) -> bool:
     """Return whether `given` equals the token.
 
-    The time of the comparison does not depend on the number of equal characters. An attacker can
-    therefore not find the token by measuring this time.
+    The time of the comparison does not depend on the number of equal characters, so that an
+    attacker cannot find the token by measuring it.
     """
     if not isinstance(given, str):
         return False
@@ -60,21 +56,10 @@ def is_token(given: object, token: str) -> bool:
 def resolve(host: str) -> str:
     """Return the network address of a host in its usual form, such as `127.0.0.1` for `127.1`.
 
-    The server listens at this address. Addresses are checked instead of the text that was given,
-    because there are many texts for one address, and a name can have any address.
-
-    Parameters
-    ----------
-    host
-        Name or address. If a name has several addresses, an IPv4 address is preferred.
-
-    Raises
-    ------
-    InputError
-        An address of the host stands for all addresses of this machine, as 0.0.0.0 does, or for a
-        group of machines.
-    OSError
-        The name is unknown.
+    Addresses are checked instead of the text that was given, because there are many texts for one
+    address, and a name can have any address. An IPv4 address is preferred. An InputError is raised
+    for an address of all addresses of this machine, as 0.0.0.0, or of a group of machines; an
+    OSError for an unknown name.
     """
     # AI_PASSIVE changes the meaning of some texts. Without the flag, `*` would be this machine.
     try:
@@ -100,26 +85,15 @@ def is_loopback(address: str) -> bool:
 
 
 class Gate:
-    """Decides from the headers of an HTTP request whether the server accepts the request.
+    """Decides from the headers of an HTTP request whether the server at `address` accepts it.
 
-    Parameters
-    ----------
-    host
-        Name or address of the server, as in the URL of the live page.
-    address
-        Network address at which the server listens.
-    port
-        Port of the server.
-
-    Attributes
-    ----------
-    hosts
-        Allowed values of the header `Host`, in lower-case letters.
+    `host` is the name or address in the URL of the live page.
     """
 
     def __init__(self, host: str, address: str, port: int) -> None:
         names = {host, address} | ({"localhost"} if is_loopback(address) else set())
         addresses = {f"[{name}]" if ":" in name else name.lower() for name in names}
+        # allowed values of the header `Host`, in lower-case letters
         self.hosts = {f"{address}:{port}" for address in addresses}
         if port == HTTP_PORT:
             self.hosts |= addresses
@@ -127,13 +101,7 @@ class Gate:
     def refusal(self, values: Callable[[str], list[str]], with_origin: bool) -> str:
         """Return the reason why an HTTP request is refused; an empty text if it is accepted.
 
-        Parameters
-        ----------
-        values
-            Function from the name of a header to the list of all its values in the request.
-        with_origin
-            Whether a request without the header `Origin` is refused. Use True for a request that
-            opens a WebSocket.
+        `values` returns all values of a header. A request that opens a WebSocket needs an `Origin`.
         """
         hosts = [host.lower() for host in values("Host")]
         origins = [origin.lower() for origin in values("Origin")]

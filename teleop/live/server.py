@@ -1,7 +1,4 @@
-"""The server of the live page, a web page that shows a running trial or a recording.
-
-The browser receives the files of the page by HTTP. Data and requests use a WebSocket.
-"""
+"""The server of the live page. Its files are sent by HTTP; data and requests use a WebSocket."""
 
 from __future__ import annotations
 
@@ -9,25 +6,35 @@ import asyncio
 import contextlib
 import logging
 import time
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
 from functools import partial
 from http import HTTPStatus
-from typing import Any
+from importlib.resources import files
+from typing import Any, NamedTuple
 
-from websockets.asyncio.server import ServerConnection, serve
+from websockets.asyncio.server import ServerConnection
+from websockets.asyncio.server import serve as listen
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
+from teleop.errors import InputError, reason
 from teleop.live.cells import LONGEST_ROUND_TRIP
-from teleop.live.clients import MOST_CLIENTS, Client
-from teleop.live.control import Control
+from teleop.live.clients import MOST_CLIENTS, Client, Control
 from teleop.live.feed import Feed
 from teleop.live.limited_connection import LimitedConnection
-from teleop.live.pages import Page
 from teleop.live.requests import IN_CONTROL, LONGEST_MESSAGE, BadRequest, parse_request
-from teleop.live.security import HEADERS, Gate, is_token, resolve
+from teleop.live.security import HEADERS, Gate, is_token, new_token, resolve
 
+KINDS = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+"""Media types of the files, by the ending of the file name."""
+CHECK = 0.1
+"""Time between two checks whether the server must end [s]."""
 PERIOD = 1.0 / 60.0
 """Time between two frames of data [s]."""
 GREETING = 2.0
@@ -37,21 +44,37 @@ REPEAT = 1.0
 VIEWS = ("main", "operator")
 
 
+class Page(NamedTuple):
+    """A file of the live page, such as HTML or a script, which the server sends to browsers."""
+
+    kind: str
+    """Media type of the file."""
+    content: bytes
+    """Content of the file."""
+
+
+def read_pages() -> dict[str, Page]:
+    """Return all files of the live page by the path of their URL.
+
+    The server sends only these files. No path in a request can select another file.
+    """
+    pages = {}
+    folder = files("teleop.live").joinpath("page")
+    for file in folder.iterdir() if folder.is_dir() else ():
+        ending = "." + file.name.rpartition(".")[2]
+        if file.is_file() and ending in KINDS:
+            pages[f"/{file.name}"] = Page(KINDS[ending], file.read_bytes())
+    for path, name in (("/", "/index.html"), ("/operator", "/operator.html")):
+        if name in pages:
+            pages[path] = pages[name]
+    return pages
+
+
 class Server:
-    """Sends data to the open live pages, and passes the requests of the pages to the data source.
+    """Sends data to the open live pages (clients), and passes their requests to the data source.
 
-    A client is a live page that is open in a browser. One task sends all data to the clients, and
-    also sends the heartbeat to the control process. If this task fails, the heartbeat stops, and
-    the control process detects the failure.
-
-    Parameters
-    ----------
-    feed
-        Source of the data: running trials or a recording.
-    token
-        Token that a client has to send in its first message.
-    pages
-        Files of the live page, by their path in the URL.
+    One task sends all data to the clients, and also the heartbeat to the control process. If this
+    task fails, the heartbeat stops, and the control process detects the failure.
     """
 
     def __init__(self, feed: Feed, token: str, pages: Mapping[str, Page]) -> None:
@@ -67,31 +90,12 @@ class Server:
 
     @contextlib.asynccontextmanager
     async def serving(self, host: str, port: int) -> AsyncIterator[int]:
-        """Serve the page within a `with` block.
-
-        Parameters
-        ----------
-        host
-            Name or address at which the server listens.
-        port
-            Port; 0 for any free port.
-
-        Yields
-        ------
-        The port at which the server listens.
-
-        Raises
-        ------
-        InputError
-            `host` stands for several addresses, as 0.0.0.0 does.
-        OSError
-            The address cannot be used.
-        """
+        """Serve the page within a `with` block, which gets the port; port 0 for any free port."""
         address = resolve(host)
         quiet = logging.getLogger("teleop.live")
         quiet.setLevel(logging.CRITICAL)  # a refused connection is not shown on the terminal
         create: Any = partial(LimitedConnection, waiting=self.waiting)
-        async with serve(
+        async with listen(
             self._converse,
             address,
             port,
@@ -120,7 +124,7 @@ class Server:
             await asyncio.sleep(max(0.0, due - time.monotonic()))
 
     def fan_out(self) -> None:
-        """Send all new messages and rows of data to every client (live page that is connected)."""
+        """Send all new messages and rows of data to every client."""
         if self.control.is_silent:
             self._lose_control()
         news = self._feed.advance()
@@ -151,10 +155,7 @@ class Server:
             self._feed.lost()
 
     def _process_request(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Return the response to an HTTP request; None if the request may open a WebSocket.
-
-        The response contains a file of the live page, or states why the request is refused.
-        """
+        """Return a file of the live page, or the reason of a refusal; None to open a WebSocket."""
         path = request.path
         refusal = self._gate.refusal(request.headers.get_all, path == "/ws")
         if refusal:
@@ -240,3 +241,52 @@ def response(status: HTTPStatus, page: Page) -> Response:
     headers = Headers({**HEADERS, "Content-Type": page.kind, "Connection": "close"})
     headers["Content-Length"] = str(len(page.content))
     return Response(status.value, status.phrase, headers, page.content)
+
+
+def page_url(host: str, port: int, token: str) -> str:
+    """Return the URL of the live page with the token, which permits a page to connect.
+
+    The token is in the fragment (after `#`), because a browser does not send this part of a URL.
+    """
+    name = f"[{host}]" if ":" in host else host
+    return f"http://{name}:{port}/#t={token}"
+
+
+def serve_until(
+    stopped: Callable[[], bool],
+    feed: Feed,
+    host: str,
+    port: int,
+    ready: Callable[[str], object],
+) -> None:
+    """Serve the live page until `stopped` returns True; `ready` gets its URL when it is open."""
+    asyncio.run(serve(stopped, feed, host, port, ready))
+
+
+async def serve(
+    stopped: Callable[[], bool],
+    feed: Feed,
+    host: str,
+    port: int,
+    ready: Callable[[str], object],
+) -> None:
+    """Serve the live page as an asyncio task; see `serve_until`."""
+    if not 0 <= port <= 65535:
+        raise InputError(f"port {port}: expected 0 to 65535")
+    token = new_token()
+    server = Server(feed, token, read_pages())
+    try:
+        serving = server.serving(host, port)
+        used = await serving.__aenter__()
+    except OSError as error:
+        raise InputError(f"{host}, port {port}: cannot be used: {reason(error)}") from error
+    try:
+        sending = asyncio.create_task(server.run())
+        ready(page_url(host, used, token))
+        while not stopped():
+            done, _ = await asyncio.wait([sending], timeout=CHECK)
+            if done:
+                sending.result()
+        sending.cancel()
+    finally:
+        await serving.__aexit__(None, None, None)

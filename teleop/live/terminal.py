@@ -1,8 +1,4 @@
-"""Write to a terminal from a separate thread, so that the control loop never waits for it.
-
-While a terminal is stopped (Ctrl-S), a write to the terminal waits. Here, only the separate thread
-waits.
-"""
+"""Write to a terminal from a separate thread, so that the caller never waits for it."""
 
 from __future__ import annotations
 
@@ -17,16 +13,11 @@ TIMEOUT = 0.5
 
 
 class Terminal:
-    """Writes to a terminal without delay of the caller.
+    """Writes to a file descriptor without delay of the caller.
 
-    While a terminal is stopped (Ctrl-S), or while its output is not read, a write to the terminal
-    waits. A separate thread therefore writes the text. The file descriptor is not changed to
-    non-blocking mode, because the shell uses the same terminal, and its mode would change, too.
-
-    Parameters
-    ----------
-    descriptor
-        File descriptor to write to.
+    While a terminal is stopped (Ctrl-S), or while its output is not read, a write to it waits. A
+    separate thread therefore writes the text. The file descriptor is not changed to non-blocking
+    mode, because the shell uses the same terminal, and its mode would change, too.
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -40,17 +31,14 @@ class Terminal:
     def draw(self, text: str) -> None:
         """Write a text that the next text replaces, such as a progress line.
 
-        If the text has not been written before the next call of `draw` or `write`, it is discarded.
+        If it has not been written before the next call of `draw` or `write`, it is discarded.
         """
         with self._changed:
             self._line = encoded(text)
             self._wake()
 
     def write(self, text: str) -> None:
-        """Write a text that later texts do not replace, such as a message.
-
-        A text of `draw` that has not been written yet is discarded.
-        """
+        """Write a text that remains, such as a message. A waiting text of `draw` is discarded."""
         with self._changed:
             self._kept += encoded(text)
             self._line = b""

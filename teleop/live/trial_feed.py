@@ -1,23 +1,26 @@
-"""Source of data for the live page (a web page): the trials that one control process runs."""
+"""Source of data for the live page: the trials that one control process runs."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimation.arrays import Floats
 from teleop.json_documents import loads
 from teleop.live.cells import ARM, END, PROCESS, STOP, CellWriter
 from teleop.live.feed import QUANTITIES, Feed, estimator_indices, shown_columns
-from teleop.live.health import Health
 from teleop.live.history import History, decimated, decimation
 from teleop.live.requests import ANSWERS, BadRequest
 from teleop.live.ring import RingReader
 from teleop.safety.events import ACTIVE, READY, Mode
 
+RECENT = 1.0
+"""Length of the time window [s]. The live page shows the largest lateness within this window."""
 SILENCE = 0.5
 """Time without a new tick after which the page shows that the loop has ended [s]."""
 DEEPEST = 0.1
@@ -26,22 +29,39 @@ SENT = {"name": "sent", "unit": "s", "meaning": "time at which the loop wrote th
 """Description of a column that is not recorded. It is the last column of each row for the page."""
 
 
-class TrialFeed(Feed):
-    """Source of data for the live page: the trials of one control process (which runs the loop).
+class Health:
+    """Counts overruns, skipped periods and dropped ticks of a trial."""
 
-    Parameters
-    ----------
-    ring, events
-        Ring buffers in shared memory. `ring` contains the ticks, `events` the events of the trials.
-    cells
-        Object that writes requests to shared memory, where the control loop reads them at each
-        tick.
-    session
-        Fields of the message `welcome`: `may_arm` (whether the page may arm the drives), `pointer`
-        (whether the mouse moves the handle) and `choices` (values that a setting may have).
-    send
-        Function that sends a request to the control process. The control process reads requests
-        between two trials.
+    def __init__(self) -> None:
+        self._overruns = self._skipped = self._dropped = 0
+        self._latenesses: deque[tuple[float, float]] = deque()
+
+    def add(self, values: Floats, column: Mapping[str, int], now: float) -> None:
+        """Add ticks, shape (n, columns), at the time `now` [s]; `column` has the indices."""
+        self._overruns += int(values[:, column["overrun"]].sum())
+        self._skipped += int(values[:, column["skipped"]].sum())
+        self._dropped = int(values[-1, column["dropped"]])
+        self._latenesses.append((now, float(np.max(values[:, column["lateness"]]))))
+
+    def document(self, now: float) -> dict[str, Any]:
+        """Return the counts, and the largest lateness in the last `RECENT` seconds [s]."""
+        while self._latenesses and self._latenesses[0][0] < now - RECENT:
+            self._latenesses.popleft()
+        return {
+            "overruns": self._overruns,
+            "skipped": self._skipped,
+            "dropped": self._dropped,
+            "lateness_max": max((late for _, late in self._latenesses), default=None),
+        }
+
+
+class TrialFeed(Feed):
+    """Source of data for the live page: the trials of one control process.
+
+    `ring` contains the ticks, `events` the events of the trials. `session` has fields of `welcome`:
+    `may_arm` (whether the page may arm the drives), `pointer` (whether the mouse moves the handle)
+    and `choices` (values that a setting may have). `send` sends a request to the control process,
+    which reads requests between two trials.
     """
 
     def __init__(
@@ -77,10 +97,7 @@ class TrialFeed(Feed):
         self._describe([], [], 0.0)
 
     def receive(self, document: dict[str, Any]) -> None:
-        """Process a message of the control process.
-
-        It is `begin` or `end` of a trial, `summary` (its results), or `prompt` (a question).
-        """
+        """Process a message: `begin` or `end` of a trial, its `summary`, or a `prompt`."""
         kind = document["type"]
         if kind == "begin":
             self._begin_trial(document)
@@ -108,7 +125,7 @@ class TrialFeed(Feed):
         return news
 
     def documents(self) -> list[dict[str, Any]]:
-        """Return the latest messages `welcome`, `trial` and `summary`, which a new page needs."""
+        """Return the latest messages `welcome`, `trial` and `summary`."""
         return list(self._valid.values())
 
     def state(self) -> dict[str, Any]:
@@ -132,13 +149,7 @@ class TrialFeed(Feed):
         }
 
     def request(self, request: dict[str, Any]) -> None:
-        """Pass a request to the control process, through shared memory or as a message.
-
-        Raises
-        ------
-        BadRequest
-            The request is not possible in the present mode, or in this session.
-        """
+        """Pass a request to the control process, through shared memory or as a message."""
         kind, active = request["type"], self._running and self._mode >= ACTIVE
         if kind == "stop":
             self._cells.count(STOP)
@@ -191,8 +202,8 @@ class TrialFeed(Feed):
     def _choose(self, request: dict[str, Any], active: bool) -> None:
         """Send the settings that a person has chosen in the page to the control process.
 
-        If a trial waits for START (the command that arms the drives), the trial is ended. The
-        control process then begins a trial with the new settings.
+        If a trial waits for START, it is ended. The control process then begins a trial with the
+        new settings.
         """
         choices = self._session["choices"]
         for name in request.keys() - {"type"}:
@@ -251,35 +262,33 @@ class TrialFeed(Feed):
         self._news.append(document)
 
     def _read_ticks(self) -> None:
-        """Read all new ticks. Add those that the live page receives to the buffer `history`."""
+        """Read all new ticks. Add those that the live page receives to `history`."""
         first, end = max(self._read + 1, self._ring.oldest), self._ring.newest + 1
         found, slots = self._ring.read(range(first, end))
         if not found:
             return
         self._read, self._latest = found[-1], time.monotonic()
-        values = self._values(slots)
+        values = self._values(slots["message"])
         self._mode = Mode(int(values[-1, self._column["mode"]]))
         self._health.add(values, self._column, self._latest)
         chosen = decimated(found[0], found[-1] + 1, self._sent, self._step)
         rows = [row for row, number in enumerate(found) if number in set(chosen)]
         if rows:
             self._sent = found[rows[-1]]
-            sent = np.ascontiguousarray(slots[rows, 8:16]).view("<f8")
+            sent = slots["written"][rows, np.newaxis]
             self.history.add(np.hstack([values[rows][:, self._indices], sent]))
 
-    def _values(self, slots: np.ndarray[Any, np.dtype[np.uint8]]) -> Floats:
-        """Return all columns of n ticks, shape (n, columns), from a result of `RingReader.read`."""
-        start = 16 + self._offset
-        end = start + 8 * len(self._begin["columns"])
-        return np.ascontiguousarray(slots[:, start:end]).view("<f8")
+    def _values(self, messages: NDArray[np.uint8]) -> Floats:
+        """Return all columns of the messages of n ticks, shape (n, columns)."""
+        end = self._offset + 8 * len(self._begin["columns"])
+        return np.ascontiguousarray(messages[:, self._offset : end]).view("<f8")
 
     def _read_texts(self) -> None:
         """Read the new events of the safety supervisor: changes of its mode, and faults."""
         first, end = max(self._read_events + 1, self._events.oldest), self._events.newest + 1
         found, slots = self._events.read(range(first, end))
         for slot in slots:
-            length = int(slot[:8].view("<u8")[0])
-            event = loads(slot[16 : 16 + length].tobytes())
+            event = loads(slot["message"][: slot["length"]].tobytes())
             if event["fault"]:
                 self._faults.append(event["text"])
             if event["mode"] == "active":
@@ -288,10 +297,7 @@ class TrialFeed(Feed):
         self._read_events = found[-1] if found else self._read_events
 
     def _advice(self, mode: str, by_page: bool) -> str:
-        """Return an instruction for the operator; empty if there is none.
-
-        `by_page` states whether the drives are armed from the live page.
-        """
+        """Return an instruction for the operator; empty if there is none."""
         if mode == "ready" and by_page:
             return "UNLOCK, then START within 2 s, arms the drives"
         if mode == "active" and self._session["pointer"]:

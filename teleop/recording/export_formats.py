@@ -21,11 +21,7 @@ from teleop.recording.stream import RecordingStream
 
 
 def write_csv(file: BinaryIO, recording: RecordingStream) -> None:
-    """Write the columns of a recording as CSV. The header of each column is `name [unit]`.
-
-    Settings, session data and events are not written. `description` returns them as a document for
-    a separate file.
-    """
+    """Write the columns as CSV, with the headers `name [unit]`."""
     writer = table_writer(file, recording.units)
     for columns in blocks(recording):
         writer.writerows(rows_of(columns))
@@ -34,25 +30,16 @@ def write_csv(file: BinaryIO, recording: RecordingStream) -> None:
 def description_of(path: Path) -> Path | None:
     """Return the path of the JSON file that describes a CSV file; None for any other file.
 
-    The standard "CSV on the Web" defines the name of the JSON file.
+    The standard "CSV on the Web" defines its name and its form.
     """
     is_csv = path.suffix.lower() in FORMATS and format_of(path) == "csv"
     return path.with_name(f"{path.name}-metadata.json") if is_csv else None
 
 
 def description(path: Path, recording: RecordingStream) -> str:
-    """Return a JSON document with the settings, the session data and the events of a recording.
+    """Return a JSON document with settings, session data and events, to describe a CSV file.
 
-    The document describes a CSV file that contains the columns of the recording. The standard "CSV
-    on the Web" defines the form of the document.
-
-    Parameters
-    ----------
-    path
-        The CSV file.
-    recording
-        The recording. The caller has already read all its blocks. Before that, its events are not
-        complete.
+    All blocks of the recording have been read. Before that, its events are not complete.
     """
     about = {
         "settings": recording.settings,
@@ -65,16 +52,7 @@ def description(path: Path, recording: RecordingStream) -> str:
 
 
 def write_hdf5(disk: BinaryIO, recording: RecordingStream) -> None:
-    """Write an HDF5 file with one dataset per column. Each dataset has the attribute `unit`.
-
-    The session data (for example date and rig) and the settings are attributes of the file. The
-    dataset `events` contains the events as JSON documents.
-
-    Raises
-    ------
-    InputError
-        h5py is not installed.
-    """
+    """Write one dataset per column, with the attribute `unit`; the other data are attributes."""
     try:
         import h5py
     except ImportError as error:
@@ -95,16 +73,10 @@ def write_hdf5(disk: BinaryIO, recording: RecordingStream) -> None:
 
 
 def write_matlab(file: BinaryIO, recording: RecordingStream) -> None:
-    """Write a MATLAB file with one variable per column.
+    """Write one variable per column, and `units`, `session`, `settings` and `events`.
 
-    The variables `units`, `session`, `settings` and `events` contain the other data. In a MATLAB
-    file, all values of a variable precede the next variable. The recording can therefore not be
-    written in blocks of ticks, and must fit into memory.
-
-    Raises
-    ------
-    InputError
-        The recording is too large for the memory of this machine.
+    In a MATLAB file, all values of a variable precede the next variable. The recording can
+    therefore not be written in blocks of ticks, and must fit into memory.
     """
     from scipy.io import savemat
 
@@ -119,16 +91,7 @@ def write_matlab(file: BinaryIO, recording: RecordingStream) -> None:
 
 
 def write_parquet(file: BinaryIO, recording: RecordingStream) -> None:
-    """Write the columns with their units to a Parquet file.
-
-    The session data (for example date and rig), the settings and the events are metadata of the
-    file, as JSON documents.
-
-    Raises
-    ------
-    InputError
-        pyarrow is not installed.
-    """
+    """Write the columns with their units; the other data are metadata, as JSON documents."""
     try:
         import pyarrow
         from pyarrow import parquet
@@ -161,44 +124,17 @@ FORMATS: dict[str, tuple[str, Callable[[BinaryIO, RecordingStream], None]]] = {
 
 
 def format_of(path: Path) -> str:
-    """Return the name of the export format that the ending of a file name states.
-
-    Raises
-    ------
-    InputError
-        The ending is unknown.
-    """
+    """Return the name of the export format that the ending of a file name states."""
     if path.suffix.lower() not in FORMATS:
         raise InputError(f"{path}: expected a file ending in .csv, .h5 (.hdf5), .mat or .parquet")
     return FORMATS[path.suffix.lower()][0]
 
 
 def export_recording(file: Path, path: Path, overwrite: bool = False) -> RecordingStream:
-    """Write a recording to a file in the format that the ending of `path` determines.
+    """Write a recording in the format that the ending of `path` states, and return it.
 
-    If the new file is a CSV file, it contains only the columns of the recording. The settings, the
-    session data (for example date and rig) and the events are then written to an additional file.
-    `description_of` returns the path of this file.
-
-    Parameters
-    ----------
-    file
-        The recording. It is read twice: first to check that it is complete, then to export it.
-    path
-        The file to write.
-    overwrite
-        Whether to overwrite an existing file.
-
-    Returns
-    -------
-    The recording. It has been read completely, so that its events and gaps are known.
-
-    Raises
-    ------
-    InputError
-        The recording cannot be read, or is not complete. The ending of the new file is unknown. The
-        new file cannot be written, or exists and may not be overwritten. The library of the format
-        is not installed.
+    The recording is read twice: first to check that it is complete, then to export it. A CSV file
+    has only columns. `description_of` names the file with the other data.
     """
     format_of(path)
     recording = RecordingStream(file)
@@ -212,50 +148,24 @@ def export_recording(file: Path, path: Path, overwrite: bool = False) -> Recordi
 
 
 def blocks(recording: RecordingStream) -> Iterator[dict[str, Floats]]:
-    """Read a recording again from its file, because a `RecordingStream` can be read only once.
-
-    Yields
-    ------
-    The columns by name for each block of n successive ticks, each of shape (n,).
-    """
+    """Read a recording again from its file, because a `RecordingStream` can be read only once."""
     return RecordingStream(recording.path).blocks()
 
 
 def missing(library: str, name: str) -> InputError:
-    """Return an error which states that the library for an export format is not installed.
-
-    Parameters
-    ----------
-    library
-        Name of the library, for example `h5py`.
-    name
-        Name of the format, for example HDF5.
-    """
+    """Return an error which states that the library of an export format is not installed."""
     return InputError(f"{name} needs {library}: pip install '.[export]'")
 
 
 class TableFile:
-    """A CSV file to which a table is written in blocks of rows, with all digits of each number.
-
-    Parameters
-    ----------
-    file
-        The file, open for writing bytes.
-    """
+    """A CSV file to which a table is written in blocks of rows, with all digits of each number."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
         self._writer: Any = None
 
     def write(self, table: tuple[Mapping[str, Floats], Mapping[str, str]]) -> None:
-        """Write the next n rows of the table. The first call also writes the header.
-
-        Parameters
-        ----------
-        table
-            Two mappings, whose keys are the names of the columns. The first mapping contains the
-            values of each column, shape (n,). The second mapping contains the unit of each column.
-        """
+        """Write the next rows: columns and units by name. The first call writes the header."""
         columns, units = table
         if self._writer is None:
             self._writer = table_writer(self._file, {name: units[name] for name in columns})
@@ -263,23 +173,12 @@ class TableFile:
 
 
 def table_writer(file: BinaryIO, units: Mapping[str, str]) -> Any:
-    """Write the header of a CSV table, and return a `csv.writer` for its rows.
-
-    Parameters
-    ----------
-    file
-        The file, open for writing bytes.
-    units
-        Unit of each column, by the name of the column.
-    """
+    """Write the header of a CSV table, and return a `csv.writer` for its rows."""
     writer = csv.writer(codecs.getwriter("utf-8")(file, "backslashreplace"))
     writer.writerow([f"{name} [{unit}]" for name, unit in units.items()])
     return writer
 
 
 def rows_of(columns: Mapping[str, Floats]) -> Iterable[tuple[float, ...]]:
-    """Return the rows of a table whose columns are arrays.
-
-    The values in the rows are Python floats, which the CSV writer writes with all digits.
-    """
+    """Return the rows of a table, as Python floats, which are written with all digits."""
     return zip(*(column.tolist() for column in columns.values()), strict=True)

@@ -38,28 +38,14 @@ class Gap(NamedTuple):
 def missing_ticks(
     t: Floats, dt: Floats, dropped: Floats, total_dropped: int = 0
 ) -> tuple[Gap, ...]:
-    """Return the gaps in a recording, which are the parts with missing ticks.
+    """Return the gaps of a recording from the columns `time`, `dt` and `dropped`.
 
-    A tick is one cycle of the control loop. If the recorder is too slow, ticks are dropped, which
-    means that they are not recorded. `dt` is the time since the previous tick, even if the previous
-    tick was dropped. If the time since the previous recorded tick is larger than `dt`, there is a
-    gap between these two recorded ticks.
+    `dt` is the time since the previous tick, even if that tick was not recorded. If the time since
+    the previous recorded tick is larger than `dt`, there is a gap between the two. If the loop
+    itself was late and skipped a period, this is not a gap: `dt` contains the skipped period.
 
-    If the loop itself is late, it can skip a period. This is not a gap, because there was no tick
-    in this period, and `dt` contains its duration.
-
-    Parameters
-    ----------
-    t
-        Time of each recorded tick [s], shape (n,).
-    dt
-        Time from the previous tick to each recorded tick [s], shape (n,).
-    dropped
-        Number of ticks that were dropped before each recorded tick, counted from the start of the
-        trial, shape (n,).
-    total_dropped
-        Number of ticks that were dropped in the whole trial; 0 if unknown. If it is 0, gaps before
-        the first and after the last recorded tick are not found.
+    The gaps before the first and after the last recorded tick are found only if `total_dropped`,
+    the number of ticks dropped in the whole trial, is known (not 0).
     """
     finder = GapFinder()
     finder.add(t, dt, dropped)
@@ -67,10 +53,7 @@ def missing_ticks(
 
 
 class GapFinder:
-    """Finds the gaps (parts with missing ticks) in a recording that is read in blocks of ticks.
-
-    Call `add` with each block, and then `gaps`. `missing_ticks` describes the method.
-    """
+    """Finds the gaps of a recording that is read in blocks; see `missing_ticks`."""
 
     def __init__(self) -> None:
         self._found: list[Gap] = []
@@ -78,18 +61,7 @@ class GapFinder:
         self._last = (0.0, 0.0)
 
     def add(self, t: Floats, dt: Floats, dropped: Floats) -> None:
-        """Process the next n recorded ticks.
-
-        Parameters
-        ----------
-        t
-            Time of each recorded tick [s], shape (n,).
-        dt
-            Time since the previous tick, even if that tick was not recorded [s], shape (n,).
-        dropped
-            Number of ticks that were not recorded before each recorded tick, counted from the start
-            of the trial, shape (n,).
-        """
+        """Process the columns `time`, `dt` and `dropped` of the next recorded ticks."""
         if not len(t):
             return
         before, lost_before = self._last
@@ -104,14 +76,7 @@ class GapFinder:
         self._last = float(t[-1]), float(dropped[-1])
 
     def gaps(self, total_dropped: int = 0) -> tuple[Gap, ...]:
-        """Return the gaps in the ticks that were processed so far.
-
-        Parameters
-        ----------
-        total_dropped
-            Number of ticks that were not recorded in the whole trial; 0 if unknown. If it is 0,
-            gaps before the first and after the last recorded tick are not found.
-        """
+        """Return the gaps in the ticks that were added."""
         if self._first is None:
             return ()
         gaps = list(self._found)

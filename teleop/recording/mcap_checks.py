@@ -1,15 +1,124 @@
-"""Check the content of a recording (an MCAP file), which may be damaged."""
+"""Checks and limits with which a damaged or hostile MCAP file cannot harm its reader."""
 
 from __future__ import annotations
 
+import os
 import re
-from typing import Any
+import zlib
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO
 
+import lz4.frame
 import numpy as np
+import zstandard
+from mcap.records import Chunk
 from numpy.typing import NDArray
 
+from teleop.errors import InputError
 from teleop.json_documents import loads
-from teleop.recording.cdr import CDR
+from teleop.recording.message import CDR, tick_values
+
+LARGEST_RECORD = 128 << 20
+"""Size of the largest record that is read [bytes]."""
+
+
+def machine_memory() -> int:
+    """Return the memory size of this machine [bytes]; a default value if it is unknown."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return 8 << 30
+
+
+LARGEST_TICKS = machine_memory() // 4
+"""Largest total size of ticks that are stored in memory [bytes]. The columns that are computed from
+the ticks need the same amount of memory again."""
+
+
+def check_memory(path: Path | str, size: int) -> None:
+    """Raise an InputError if the ticks of a recording, of `size` bytes, do not fit into memory."""
+    if size > LARGEST_TICKS:
+        raise InputError(
+            f"{path}: too large for this machine's memory: more than {LARGEST_TICKS >> 20} MiB "
+            "of ticks"
+        )
+
+
+class BoundedFile:
+    """A file from which one call of `read` returns at most `LARGEST_RECORD` bytes.
+
+    The records of a file state their own length. That of a damaged record can be much too large,
+    and a reader would request too many bytes. Bytes that are added to the file later are not read.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.left = os.fstat(file.fileno()).st_size
+        """Number of bytes that have not been read yet."""
+
+    def read(self, count: int) -> bytes:
+        """Return the next `count` bytes, but at most `LARGEST_RECORD` and no more than are left."""
+        data = self._file.read(min(count, self.left, LARGEST_RECORD))
+        self.left -= len(data)
+        return data
+
+
+LARGEST_CHUNK = 64 << 20
+"""Size of the largest chunk that is read, after decompression [bytes]. The chunks of the recorder
+are much smaller."""
+PIECE = 1 << 20
+"""Largest number of bytes that one call of the zstd reader decompresses."""
+
+
+def chunk_data(chunk: Chunk) -> bytes:
+    """Decompress a chunk (a block of records of an MCAP file), and return the bytes of its records.
+
+    The chunk states the size of its data. Those of a damaged chunk can be larger and fill the
+    memory. Therefore the decompression stops one byte after the stated size, and an error is
+    raised.
+    """
+    size = chunk.uncompressed_size
+    if size > LARGEST_CHUNK:
+        raise ValueError(f"a chunk of {size} bytes: expected at most {LARGEST_CHUNK}")
+    if chunk.compression not in DECOMPRESSORS:
+        raise ValueError(f"a chunk is compressed by {chunk.compression!r}: expected zstd or lz4")
+    try:
+        data = DECOMPRESSORS[chunk.compression](chunk.data, size + 1)
+    except (zstandard.ZstdError, RuntimeError, EOFError) as error:
+        raise ValueError("a chunk cannot be decompressed") from error
+    if len(data) != size:
+        raise ValueError("a chunk cannot be decompressed to the size that it declares")
+    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+        raise ValueError("the checksum of a Chunk does not match")
+    return data
+
+
+def uncompressed(data: bytes, _: int) -> bytes:
+    """Return data that are not compressed."""
+    return data
+
+
+def from_zstd(data: bytes, max_size: int) -> bytes:
+    """Return at most the first `max_size` bytes of zstd data."""
+    result = BytesIO()
+    with zstandard.ZstdDecompressor().stream_reader(data) as reader:
+        while result.tell() < max_size:
+            piece = reader.read(min(PIECE, max_size - result.tell()))
+            if not piece:
+                break
+            result.write(piece)
+    return result.getvalue()
+
+
+def from_lz4(data: bytes, max_size: int) -> bytes:
+    """Return at most the first `max_size` bytes of lz4 data."""
+    return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=max_size))
+
+
+DECOMPRESSORS = {"": uncompressed, "zstd": from_zstd, "lz4": from_lz4}
+"""Decompression functions, by the name of the compression."""
+
 
 MOST_COLUMNS = 4096
 """Largest number of columns in a recording."""
@@ -40,18 +149,10 @@ missing.
 
 
 def message_size(definition: str) -> int:
-    """Return the size of the message of one tick [bytes], computed from the message definition.
+    """Return the size of the message of a tick [bytes], from its definition.
 
-    Parameters
-    ----------
-    definition
-        Definition of the message in the message definition language of ROS 2.
-
-    Raises
-    ------
-    ValueError
-        The definition is not that of a tick. All fields must be doubles with different names, and
-        the first name must be `time`. `MOST_COLUMNS` and `LONGEST_NAME` limit the names.
+    All fields must be doubles with different names, and the first name must be `time`. Otherwise a
+    ValueError is raised.
     """
     if "\0" in definition:
         raise ValueError("the definition of its ticks is not text")
@@ -68,52 +169,25 @@ def message_size(definition: str) -> int:
 
 
 def check_ticks(ticks: NDArray[np.uint8], sequence: NDArray[np.uint32]) -> None:
-    """Check the messages of n successive ticks.
-
-    Parameters
-    ----------
-    ticks
-        Bytes of the messages, shape (n, bytes per message).
-    sequence
-        Sequence number of each message, shape (n, 1).
-
-    Raises
-    ------
-    ValueError
-        A message is not in little-endian CDR (Common Data Representation), or its time is not a
-        number or exceeds `LATEST`. Or the sequence numbers do not increase by one.
-    """
+    """Check sequence numbers, encoding and times of the messages of successive ticks."""
     if (np.diff(sequence.astype(np.int64)) != 1).any():
         raise ValueError("the numbers of its ticks do not increase by one")
     if (ticks[:, : len(CDR)] != np.frombuffer(CDR, np.uint8)).any():
         raise ValueError("a tick is not in little-endian CDR")
-    times = np.ascontiguousarray(ticks[:, len(CDR) : len(CDR) + 8]).view("<f8")
-    if not (np.abs(times) < LATEST).all():
+    time = tick_values(ticks, slice(1))
+    if not (np.abs(time) < LATEST).all():
         raise ValueError("a tick has no valid time")
 
 
 def read_event(document: bytes) -> dict[str, Any]:
-    """Return an event of a recording from its JSON document, as a dictionary.
-
-    Raises
-    ------
-    ValueError
-        The document is not a JSON object, or the event is not valid.
-    """
+    """Return an event of a recording from its JSON document."""
     event = loads(document)
     check_event(event)
     return event
 
 
 def check_event(event: Any) -> None:
-    """Check that a value is an event of a recording.
-
-    Raises
-    ------
-    ValueError
-        The value is not a dictionary. Or an item of the event is missing, is too large, or has a
-        wrong type. `EVENT` contains the expected types.
-    """
+    """Raise a ValueError if a value is not an event: `EVENT` states the types of its items."""
     if not isinstance(event, dict):
         raise ValueError("an event is not an object")
     time = event.get("time")
@@ -130,11 +204,7 @@ def check_event(event: Any) -> None:
 
 
 def is_valid_metadata(metadata: dict[str, str]) -> bool:
-    """Return whether a metadata record of an MCAP file is valid.
-
-    A metadata record is a dictionary of texts. No key and no text may contain a zero byte. If there
-    is a key `json`, its text must be a JSON object.
-    """
+    """Return whether a record has no zero byte, and its text `json`, if any, is a JSON object."""
     try:
         loads(metadata.get("json", "{}"))
     except ValueError:

@@ -20,17 +20,32 @@ from numpy.typing import NDArray
 from drivers.input_file import open_input
 from teleop.errors import InputError
 from teleop.files import unreadable
-from teleop.recording.bounded_file import LARGEST_RECORD, BoundedFile, check_memory
-from teleop.recording.cdr import MESSAGE_NAME, TIME
-from teleop.recording.chunks import chunk_data
-from teleop.recording.mcap_checks import check_ticks, is_valid_metadata, message_size, read_event
+from teleop.recording.mcap_checks import (
+    LARGEST_RECORD,
+    BoundedFile,
+    check_memory,
+    check_ticks,
+    chunk_data,
+    is_valid_metadata,
+    message_size,
+    read_event,
+)
 from teleop.recording.mcap_writer import EVENT_SCHEMA, EVENTS, TICKS
+from teleop.recording.message import MESSAGE_NAME, TIME
 
 MAGIC = b"\x89MCAP"
 """First bytes of an MCAP file."""
-HEAD = struct.Struct("<BQHIQQ")
-"""Layout of the start of a message record: opcode, length, number of the channel, sequence number,
-log time and publish time."""
+HEAD = np.dtype(
+    [
+        ("opcode", "u1"),
+        ("length", "<u8"),
+        ("channel", "<u2"),
+        ("sequence", "<u4"),
+        ("logged", "<u8"),
+        ("published", "<u8"),
+    ]
+)
+"""Layout of the start of a message record of an MCAP file."""
 MOST_EVENTS = 100_000
 """Largest number of events that are read."""
 LATEST_START = 1 << 62
@@ -52,20 +67,7 @@ class Source:
     """Expected sequence number of the next message; None before the first message."""
 
     def follow(self, sequence: int, count: int) -> None:
-        """Check that the next messages directly follow the messages that were read before.
-
-        Parameters
-        ----------
-        sequence
-            Sequence number of the first of the next messages.
-        count
-            Number of the next messages. They have successive sequence numbers.
-
-        Raises
-        ------
-        ValueError
-            Messages of this channel are missing in the file.
-        """
+        """Raise a ValueError if the next `count` messages, from `sequence` on, do not follow."""
         if self.following not in (None, sequence):
             raise ValueError(f"messages of {self.topic} are missing before number {sequence}")
         self.following = sequence + count
@@ -90,14 +92,7 @@ class Contents:
 
 
 def read_intact(path: Path) -> Contents:
-    """Read the intact (undamaged) part of a recording into memory.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, is not a recording of `teleop run`, or is too large for the memory
-        of this machine.
-    """
+    """Read the intact part of a recording into memory."""
     contents = Contents()
     for rows in read_ticks(path, contents):
         contents.messages += rows.tobytes()
@@ -106,26 +101,10 @@ def read_intact(path: Path) -> Contents:
 
 
 def read_ticks(path: Path, contents: Contents) -> Iterator[NDArray[np.uint8]]:
-    """Yield the ticks in the intact (undamaged) part of a recording, and store its other data.
+    """Yield messages of successive ticks as bytes, shape (n, bytes per message), while intact.
 
-    Parameters
-    ----------
-    path
-        The recording.
-    contents
-        Object in which the events, the metadata and the message definition are stored while the
-        ticks are read. `contents.messages` remains empty. When the first ticks are yielded,
-        `contents` already contains the definition, and the metadata at the beginning of the file.
-
-    Yields
-    ------
-    Messages of n successive ticks as bytes, shape (n, bytes per message). A message contains all
-    recorded values of one tick (period of the control loop).
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, is not a recording of `teleop run`, or has too many events.
+    The other data are stored in `contents`. When the first ticks are yielded, it already has the
+    definition, and the metadata at the beginning of the file. `contents.messages` remains empty.
     """
     try:
         with open_input(path) as file:
@@ -155,12 +134,7 @@ class ReaderWithoutIndices(StreamReader):
 def read_records(file: BinaryIO, contents: Contents) -> Iterator[NDArray[np.uint8]]:
     """Yield the messages of ticks, shape (n, bytes per message), up to the first damaged record.
 
-    The other data of the MCAP file, and a text about the damage, are stored in `contents`.
-
-    Raises
-    ------
-    InputError
-        The recording has too many events.
+    The other data, and a text about the damage, are stored in `contents`.
     """
     channels: dict[int, Source] = {}
     bounded = BoundedFile(file)
@@ -199,16 +173,7 @@ def read_records(file: BinaryIO, contents: Contents) -> Iterator[NDArray[np.uint
 def read_chunk(
     chunk: Chunk, contents: Contents, channels: dict[int, Source]
 ) -> Iterator[NDArray[np.uint8]]:
-    """Yield the messages of ticks in one chunk (block of records) of an MCAP file.
-
-    The events of the chunk are added to `contents`. The MCAP channels that the chunk defines are
-    added to `channels`, where the key is the number of the channel in the file.
-
-    Raises
-    ------
-    ValueError
-        The chunk or a record in it is not valid.
-    """
+    """Yield the messages of ticks in a chunk; store its events and its channels by number."""
     for record in records(chunk_data(chunk), contents, channels):
         if isinstance(record, np.ndarray):
             yield record
@@ -230,15 +195,9 @@ def read_chunk(
 def records(
     data: bytes, contents: Contents, channels: dict[int, Source]
 ) -> Iterator[Schema | Channel | Message | NDArray[np.uint8]]:
-    """Yield the records of a decompressed chunk (block of records) of an MCAP file.
+    """Yield the records of a decompressed chunk.
 
-    Messages of successive ticks are yielded as one array of bytes, shape (n, bytes per message).
-    `channels` contains the channels of the file, where the key is the number of the channel.
-
-    Raises
-    ------
-    ValueError
-        A record or a tick is not valid.
+    Messages of successive ticks are one array of bytes, shape (n, bytes per message).
     """
     place = 0
     while place < len(data):
@@ -247,25 +206,25 @@ def records(
         if place + 9 + length > len(data):
             raise ValueError("a record is longer than its chunk")
         if opcode == Opcode.MESSAGE:
-            _, _, channel, sequence, logged, published = HEAD.unpack_from(data, place)
+            _, _, channel, sequence, logged, published = np.frombuffer(data, HEAD, 1, place)[
+                0
+            ].item()
             source = channels.get(channel)
             if source is None:
                 raise ValueError("a message has no channel")
             if source.topic == TICKS:
-                if not contents.size or HEAD.size + contents.size != 9 + length:
+                if not contents.size or HEAD.itemsize + contents.size != 9 + length:
                     raise ValueError("the size of a tick does not match its definition")
-                run = consecutive_records(data, place, 9 + length)
+                run = consecutive_records(data, place, contents.size)
                 source.follow(sequence, len(run))
-                check_ticks(run[:, HEAD.size :], np.ascontiguousarray(run[:, 11:15]).view("<u4"))
+                check_ticks(run["message"], run["sequence"])
                 if not contents.start:
-                    contents.start = start_time(
-                        logged, TIME.unpack_from(data, place + HEAD.size)[0]
-                    )
-                yield run[:, HEAD.size :]
-                place += run.size
+                    contents.start = start_time(logged, TIME.unpack_from(run["message"][0])[0])
+                yield run["message"]
+                place += run.nbytes
                 continue
             source.follow(sequence, 1)
-            body = data[place + HEAD.size : place + 9 + length]
+            body = data[place + HEAD.itemsize : place + 9 + length]
             yield Message(channel, logged, body, published, sequence)
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             stream = ReadDataStream(BytesIO(data[place + 9 : place + 9 + length]))
@@ -273,29 +232,22 @@ def records(
         place += 9 + length
 
 
-def consecutive_records(data: bytes, place: int, stride: int) -> NDArray[np.uint8]:
-    """Return the record at byte `place`, with all similar records that directly follow it.
+def consecutive_records(data: bytes, place: int, size: int) -> NDArray[np.void]:
+    """Return the record at byte `place`, and those of the same kind that directly follow it.
 
-    Similar records have the same type, size and channel. `stride` is the size of one record
-    [bytes]. The result contains the bytes of n records, shape (n, stride).
+    They have the same opcode, size and channel, and the fields of `HEAD` and `message`, which has
+    `size` bytes.
     """
-    count = (len(data) - place) // stride
-    rows = np.frombuffer(data, np.uint8, count * stride, place).reshape(count, stride)
-    same = (rows[:, :11] == rows[0, :11]).all(axis=1)
+    kind = np.dtype([*HEAD.descr, ("message", "u1", (size,))])
+    rows = np.frombuffer(data, kind, (len(data) - place) // kind.itemsize, place)
+    same = np.ones(len(rows), bool)
+    for name in ("opcode", "length", "channel"):
+        same &= rows[name] == rows[name][0]
     return rows if same.all() else rows[: int(np.argmin(same))]
 
 
 def start_time(logged: int, t: float) -> int:
-    """Compute the wall-clock time of the beginning of the trial [ns] from one message.
-
-    `logged` is the wall-clock time of the message [ns]. `t` is the time of the same message since
-    the beginning of the trial [s].
-
-    Raises
-    ------
-    ValueError
-        The result is not a possible wall-clock time.
-    """
+    """Return the wall-clock time of t = 0 [ns]; a message at t [s] was logged at `logged`."""
     start = logged - round(t * 1e9)
     if not 0 <= start < LATEST_START:
         raise ValueError("a message has no valid wall-clock time")

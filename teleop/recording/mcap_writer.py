@@ -17,7 +17,7 @@ from foxglove import Channel, Context, Schema
 from foxglove.mcap import MCAPWriteOptions
 
 from teleop.errors import reason
-from teleop.recording.cdr import MESSAGE_NAME
+from teleop.recording.message import MESSAGE_NAME
 from teleop.recording.sinks import BEGIN
 
 TICKS, EVENTS = "/tick", "/event"
@@ -47,22 +47,8 @@ EVENT_SCHEMA = {
 class Disk(io.RawIOBase):
     """A file that is open for writing. Its first write error is stored in `error`.
 
-    The error is stored here because the MCAP writer of foxglove does not report write errors.
-
-    If the path is a symbolic link and `overwrite` is True, the target of the link is written. If
-    the path is a symbolic link and `overwrite` is False, an error is raised.
-
-    Parameters
-    ----------
-    path
-        The file.
-    overwrite
-        Whether to overwrite an existing file.
-
-    Raises
-    ------
-    OSError
-        The file cannot be created.
+    The MCAP writer of foxglove does not report write errors. If the path is a symbolic link, its
+    target is written if `overwrite` is True. Otherwise an OSError is raised.
     """
 
     def __init__(self, path: Path, overwrite: bool) -> None:
@@ -74,10 +60,7 @@ class Disk(io.RawIOBase):
 
     @property
     def missing(self) -> str:
-        """Reason why the file is no longer at its path, for example because it was removed.
-
-        The text is empty if the file is at its path, or if the file is closed.
-        """
+        """Reason why the file is no longer at its path; empty if it is there, or is closed."""
         if self._file.closed or not self._identifiable or self._is_at_path():
             return ""
         if os.fstat(self._file.fileno()).st_nlink == 0:
@@ -91,13 +74,7 @@ class Disk(io.RawIOBase):
             return False
 
     def write(self, data: Any) -> int:
-        """Write all bytes of `data`, and return their number.
-
-        Raises
-        ------
-        OSError
-            The data could not be written. The first such error is stored in `error`.
-        """
+        """Write all bytes of `data`, and return their number."""
         try:
             rest = memoryview(data)
             while rest:
@@ -108,15 +85,11 @@ class Disk(io.RawIOBase):
         return len(data)
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Change the position in the file as `io.IOBase.seek` does; return the new position."""
+        """Change the position in the file as `io.IOBase.seek` does."""
         return self._file.seek(offset, whence)
 
     def close(self) -> None:
-        """Close the file.
-
-        If the system could not write earlier data, it may report this only now. This error is then
-        stored in `error`.
-        """
+        """Close the file. The system may report only now that it could not write earlier data."""
         try:
             self._file.close()
         except OSError as error:
@@ -130,28 +103,10 @@ class Disk(io.RawIOBase):
 
 
 class McapFile:
-    """Writes ticks (periods of the control loop) and events to an MCAP file.
+    """Writes ticks and events to an MCAP file.
 
-    After each `flush`, all data that were written so far can be read from the file. The first
-    write error is stored in `error`. After this error, all further data are discarded.
-
-    Parameters
-    ----------
-    path
-        The file.
-    columns
-        Name, unit and meaning of each column. The message of a tick contains one double per column.
-    definition
-        Definition of the message of a tick in the message definition language of ROS 2.
-    metadata
-        Metadata of the session: dictionaries of texts, by the name of the record.
-    overwrite
-        Whether to overwrite an existing file.
-
-    Raises
-    ------
-    OSError
-        The file cannot be created.
+    After each `flush`, all data that were written so far can be read from the file, even if the
+    process is killed. After the first write error (`error`), all further data are discarded.
     """
 
     def __init__(
@@ -198,10 +153,7 @@ class McapFile:
 
     @property
     def missing(self) -> str:
-        """Reason why the file is no longer at its path, for example because it was removed.
-
-        The text is empty if the file is at its path, or if the file is closed.
-        """
+        """Reason why the file is no longer at its path; empty if it is there, or is closed."""
         return self._disk.missing
 
     @contextlib.contextmanager
@@ -214,22 +166,18 @@ class McapFile:
                 raise
 
     def begin(self, start: int) -> None:
-        """Set the time of the beginning of the trial, and write the event that marks it.
-
-        Call this method before the first tick. `start` is the wall-clock time of the beginning of
-        the trial, since 1970 [ns].
-        """
+        """Write the first event, before the first tick. `start` is the wall-clock time [ns]."""
         self._start = start
         self.event({"time": 0.0, "text": BEGIN, "mode": "disconnected", "fault": None})
         self.flush()
 
     def tick(self, message: bytes, t: float) -> None:
-        """Write the message of one tick. `t` is its time since the beginning of the trial [s]."""
+        """Write the message of one tick at the time t [s] of the trial."""
         if self.error is None:
             self._ticks.log(message, log_time=self._start + round(t * 1e9))
 
     def event(self, event: Mapping[str, Any]) -> None:
-        """Write one event, a dictionary as `teleop.recording.sinks.event_record` returns it."""
+        """Write one event, as `teleop.recording.sinks.event_record` returns it."""
         if self.error is None:
             when = self._start + round(event["time"] * 1e9)
             log = {
@@ -249,10 +197,10 @@ class McapFile:
                 self._writer.flush()
 
     def end(self, dropped: int) -> None:
-        """Write the number of ticks that were dropped (not recorded) in the whole trial.
+        """Write the number of ticks that were dropped in the whole trial.
 
-        Each recorded tick contains only the number of ticks dropped before it. Ticks after the last
-        recorded tick may also have been dropped.
+        Each recorded tick contains only the number before it. Ticks after it may also have been
+        dropped.
         """
         if self.error is None:
             with self._suppressed_write_errors():
@@ -265,5 +213,5 @@ class McapFile:
         self._disk.close()
 
     def remove(self) -> None:
-        """Remove the closed file. The recorder calls this method if the file contains no tick."""
+        """Remove the closed file."""
         self._disk.remove()

@@ -16,18 +16,8 @@ LONGEST = 60
 def new_recording(condition: str, specimen: str) -> Path:
     """Create an empty file with a new name in the folder `recordings/DATE`, and return its path.
 
-    Two trials that start at the same time get different files.
-
-    Parameters
-    ----------
-    condition, specimen
-        Names of the condition and the specimen. The file name consists of the time and these names.
-        Characters other than letters, digits, `_`, `.` and `-` are replaced by `-`.
-
-    Raises
-    ------
-    InputError
-        The folder or the file cannot be created.
+    Two trials that start at the same time get different files. The name consists of time, condition
+    and specimen, with `-` for characters other than letters, digits, `_`, `.` and `-`.
     """
     name = re.sub(r"[^\w.-]+", "-", f"{condition}-{specimen}").strip("-.")[:LONGEST]
     now = datetime.now()

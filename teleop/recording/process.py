@@ -2,12 +2,11 @@
 
     python -m teleop.recording.process
 
-Standard input is a pipe from the control process, which runs the control loop. The module
-`teleop.recording.frames` describes the format of the data on the pipe. The recorder process writes
-a status (one line of JSON) to standard output when the file is open, and again at the end. If the
-user wants a progress line, the recorder process writes this line to standard error. The recorder
-process ends when the control process closes the pipe, exits, or is killed. In each of these cases,
-all ticks that were written to the pipe are recorded.
+Standard input is a pipe: the length of a JSON document (`HEAD`), the document, which describes the
+session, and then frames. A frame has a kind, a length (`FRAME`) and a content. When the file is
+open, and again at the end, a status (one line of JSON) is written to standard output. When the
+control process closes the pipe, exits or is killed, all ticks that were written to the pipe are
+recorded.
 """
 
 from __future__ import annotations
@@ -22,12 +21,29 @@ from pathlib import Path
 from typing import Any
 
 from teleop.errors import reason
-from teleop.live.cue import Cue
-from teleop.live.progress import Progress, Status
-from teleop.recording.cdr import CDR, TIME
-from teleop.recording.frames import BEGIN, END, EVENT, FRAME, HEAD, NUMBER, TICK
+from teleop.live.progress import Cue, Progress, Status
 from teleop.recording.mcap_writer import McapFile
+from teleop.recording.message import TIME, packer
 from teleop.safety.events import Mode
+
+HEAD = struct.Struct("<I")
+"""Layout of the first bytes on the pipe: length of the JSON document [bytes]."""
+FRAME = struct.Struct("<cH")
+"""Layout of the start of a frame: kind of the frame, and length of the frame's content [bytes]."""
+TICK, EVENT, BEGIN, END = b"T", b"E", b"B", b"N"
+"""Kinds of frame: a tick, an event, the beginning of the trial, and the end of the trial."""
+NUMBER = struct.Struct("<q")
+"""Layout of the content of a frame BEGIN or END: one integer.
+
+In a frame BEGIN, the integer is the wall-clock time of the beginning of the trial [ns]. In a frame
+END, it is the number of dropped ticks.
+"""
+
+
+def number_frame(kind: bytes, number: int) -> bytes:
+    """Return a frame BEGIN (wall-clock time of t = 0 [ns]) or END (dropped ticks)."""
+    return FRAME.pack(kind, NUMBER.size) + NUMBER.pack(number)
+
 
 CHECK = 1.0
 """Time between two checks whether the file is still at its path [s]."""
@@ -46,22 +62,13 @@ the recorder is killed, the recording is not complete in any case.
 """
 BULK = 1 << 16
 """Largest number of bytes that are read from the pipe at a time."""
-DOUBLE = struct.Struct("<d")
-"""Binary layout of the value of one column in the message of a tick."""
-PAIR = struct.Struct("<2d")
-"""Binary layout of damping b and stiffness k of one estimator in the message of a tick."""
 
 
 def send(**status: Any) -> None:
-    """Send the status of the recording to the control process, as one line of JSON.
+    """Send the status of the recording to the control process, unless that has ended.
 
-    If the control process has ended, nothing is sent.
-
-    Parameters
-    ----------
-    **status
-        `problem`: text that describes a problem; empty if there is no problem. At the end of the
-        recording also `at_path`: whether the file is still at its path.
+    `problem` is a text, or empty. At the end, `at_path` states whether the file is still at its
+    path.
     """
     try:
         print(json.dumps(status), flush=True)
@@ -70,16 +77,7 @@ def send(**status: Any) -> None:
 
 
 def read_session() -> dict[str, Any]:
-    """Read and return the description of the session, which is the first document on the pipe.
-
-    It contains the path of the file, the columns, the metadata, and the texts of the progress line.
-    The pipe is the standard input.
-
-    Raises
-    ------
-    EOFError
-        The pipe was closed before the end of the description.
-    """
+    """Return the description of the session. Raise an EOFError if the pipe was closed before."""
     pipe = sys.stdin.fileno()
 
     def exactly(count: int) -> bytes:
@@ -96,37 +94,21 @@ def read_session() -> dict[str, Any]:
 
 
 class FrameReader:
-    """Divides the data of the pipe into frames, and writes their content to the recording file.
-
-    A frame contains a tick, an event, the beginning of the trial, or the end of the trial
-    (`teleop.recording.frames`). The latest tick is also shown on the progress line.
-
-    Parameters
-    ----------
-    session
-        Description of the session, as returned by `read_session`.
-    file
-        MCAP file of the recording; None if only the progress line is shown.
-    progress
-        The progress line.
-    """
+    """Divides the data of the pipe into frames, for the recording file and the progress line."""
 
     def __init__(self, session: dict[str, Any], file: McapFile | None, progress: Progress) -> None:
         self.ticks = 0
         self._file = file
         self._progress = progress
         self._estimators = session["estimators"]
-        columns = (name for name, _, _ in session["columns"])
-        self._places = {name: len(CDR) + 8 * index for index, name in enumerate(columns)}
+        self._names = [name for name, _, _ in session["columns"]]
+        self._message = packer(self._names)
         self._last = b""
         self._rest = b""
         self._estimates: list[tuple[str, float, float, float]] = []
 
     def process(self, data: bytes) -> None:
-        """Process the next bytes from the pipe.
-
-        If they end with an incomplete frame, this frame is processed at the next call.
-        """
+        """Process the next bytes. An incomplete frame at their end waits for the next call."""
         data = self._rest + data
         place, end = 0, len(data)
         while end - place >= FRAME.size:
@@ -151,23 +133,22 @@ class FrameReader:
                 self._file.end(*NUMBER.unpack(frame))
         self._rest = data[place:]
 
-    def _value(self, column: str) -> float:
-        return float(DOUBLE.unpack_from(self._last, self._places[column])[0])
-
     def _status(self) -> Status:
-        mode = Mode(int(self._value("mode")))
+        _, *values = self._message.unpack(self._last)
+        tick = dict(zip(self._names, values, strict=True))
+        mode = Mode(int(tick["mode"]))
         estimates = [
-            (name, *PAIR.unpack_from(self._last, self._places[b]), self._value(misfit))
-            for name, b, misfit in self._estimators
+            (name, tick[f"{name}_b"], tick[f"{name}_k"], tick[f"{name}_misfit"])
+            for name in self._estimators
         ]
         without_sample = all(math.isnan(k) for _, _, k, _ in estimates)
         if not (without_sample and mode is Mode.ACTIVE):
             self._estimates = estimates
         return Status(
             mode.name.lower(),
-            self._value("target"),
-            self._value("slave_position"),
-            None if self._value("contact") == 0.0 else self._estimates,
+            tick["target"],
+            tick["slave_position"],
+            None if tick["contact"] == 0.0 else self._estimates,
         )
 
 
@@ -223,18 +204,9 @@ def main() -> None:
 
 
 class FileMonitor:
-    """Flushes the file at regular times, and reports the first problem of the recording.
+    """Flushes the file once per `FLUSH`, and reports the first problem of the recording.
 
-    A problem is a write error, or a file that is no longer at its path.
-
-    Parameters
-    ----------
-    path
-        Path of the file, which is part of the report.
-    file
-        MCAP file of the recording.
-    progress
-        The progress line, which also prints the report.
+    A problem is a write error or, checked once per `CHECK`, a file that is no longer at its path.
     """
 
     def __init__(self, path: str, file: McapFile, progress: Progress) -> None:
@@ -245,11 +217,7 @@ class FileMonitor:
         self._reported = False
 
     def update(self) -> None:
-        """Flush and check the file if it is time to do so. Call this method often.
-
-        The time between two flushes is `FLUSH`. The time between two checks is `CHECK`. Each check
-        tests whether the file is still at its path.
-        """
+        """Flush and check the file if it is time to do so. Call this method often."""
         now, file = time.monotonic(), self._file
         if now - self._flushed >= FLUSH:
             self._flushed = now
@@ -264,17 +232,7 @@ class FileMonitor:
 
 
 def finish(file: McapFile, ticks: int) -> dict[str, Any]:
-    """Close the file, and return the final status for the control process (see `send`).
-
-    If the file contains no tick, it is removed.
-
-    Parameters
-    ----------
-    file
-        MCAP file of the recording.
-    ticks
-        Number of ticks in the file.
-    """
+    """Close the file (remove it if it has no tick), and return the final status (see `send`)."""
     missing = file.missing
     file.close()
     if not (ticks or missing):

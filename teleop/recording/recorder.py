@@ -13,11 +13,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from estimation.estimate_columns import MISFIT
 from estimation.misfit import LARGEST_MISFIT
 from teleop.errors import InputError, reason
-from teleop.recording.frames import BEGIN, END, EVENT, FRAME, HEAD, TICK, number_frame
-from teleop.recording.message import Layout
+from teleop.recording.columns import Layout
+from teleop.recording.process import BEGIN, END, EVENT, FRAME, HEAD, TICK, number_frame
 from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Event
 
@@ -40,37 +39,11 @@ TIMEOUT = 20.0
 class RecorderProcess(Sink):
     """Starts the recorder process, and sends the ticks and events of a trial to it.
 
-    Parameters
-    ----------
-    path
-        MCAP file of the recording. If None, the process only shows the progress line.
-    layout
-        Layout of the message of a tick.
-    metadata
-        Metadata of the session: dictionaries of texts, by the name of the record.
-    duration
-        Duration of the trial [s], for the progress line.
-    show
-        Whether to show the progress line.
-    wait
-        Whether the loop waits while the pipe to the recorder is full. Use True only for a
-        simulation in virtual time. If False, ticks are kept in memory while the pipe is full, and
-        new ticks are dropped (not recorded) if too many ticks are kept.
-    overwrite
-        Whether to overwrite an existing file.
-    hint
-        Text on the progress line that names the keys that stop the trial.
-    instructions
-        Text that explains how to stop the trial. It is shown once, at the start.
-    cue
-        Two numbers for the display of the target that the operator follows: largest displacement
-        of the target [m], and time before the target starts to move (count-in) [s]. None if there
-        is no target.
-
-    Raises
-    ------
-    InputError
-        The process cannot be started.
+    `path` is None if the process only shows the progress line. With `wait`, the loop waits while
+    the pipe to the recorder is full, for a simulation in virtual time. Otherwise ticks are kept in
+    memory while the pipe is full, and dropped if too many are kept. `hint` and `instructions` are
+    texts of the progress line about how to stop. `cue` contains the largest displacement of the
+    target [m] and its count-in [s], or is None if there is no target.
     """
 
     def __init__(
@@ -109,7 +82,7 @@ class RecorderProcess(Sink):
         session = {
             "path": str(path) if path else None,
             "columns": layout.columns,
-            "estimators": [(name, f"{name}_b", name + MISFIT) for name in layout.estimators],
+            "estimators": layout.estimators,
             "largest_misfit": LARGEST_MISFIT,
             "definition": layout.definition,
             "metadata": metadata,
@@ -129,15 +102,7 @@ class RecorderProcess(Sink):
     def begin(self, start: int) -> None:
         """Wait until the recorder has opened the file. Call this method before the first `push`.
 
-        Parameters
-        ----------
-        start
-            Wall-clock time of the beginning of the trial, since 1970 [ns].
-
-        Raises
-        ------
-        InputError
-            The file cannot be written, or the recorder does not start.
+        `start` is the wall-clock time of the beginning of the trial [ns].
         """
         status = self._status()
         if status is None or status["problem"]:
@@ -155,12 +120,7 @@ class RecorderProcess(Sink):
             os.set_blocking(self._pipe, False)
 
     def push(self, message: bytes) -> None:
-        """Send the message of one tick to the recorder.
-
-        If the parameter `wait` of the class is False, messages are kept in memory while the pipe is
-        full. If the kept messages have reached the size `BACKLOG`, the tick is dropped (not
-        recorded).
-        """
+        """Send a tick to the recorder; keep it if the pipe is full, and drop it above `BACKLOG`."""
         if self._failure:
             return
         waiting = self._waiting
@@ -181,10 +141,7 @@ class RecorderProcess(Sink):
             self._failure = "the recorder was killed"
 
     def event(self, event: Event) -> None:
-        """Store an event. The next call of `push` or `close` sends the event to the recorder.
-
-        `push` sends the event before the message of its tick.
-        """
+        """Keep an event. The next `push` (before the message of its tick) or `close` sends it."""
         data = json.dumps(event_record(event)).encode()
         self._waiting.append(FRAME.pack(EVENT, len(data)) + data)
 
@@ -232,11 +189,7 @@ class RecorderProcess(Sink):
         self.process.wait()
 
     def _status(self) -> dict[str, Any] | None:
-        """Wait for the next status of the recorder, and return it (see `process.send`).
-
-        The result is None if the recorder has ended or was killed. A recorder that sends no status
-        within `TIMEOUT` is killed.
-        """
+        """Return the next status (see `process.send`); None if the recorder has ended or hangs."""
         assert self.process.stdout
         with self._timeout():
             line = self.process.stdout.readline()

@@ -15,18 +15,12 @@ from estimation import Estimates, Regression
 from estimation.arrays import Floats
 from estimation.estimate_columns import estimates_in, estimators_in, misfit_in
 from teleop.errors import MissingColumn
-from teleop.recording.bounded_file import check_memory
-from teleop.recording.cdr import CDR
+from teleop.recording.columns import REGRESSOR
 from teleop.recording.gaps import Gap, missing_ticks
-from teleop.recording.message import REGRESSOR
+from teleop.recording.mcap_checks import check_memory
+from teleop.recording.message import CDR, FIELD, tick_values
 from teleop.recording.sinks import reported_fault
-from teleop.recording.stream import (
-    FIELD,
-    OF_GAPS,
-    RecordingStream,
-    dropped_in_all,
-    tick_values,
-)
+from teleop.recording.stream import OF_GAPS, RecordingStream, dropped_in_all
 
 if TYPE_CHECKING:
     import pandas
@@ -100,22 +94,15 @@ class Recording:
         return [] if names == "none" else names.split(", ")
 
     def blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[Recording]:
-        """Yield this whole recording once. The argument is not used.
-
-        `RecordingFile`, which reads ticks from a file, has the same method and yields many blocks.
-        """
+        """Yield this whole recording once: `RecordingFile` has the same method."""
         yield self
 
     def evenly_spaced(self) -> Recording:
-        """Return this whole recording, without a selection of ticks.
-
-        `RecordingFile`, which reads ticks from a file, has the same method. To save memory, it
-        returns only a selection of evenly spaced ticks.
-        """
+        """Return this whole recording. `RecordingFile` returns a selection, to save memory."""
         return self
 
     def load(self) -> Recording:
-        """Return this recording. `RecordingFile`, which must read a file, has the same method."""
+        """Return this recording: `RecordingFile` has the same method."""
         return self
 
     def estimated(self) -> Recording:
@@ -182,26 +169,14 @@ def from_messages(
     events: list[dict[str, Any]],
     metadata: dict[str, dict[str, str]],
 ) -> Recording:
-    """Return a recording from the messages of its ticks.
-
-    Parameters
-    ----------
-    definition
-        Definition of the message of a tick, in the message definition language of ROS 2.
-    messages
-        Messages of all ticks as bytes, one after another.
-    events
-        Events of the trial: faults, and changes of the mode of the safety supervisor.
-    metadata
-        Metadata of the session: dictionaries of texts, by the name of the record.
-    """
+    """Return a recording from the messages of its ticks, one after another, and its other data."""
     fields = FIELD.findall(definition)
     rows = np.frombuffer(messages, dtype=np.uint8).reshape(-1, len(CDR) + 8 * len(fields))
-    table = tick_values(rows)
-    columns = {name: table[i] for i, (name, _, _) in enumerate(fields)}
+    units = {name: unit for name, unit, _ in fields}
+    columns = dict(zip(units, tick_values(rows), strict=True))
     return Recording(
         columns=columns,
-        units={name: unit for name, unit, _ in fields},
+        units=units,
         events=events,
         session=metadata.get("session", {}),
         settings=json.loads(metadata.get("settings", {}).get("json", "{}")),
@@ -216,16 +191,7 @@ def stated_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def gaps_of(columns: dict[str, Floats], total_dropped: int = 0) -> tuple[Gap, ...]:
-    """Return the gaps of a recording: the parts in which ticks are missing.
-
-    Parameters
-    ----------
-    columns
-        Columns of the recording, each of shape (ticks,). If a column of `OF_GAPS` is missing, the
-        result is empty.
-    total_dropped
-        Number of ticks that were dropped (not recorded) in the whole trial.
-    """
+    """Return the gaps of a recording; none if a column of `OF_GAPS` is missing."""
     if not columns.keys() >= set(OF_GAPS):
         return ()
     t, dt, dropped = (columns[name] for name in OF_GAPS)
@@ -255,33 +221,13 @@ def load(path: Path | str, is_wanted: Callable[[str], bool] = bool) -> Recording
 
 
 def load_intact(path: Path) -> Recording:
-    """Read the intact (undamaged) part of a recording from an MCAP file into memory.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, is not a recording of `teleop run`, or is too large for the memory
-        of this machine.
-    """
+    """Read the intact part of a recording into memory."""
     stream = RecordingStream(path)
     return stored(stream, stream.intact_blocks())
 
 
 def stored(stream: RecordingStream, blocks: Iterable[dict[str, Floats]]) -> Recording:
-    """Read a recording block by block, and return it as one recording in memory.
-
-    Parameters
-    ----------
-    stream
-        The recording, of which no block has been read.
-    blocks
-        Blocks of successive ticks of `stream`. Each block contains the columns by name.
-
-    Raises
-    ------
-    InputError
-        The recording is not complete, or is too large for the memory of this machine.
-    """
+    """Join the blocks of a stream of which none was read, and return one recording in memory."""
     parts: dict[str, list[Floats]] = {}
     size = 0
     for block in blocks:

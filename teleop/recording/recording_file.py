@@ -19,19 +19,9 @@ IN_MEMORY = 1 << 22
 
 
 class RecordingFile:
-    """The intact (undamaged) part of a recording whose ticks are not kept in memory.
+    """The intact part of a recording whose ticks are not kept in memory.
 
     Each method that returns ticks reads them from the file again.
-
-    Parameters
-    ----------
-    path
-        An MCAP file of `teleop run`.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or is not a recording of `teleop run`.
     """
 
     def __init__(self, path: Path) -> None:
@@ -53,32 +43,16 @@ class RecordingFile:
 
     @property
     def fault(self) -> dict[str, Any] | None:
-        """Event of the reported fault (see `reported_fault`); None if there was no fault.
-
-        A fault is a problem for which the safety supervisor stops the drives.
-        """
+        """Event of the reported fault (see `reported_fault`); None if there was no fault."""
         return self._empty.fault
 
     def blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[Recording]:
-        """Read the file in blocks, and yield each block of successive ticks as a recording.
-
-        Parameters
-        ----------
-        is_wanted
-            Function that takes the name of a column and returns whether to read this column. By
-            default, all columns are read.
-        """
+        """Yield each block of successive ticks as a recording, with the wanted columns."""
         for columns in RecordingStream(self.path).intact_blocks(is_wanted):
             yield replace(self._empty, columns=columns)
 
     def load(self) -> Recording:
-        """Read all intact ticks into memory, and return them as a recording.
-
-        Raises
-        ------
-        InputError
-            The recording is too large for the memory of this machine.
-        """
+        """Read all intact ticks into memory."""
         return load_intact(self.path)
 
     def evenly_spaced(self) -> Recording:
@@ -107,10 +81,10 @@ class RecordingFile:
 
 
 def recorded_ticks(path: Path) -> Recording | RecordingFile | None:
-    """Return the intact (undamaged) ticks of a recording; None if the file cannot be read.
+    """Return the intact ticks of a recording; None if the file cannot be read.
 
-    If the file is larger than `IN_MEMORY` values of 8 bytes, the result reads the ticks from the
-    file at each use. Otherwise, the result contains the ticks in memory.
+    If the file is larger than `IN_MEMORY` values of 8 bytes, they are read from the file at each
+    use.
     """
     try:
         if path.stat().st_size > 8 * IN_MEMORY:

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from teleop.errors import InputError
 from teleop.files import unwritable
-from teleop.recording.cdr import TIME
 from teleop.recording.gaps import Gap
 from teleop.recording.mcap_reader import CUT, Contents, read_ticks
 from teleop.recording.mcap_writer import McapFile
-from teleop.recording.stream import FIELD, RecordingStream
+from teleop.recording.message import FIELD, TIME
+from teleop.recording.stream import RecordingStream
 
 CHUNK = 1000
 """Number of ticks per chunk of the new MCAP file."""
@@ -40,23 +40,7 @@ class Recovery:
 
 
 def recover_recording(file: Path, out: Path) -> Recovery:
-    """Write the intact (undamaged) part of an incomplete recording to a new file.
-
-    If the recording is complete, no file is written.
-
-    Parameters
-    ----------
-    file
-        The recording. It is read twice, in blocks.
-    out
-        The new file.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read or is not a recording of `teleop run`, no tick is intact, or the
-        new file exists or cannot be written.
-    """
+    """Write the intact part of an incomplete recording to a new file; none if it is complete."""
     stream = RecordingStream(file)
     stream.read_through()
     if not stream.ticks:
@@ -68,7 +52,7 @@ def recover_recording(file: Path, out: Path) -> Recovery:
 
 
 def messages(file: Path) -> Iterator[bytes]:
-    """Read a damaged recording, and yield the recorded bytes of each tick that is not damaged."""
+    """Yield the recorded bytes of each intact tick."""
     for rows in read_ticks(file, Contents()):
         for row in rows:
             yield row.tobytes()
@@ -77,20 +61,8 @@ def messages(file: Path) -> Iterator[bytes]:
 def write_contents(out: Path, contents: Contents, ticks: Iterable[bytes]) -> None:
     """Write a complete recording, with ticks and events in the order of their times.
 
-    Parameters
-    ----------
-    out
-        The new file.
-    contents
-        Events, metadata and message definition of the incomplete recording.
-    ticks
-        Messages of the ticks, one by one. Each message is written before the next message is
-        requested, so that the messages need not be in memory together.
-
-    Raises
-    ------
-    InputError
-        The file exists or cannot be written.
+    Each message of a tick is written before the next is requested, so that they need not be in
+    memory together.
     """
     try:
         file = McapFile(

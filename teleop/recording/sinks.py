@@ -35,8 +35,7 @@ class Outcome(NamedTuple):
 class Sink(ABC):
     """Base class of objects that receive the ticks and events of the control loop.
 
-    A sink stores the data in memory, or sends them to another process. The methods `push` and
-    `event` do not write to a disk, so that a slow disk does not delay a loop in real time.
+    `push` and `event` do not write to a disk: a slow disk must not delay a loop in real time.
     """
 
     dropped = 0
@@ -44,13 +43,7 @@ class Sink(ABC):
 
     @abstractmethod
     def push(self, message: bytes) -> None:
-        """Receive the data of one tick (period of the control loop).
-
-        Parameters
-        ----------
-        message
-            All recorded values of the tick as bytes (see `teleop.recording.message`).
-        """
+        """Receive the message of one tick (see `teleop.recording.columns.Layout`)."""
 
     @abstractmethod
     def event(self, event: Event) -> None:
@@ -62,15 +55,7 @@ class Sink(ABC):
 
 
 class Memory(Sink):
-    """Stores all ticks and events in memory.
-
-    Attributes
-    ----------
-    messages
-        Messages of all ticks as bytes, one after another.
-    events
-        All events, each as a dictionary of JSON values, see `event_record`.
-    """
+    """Keeps the messages of all ticks, one after another, and all events (`event_record`)."""
 
     def __init__(self) -> None:
         self.messages = bytearray()
@@ -78,24 +63,24 @@ class Memory(Sink):
         self._pushed = 0
 
     def push(self, message: bytes) -> None:
-        """Append the message of one tick (bytes with all its values) to `messages`."""
+        """Keep the message of one tick."""
         self.messages += message
         self._pushed += 1
 
     def event(self, event: Event) -> None:
-        """Append an event to `events`."""
+        """Keep an event."""
         self.events.append(event_record(event))
 
     def close(self) -> Outcome:
-        """Return a result with the number of stored ticks. There is no file to close."""
+        """Return the number of kept ticks. There is no file to close."""
         return Outcome(None, self._pushed, 0, "")
 
 
 def reported_fault(events: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
     """Return the event of the fault that a trial reports; None if there was no fault.
 
-    This is the first fault, because later faults can be its effects. There is one exception: if
-    the slave moved after the stop, this is reported.
+    This is the first fault, because later faults can be its effects. There is one exception: if the
+    slave moved after the stop, this is reported.
     """
     faults = [event for event in events if event["fault"]]
     worst = (event for event in faults if event["fault"] == Fault.MOVES_AFTER_STOP)

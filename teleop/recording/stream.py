@@ -10,52 +10,25 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimation.arrays import Floats
 from teleop.errors import InputError
-from teleop.recording.cdr import CDR
 from teleop.recording.gaps import Gap, GapFinder
 from teleop.recording.mcap_reader import Contents, read_ticks
 from teleop.recording.mcap_writer import END
+from teleop.recording.message import FIELD, tick_values
 
 BLOCK = 1 << 14
 """Smallest number of ticks in a block; the last block may be smaller."""
-FIELD = re.compile(r"float64 (\w+)(?:\s*#\s*\[([^]]*)\]\s*(.*))?")
-"""Pattern of a line in the definition of the message of a tick. The line contains the name, the
-unit and the meaning of one column."""
 OF_GAPS = ("time", "dt", "dropped")
 """Columns that are needed to find missing ticks."""
-
-
-def tick_values(rows: NDArray[np.uint8], columns: Sequence[int] | slice = slice(None)) -> Floats:
-    """Convert the messages of ticks to numbers, and return these, shape (columns, ticks).
-
-    Parameters
-    ----------
-    rows
-        Messages as bytes, shape (ticks, bytes per message).
-    columns
-        Indices of the columns; by default, all columns.
-    """
-    return np.ascontiguousarray(rows[:, len(CDR) :].view("<f8")[:, columns].T)
 
 
 class RecordingStream:
     """A recording that can be read only once, in blocks of successive ticks.
 
-    The attributes `units`, `session` and `settings` are known before the first block is read. The
-    attributes `events`, `gaps` and `ticks` are complete after the last block has been read.
-
-    Parameters
-    ----------
-    path
-        An MCAP file of `teleop run`.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or is not a recording of `teleop run`.
+    `units`, `session` and `settings` are known before the first block is read. `events`, `gaps` and
+    `ticks` are complete after the last block.
     """
 
     def __init__(self, path: Path) -> None:
@@ -96,21 +69,10 @@ class RecordingStream:
         return self._gaps.gaps(dropped_in_all(self.contents.metadata))
 
     def blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[dict[str, Floats]]:
-        """Read the recording in blocks, and yield each block as a dictionary of columns.
+        """Yield the blocks of ticks as dictionaries of the wanted columns.
 
-        The keys are the names of the columns. For a block of n ticks, each column has shape (n,).
-
-        Parameters
-        ----------
-        is_wanted
-            Function that takes the name of a column and returns whether to yield this column. By
-            default, all columns are yielded.
-
-        Raises
-        ------
-        InputError
-            The recording is not complete. The error is raised after the last intact tick was
-            yielded. The message states the command that recovers the intact part.
+        If the recording is not complete, an InputError follows the last intact tick. It names the
+        command that recovers the intact part.
         """
         yield from self.intact_blocks(is_wanted)
         if self.contents.damage:
@@ -125,11 +87,7 @@ class RecordingStream:
             )
 
     def intact_blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[dict[str, Floats]]:
-        """Yield the blocks up to the end of the intact (undamaged) part of the recording.
-
-        The blocks and the argument are the same as for the method `blocks`. Unlike that method,
-        this method raises no error if the recording is not complete.
-        """
+        """Yield the same blocks as `blocks`, without an error at the end of the intact part."""
         names = list(self.units)
         wanted = [name for name in names if is_wanted(name)]
         needed = [name for i, name in enumerate(names) if i == 0 or name in (*OF_GAPS, *wanted)]
@@ -143,19 +101,12 @@ class RecordingStream:
             yield {name: columns[name] for name in wanted}
 
     def read_through(self) -> None:
-        """Read the recording to its end, and discard the values of the ticks.
-
-        After this call, the attributes `events`, `gaps` and `ticks` are complete.
-        """
+        """Read to the end, so that `events`, `gaps` and `ticks` are complete."""
         for _ in self.intact_blocks(lambda name: False):
             pass
 
     def _joined(self, columns: Sequence[int]) -> Iterator[Floats]:
-        """Yield the values of successive ticks in blocks of shape (columns, ticks).
-
-        A block has at least `BLOCK` ticks; only the last block may be smaller. `columns` contains
-        the indices of the columns.
-        """
+        """Yield blocks of at least `BLOCK` ticks (except the last), shape (columns, ticks)."""
         values: list[Floats] = []
         count = 0
         rows = chain(() if self._first is None else (self._first,), self._rows)
@@ -171,9 +122,6 @@ class RecordingStream:
 
 
 def dropped_in_all(metadata: dict[str, dict[str, str]]) -> int:
-    """Return how many ticks of the trial were dropped (not recorded), as the metadata state.
-
-    If the metadata contain no valid number, the result is 0.
-    """
+    """Return the number of ticks dropped in the whole trial, from the metadata; 0 if unknown."""
     text = metadata.get(END, {}).get("dropped", "")
     return int(text) if re.fullmatch(r"[0-9]{1,15}", text) else 0

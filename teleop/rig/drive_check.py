@@ -21,7 +21,7 @@ from teleop.control.conditions import Condition
 from teleop.control.tare import Tare
 from teleop.errors import InputError
 from teleop.recording.black_box import BlackBox
-from teleop.recording.message import Layout
+from teleop.recording.columns import Layout
 from teleop.rig.drive_report import DriveReport, Stroke, drive_report
 from teleop.rig.pausable_rig import PausableRig
 from teleop.rig.zeroing import ForceZero, force_zero

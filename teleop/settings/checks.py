@@ -19,18 +19,8 @@ RIG_FIELDS = frozenset(("condition", "cube", "depth", "rig", "signal", "tare"))
 class SettingsError(InputError):
     """Error for invalid settings of a trial. The message has one line for each problem.
 
-    Parameters
-    ----------
-    own
-        Texts of the problems that do not depend on the rig.
-    of_rig
-        Texts of the problems that depend on the rig and its limits. These problems can be found
-        only if all settings in `RIG_FIELDS` are valid.
-
-    Attributes
-    ----------
-    own, of_rig
-        The parameters, as tuples.
+    `of_rig` are the problems that depend on the rig and its limits. They can be found only if all
+    settings in `RIG_FIELDS` are valid. `own` are the other ones.
     """
 
     def __init__(self, own: Sequence[str], of_rig: Sequence[str] = ()) -> None:
@@ -38,28 +28,12 @@ class SettingsError(InputError):
         self.own, self.of_rig = tuple(own), tuple(of_rig)
 
     def known(self, invalid: set[str]) -> SettingsError:
-        """Return an error without the problems that may be caused by default values.
-
-        An invalid setting is replaced by its default value to check the other settings. The
-        problems `of_rig` are omitted if a setting in `RIG_FIELDS` was replaced, because the
-        default value may have caused them.
-
-        Parameters
-        ----------
-        invalid
-            Names of the settings that were replaced.
-        """
+        """Return an error without the problems that default values of `invalid` may have caused."""
         return self if RIG_FIELDS.isdisjoint(invalid) else SettingsError(self.own)
 
 
 def check_settings(settings: TrialSettings) -> None:
-    """Check whether the settings fit together. The range of each setting is part of its type.
-
-    Raises
-    ------
-    SettingsError
-        Some settings do not fit together.
-    """
+    """Check whether the settings fit together. The range of each setting is part of its type."""
     own = [*inconsistent_values(settings)]
     fastest = 0.05 * settings.loop_rate
     of_rig: list[str] = []

@@ -5,8 +5,10 @@ from __future__ import annotations
 import importlib
 import inspect
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
+from functools import cache
 from importlib.metadata import PackageNotFoundError, packages_distributions, version
 from typing import Any
 
@@ -67,8 +69,14 @@ def described(custom: object) -> CustomClass:
 
 def distribution_of(module: str) -> str:
     """Return the name of the installed distribution that contains a module; empty if none does."""
-    found = packages_distributions().get(module.partition(".")[0], [])
+    found = installed_packages(tuple(sys.path)).get(module.partition(".")[0], [])
     return found[0] if found else ""
+
+
+@cache
+def installed_packages(path: tuple[str, ...]) -> Mapping[str, list[str]]:
+    """Return the distributions of each package in `sys.path`; the search takes 0.1 s or more."""
+    return packages_distributions()
 
 
 def is_plain(value: object) -> bool:

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from pydantic_core import ArgsKwargs, ErrorDetails
 
 from drivers.problems import given, value_problem
+from estimation.quantities import POSITION
 from teleop.settings.checks import SettingsError
 from teleop.settings.values import FILE
 
@@ -24,8 +25,11 @@ DERIVED = {
 configuration file. The value of a key is the end of the error message in this case."""
 MOST_LISTED = 12
 """Largest number of keys that a message lists. If there are more, only a similar key is stated."""
-SHOWN = {"m": ("mm", 1e3)}
-"""Unit in which a message shows a value, and the factor from the SI unit, by the SI unit."""
+SHOWN = {one.si: one for one in (POSITION,)}
+"""How a message shows a quantity that is not shown in its SI unit, by the SI unit."""
+
+RANGE = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
+"""Types of the errors of pydantic for a number that is out of its range."""
 
 Schema = Mapping[str, Any]
 """A JSON schema, or a part of it."""
@@ -42,18 +46,8 @@ def all_problems(
 
     The other settings are checked with default values in place of the invalid ones.
 
-    Parameters
-    ----------
-    error
-        The invalid values that pydantic found.
-    values
-        The settings as they were given: a document, or the arguments of the constructor.
-    handler
-        Creates the settings from such values.
-    keys
-        Key in a document of each setting, by the name of the setting.
-    schema
-        JSON schema of a document of settings.
+    `values` is a document, or the arguments of the constructor. `handler` creates the settings from
+    them. `keys` contains the key in a document of each setting, by the name of the setting.
     """
     names = [*keys]
     parts = error.errors(include_url=False)
@@ -80,20 +74,21 @@ def problem(part: ErrorDetails, keys: Mapping[str, str], root: Schema) -> Iterat
     """Yield the lines of text for one error of pydantic. They begin with the keys of the value."""
     found, shown = [root], list[str]()
     for key in part["loc"]:
-        # Only the first key of an argument of the constructor differs from that in a document.
+        # The first key is the name of a setting if the error is one of the constructor.
         name = str(key) if shown else keys.get(str(key), str(key))
         if below := [after for one in found for after in alternatives_below(one, name, root)]:
             shown.append(str(key))
             found = below
         elif tagged := [one for one in found if name in tags(one)]:
-            found = tagged
+            found = tagged  # not a key of the document
         else:
             shown.append(str(key))
             found = found if part["type"] == "unexpected_keyword_argument" else []
     place, value, context = ".".join(shown) or "document", part["input"], part.get("ctx", {})
     if part["type"] in RANGE:
         name = next((name for name, key in keys.items() if key == place), place)
-        unit, factor = SHOWN.get(found[0].get("unit", ""), (found[0].get("unit", ""), 1.0))
+        si = found[0].get("unit", "")
+        unit, factor = (SHOWN[si].unit, SHOWN[si].factor) if si in SHOWN else (si, 1.0)
         expected = range_of(found[0], unit, factor)
         yield f"{name} {value * factor:g} {unit}".rstrip() + f": expected {expected}"
     elif part["type"] == "unexpected_keyword_argument":
@@ -111,10 +106,6 @@ def problem(part: ErrorDetails, keys: Mapping[str, str], root: Schema) -> Iterat
         )
     else:
         yield f"{place}: {value_problem(part)}"
-
-
-RANGE = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
-"""Types of the errors of pydantic for a number that is out of its range."""
 
 
 def alternatives_below(table: Schema, key: str, root: Schema) -> Iterator[Schema]:
@@ -150,8 +141,8 @@ def range_of(schema: Schema, unit: str, factor: float) -> str:
     )
     if low is not None and high is not None:
         return f"{low:g} to {high:g} {unit}"
-    least = f"more than {above:g}" if low is None else f"{low:g} {unit} or more"
-    return least if high is None else f"{least} and at most {high:g} {unit}"
+    least = f"more than {above:g}" if low is None else f"at least {low:g}"
+    return f"{least} {unit}" if high is None else f"{least} and at most {high:g} {unit}"
 
 
 def known_keys(place: list[str], tables: list[Schema], keys: Mapping[str, str]) -> str:
@@ -177,12 +168,14 @@ def form_of(found: list[Schema], key: str, value: object) -> str:
             return (
                 "a list of texts in quotes" if items == {"type": "string"} else "a list of numbers"
             )
+    types = [schema.get("type") for schema in found]
+    table = "text in quotes, or a table" if "string" in types else "a table"
     tables = [schema for schema in found if "properties" in schema]
     if not tables:
-        return "a table" if any(schema.get("type") == "object" for schema in found) else ""
-    kinds = {kind: table for table in tables if (kind := tags(table)[0])}
+        return table if "object" in types else ""
+    kinds = {kind: one for one in tables if (kind := tags(one)[0])}
     if not kinds:
-        return f"a table with keys such as {', '.join([*tables[0]['properties']][:3])}"
+        return f"{table} with keys such as {', '.join([*tables[0]['properties']][:3])}"
     kind = value if isinstance(value, str) and value in kinds else next(iter(kinds))
     others = [f"{name} = ..." for name in kinds[kind]["properties"] if name != "kind"]
     parts = [f'kind = "{kind}"', *others]

@@ -48,6 +48,7 @@ from teleop.settings.problems import all_problems
 from teleop.settings.values import (
     Hertz,
     Metres,
+    ModelName,
     Seconds,
     model_of,
     one_line,
@@ -121,7 +122,7 @@ class TrialSettings:
     palpation depth for the soft cube."""
     estimators: tuple[str, ...] = PAPER
     """Names of the estimators. Not used with a custom preset."""
-    model: Annotated[Model, BeforeValidator(model_of)] = KELVIN_VOIGT
+    model: Annotated[Model, BeforeValidator(model_of, ModelName | Model)] = KELVIN_VOIGT
     """Model for the estimators that can use any model. Not used with a custom preset."""
     estimator_parameters: Mapping[str, OwnSettings] = field(default_factory=dict)
     """Settings of individual estimators, such as forgetting, by the name of the estimator."""
@@ -136,9 +137,9 @@ class TrialSettings:
     """Imperfections of the simulated sensors."""
     operator_model: OperatorModel = field(default_factory=OperatorModel)
     """Arm and intended motion of the operator of the simulated rig."""
-    tare: Annotated[Tare, BeforeValidator(tare_of)] = NO_TARE
+    tare: Annotated[Tare, BeforeValidator(tare_of, str | Tare)] = NO_TARE
     """Zero offsets of force and position, which are subtracted from the measurements."""
-    rig: Annotated[RigFile | None, BeforeValidator(rig_of)] = None
+    rig: Annotated[RigFile | None, BeforeValidator(rig_of, str | dict[str, str])] = None
     """The hardware rig. Default: the simulated rig."""
     depth: Annotated[Metres | None, Field(alias="depth_m", gt=0.0, le=ranges.DEEPEST)] = None
     """Depth of palpation [m], required on a hardware rig. Default: the depth in the paper."""
@@ -154,7 +155,10 @@ class TrialSettings:
     @model_validator(mode="wrap")
     @classmethod
     def check_values(cls, values: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """Report the problems of all settings at once, as one InputError."""
+        """Report the problems of all settings at once.
+
+        pydantic ends with the invalid values of single settings, before `check_settings`.
+        """
         try:
             return handler(values)
         except ValidationError as error:
@@ -181,7 +185,7 @@ class TrialSettings:
     @property
     def named_condition(self) -> type[Condition]:
         """Class of the condition with the name `condition`. It selects the simulated operator."""
-        return CONDITIONS.get(self.condition, Condition)  # a wrong name is found by the checks
+        return CONDITIONS[self.condition]
 
     @property
     def condition_type(self) -> type[Condition]:
@@ -235,11 +239,7 @@ class TrialSettings:
 
     @property
     def palpated(self) -> str:
-        """Name of the palpated body.
-
-        This is the setting `specimen`. If `specimen` is empty, it is the name of the rig or, on the
-        simulated rig, the name of the cube.
-        """
+        """Name of the palpated body: `specimen`, or else the name of the rig or of the cube."""
         return self.specimen or (f"{self.cube} cube" if self.is_simulated else self.rig_name)
 
     @property
@@ -249,27 +249,20 @@ class TrialSettings:
 
     @property
     def limits(self) -> Limits:
-        """Limits with which the safety supervisor checks the measurements after taring.
+        """Limits of the safety supervisor for measurements after taring.
 
-        Taring subtracts the zero offsets `tare` from the measurements. The same offsets are
-        subtracted from the ranges of the sensors. All other limits are those of `raw_limits`.
+        The zero offsets are also subtracted from the ranges of the sensors.
         """
         return self.raw_limits.shifted(self.tare.zeros)
 
     @property
     def raw_limits(self) -> Limits:
-        """Limits of the safety supervisor if no zero offsets are subtracted from the measurements.
-
-        They are the limits of the rig, except those that `tightened_limits` replaces.
-        """
+        """Limits of the safety supervisor for measurements before taring."""
         return self.tightened_limits.applied(self.untightened_limits)
 
     @property
     def untightened_limits(self) -> Limits:
-        """Limits of the safety supervisor for this rig, without the setting `tightened_limits`.
-
-        `tightened_limits` are limits of this trial that are tighter than those of the rig.
-        """
+        """Limits of the safety supervisor for this rig, without the setting `tightened_limits`."""
         if self.custom_limits:
             return self.custom_limits
         if self.rig:
@@ -298,11 +291,7 @@ class TrialSettings:
         return self.sensors.encoder_resolution
 
     def make_conditioner(self) -> Conditioner:
-        """Return a new signal conditioner, which computes the input of the estimators.
-
-        A signal conditioner is a filter. It computes displacement, velocity and force from the
-        measured position and force.
-        """
+        """Return a new signal conditioner, which computes the input of the estimators."""
         return make_conditioner(
             self.conditioning,
             self.bandwidth,
@@ -313,11 +302,7 @@ class TrialSettings:
 
     @property
     def estimation_preset(self) -> Preset:
-        """Settings of the estimators.
-
-        These are the settings in `preset`. If `preset` is None, they are the settings of the paper
-        (Yamamoto et al., BioRob 2008), adapted to the other settings of this trial.
-        """
+        """Settings of the estimators: `preset`, or those of the paper adapted to this trial."""
         if self.preset:
             return self.preset
         preset = paper_preset("soft" if self.rig else self.cube)
@@ -345,5 +330,5 @@ def adapter() -> TypeAdapter[TrialSettings]:
 
 @cache
 def schema() -> dict[str, Any]:
-    """Return the JSON schema of a document of settings."""
-    return adapter().json_schema()
+    """Return the JSON schema of configuration files. Text editors use it to check such a file."""
+    return {**adapter().json_schema(), "title": "Configuration of a trial"}

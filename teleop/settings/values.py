@@ -16,20 +16,24 @@ from teleop.errors import InputError
 from teleop.settings import ranges
 from teleop.settings.rig_loading import load_rig_file
 
+FILE = "file"
+"""Type of the error of pydantic for an invalid file that the settings name."""
+
 Seconds = Annotated[float, Field(json_schema_extra={"unit": "s"})]
 Hertz = Annotated[float, Field(json_schema_extra={"unit": "Hz"})]
 Metres = Annotated[float, Field(json_schema_extra={"unit": "m"})]
+ModelName = Annotated[str, Field(json_schema_extra={"enum": [*MODELS]})]
 
 
 def one_line(text: str) -> str:
-    """Return a text that is a name on one line."""
+    """Check that a text is a name on one line."""
     if len(text) > ranges.NAME or not (text.isprintable() and text == text.strip()):
         raise ValueError(f"expected one line of at most {ranges.NAME} characters")
     return text
 
 
 def without_zero(text: str) -> str:
-    """Return a text that a recording can contain."""
+    """Check that a text can be recorded."""
     if "\0" in text:
         raise ValueError("expected Unicode text without the character zero")
     return text
@@ -75,9 +79,5 @@ def folder(info: ValidationInfo) -> Path:
 
 
 def in_file(error: Exception) -> PydanticCustomError:
-    """Return an error of pydantic for an invalid file that the settings name."""
+    """Return an error of pydantic with the problems of a file, one a line."""
     return PydanticCustomError(FILE, "{text}", {"text": str(error)})
-
-
-FILE = "file"
-"""Type of the error of pydantic for an invalid file that the settings name."""

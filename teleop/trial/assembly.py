@@ -25,8 +25,7 @@ from teleop.control.estimates import Estimation
 from teleop.control.feedback.law import LawInputs
 from teleop.control.link import DirectLink, Link
 from teleop.errors import InputError
-from teleop.recording.message import Layout
-from teleop.recording.tick_columns import FEEDBACK_COLUMNS
+from teleop.recording.columns import FEEDBACK_COLUMNS, Layout
 from teleop.settings.custom_class import create_condition
 from teleop.settings.feedback_checks import expected_stiffness
 from teleop.settings.trial_settings import TrialSettings

@@ -15,7 +15,7 @@ from estimation import Bank, Conditioner
 from teleop.control.alignment import Pair
 from teleop.control.estimates import Estimated, Estimation
 from teleop.control.failures import failure
-from teleop.recording.message import Layout
+from teleop.recording.columns import Layout
 from teleop.recording.sinks import Outcome, Sink
 from teleop.safety import Event
 
@@ -47,9 +47,7 @@ class LaterEstimates(Estimation, Sink):
         self._sinks = sinks
         self._pushed = 0
         self._messages: list[bytes] = []
-        self._message = np.dtype([("head", "S4"), ("values", "<f8", (len(layout.columns),))])
-        self._places = {column.name: place for place, column in enumerate(layout.columns)}
-        self._first = layout.first_of_estimates
+        self._layout = layout
 
     def update(self, pair: Pair) -> Estimated:
         """Return NaN for all estimates of a tick, because the estimates are computed later.
@@ -104,18 +102,17 @@ class LaterEstimates(Estimation, Sink):
         A force sensor can be slower than the control loop. Then only some ticks have a pair of
         slave position and contact force. Only these ticks have estimates.
         """
-        data = bytearray().join(messages)
-        values, places = np.frombuffer(data, self._message)["values"], self._places
-        ticks = np.flatnonzero(~np.isnan(values[:, places["paired_dt"]]))
+        data, layout = bytearray().join(messages), self._layout
+        values = np.frombuffer(data, layout.dtype)
+        ticks = np.flatnonzero(~np.isnan(values["paired_dt"]))
         if not len(ticks):
             return messages
-        pairs = (
-            values[ticks, places[name]] for name in ("paired_position", "paired_force", "paired_dt")
-        )
+        pairs = (values[name][ticks] for name in ("paired_position", "paired_force", "paired_dt"))
         series = self.run(*pairs)
         for name in ("x", "v", "f", "excitation", "contact"):
-            values[ticks, places[name]] = getattr(series, name)
-        for place, column in enumerate(series.estimates, self._first):
-            values[ticks, place] = column
-        size = self._message.itemsize
-        return [bytes(data[start : start + size]) for start in range(0, len(data), size)]
+            values[name][ticks] = getattr(series, name)
+        for name, column in zip(layout.of_estimators, series.estimates, strict=True):
+            values[name][ticks] = column
+        return [
+            bytes(data[start : start + layout.size]) for start in range(0, len(data), layout.size)
+        ]

@@ -9,15 +9,12 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from teleop.recording.message import DROPPED, POINTER
+from teleop.recording.columns import COLUMNS, DROPPED, POINTER
 from teleop.recording.recording import Recording
-from teleop.recording.tick_columns import COLUMNS
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.recorded_trial import recorded_truth, trial_settings, truth
 
-MEANINGS = {column.name: column.meaning for column in COLUMNS} | {
-    column.name: column.meaning for column in (DROPPED, *POINTER)
-}
+MEANINGS = {column.name: column.meaning for column in (*COLUMNS, DROPPED, *POINTER)}
 OF_ESTIMATOR = {
     "b": "damping",
     "k": "stiffness",

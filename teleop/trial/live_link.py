@@ -14,8 +14,8 @@ from teleop.json_documents import dumps
 from teleop.live.cells import PROCESS, SIZE, STOP, CellReader
 from teleop.live.ring import SLOTS, RingWriter, ring_size
 from teleop.live.shared_file import SharedFile
-from teleop.recording.cdr import CDR, MESSAGE_NAME
-from teleop.recording.message import Layout
+from teleop.recording.columns import Layout
+from teleop.recording.message import CDR, MESSAGE_NAME
 from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Event
 from teleop.settings.trial_settings import TrialSettings

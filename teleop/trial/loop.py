@@ -9,7 +9,7 @@ from drivers import RigError
 from teleop.control.clock import Clock
 from teleop.control.controller import Controller
 from teleop.recording.black_box import AFTER
-from teleop.recording.message import Layout
+from teleop.recording.columns import Layout
 from teleop.recording.sinks import Sink
 from teleop.safety.events import ACTIVE, FAULT, IDLE, Event, Fault
 from teleop.trial.stop_switch import StopSwitch

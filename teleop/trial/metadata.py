@@ -6,6 +6,7 @@ import contextlib
 import platform
 from collections.abc import Iterator
 from datetime import datetime
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
 from drivers.registry import device_class
@@ -22,14 +23,14 @@ COMPUTE = ("numpy", "scipy", "numba")
 """Packages that compute the numbers of a trial; numba is optional."""
 
 
-def libraries() -> Iterator[str]:
-    """Yield the name and version, as one text, of each installed package in `COMPUTE`.
-
-    `COMPUTE` lists the packages that compute the numbers of a trial, such as numpy.
-    """
+@cache
+def libraries() -> str:
+    """Return the names and versions of the installed packages in `COMPUTE`."""
+    found = []
     for name in COMPUTE:
         with contextlib.suppress(PackageNotFoundError):
-            yield f"{name} {version(name)}"
+            found.append(f"{name} {version(name)}")
+    return ", ".join(found)
 
 
 def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
@@ -43,7 +44,7 @@ def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
         "session": {
             "software": f"teleop {software()}",
             "python": platform.python_version(),
-            "libraries": ", ".join(libraries()),
+            "libraries": libraries(),
             "machine": f"{platform.node()}, {platform.platform()}",
             "created": datetime.now().astimezone().isoformat(timespec="seconds"),
             "seed": str(settings.seed),

@@ -10,7 +10,7 @@ from estimation import Bank
 from teleop.errors import InputError
 from teleop.files import FAULT_REPORT, unwritable
 from teleop.recording.black_box import BlackBox
-from teleop.recording.message import Layout
+from teleop.recording.columns import Layout
 from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import Recording, from_messages
 from teleop.recording.recording_file import RecordingFile, recorded_ticks

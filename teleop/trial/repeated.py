@@ -10,7 +10,7 @@ import math
 from sim_backend import PointerOperator
 from teleop.control.clock import Clock, Tick
 from teleop.errors import InputError
-from teleop.recording.message import POINTER
+from teleop.recording.columns import POINTER
 from teleop.recording.recording import Recording, from_messages
 from teleop.recording.sinks import Memory
 from teleop.safety import Fault

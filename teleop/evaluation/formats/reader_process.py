@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 from teleop.errors import InputError, reason
 from teleop.evaluation.formats.columns import Wanted
 from teleop.evaluation.formats.table import Pick, Table, reading
-from teleop.recording.bounded_file import machine_memory
+from teleop.recording.mcap_checks import machine_memory
 
 SHORTEST_LIMIT = 60.0
 """Time limit for a small file [s]."""

@@ -14,26 +14,10 @@ from drivers.transports import slcan
 from drivers.transports.slcan import SlcanBus, StatusFlags
 from sim_backend.wire.slcan_adapter import SlcanAdapter
 
+from ...can_frames import frames, same
+
 FRAME = can.Message(arbitration_id=0x181, is_extended_id=False, data=b"\x12\xab")
 LINE = b"t181212AB\r"
-
-
-@st.composite
-def frames(draw):
-    extended, remote = draw(st.booleans()), draw(st.booleans())
-    data = draw(st.binary(max_size=8))
-    return can.Message(
-        arbitration_id=draw(st.integers(0, (1 << (29 if extended else 11)) - 1)),
-        is_extended_id=extended,
-        is_remote_frame=remote,
-        dlc=len(data),
-        data=None if remote else data,
-        check=True,
-    )
-
-
-def same(one, other):
-    return one.equals(other, timestamp_delta=None)
 
 
 def pieces(data, lengths):

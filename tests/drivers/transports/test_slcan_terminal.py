@@ -17,13 +17,11 @@ from drivers.transports import slcan
 from drivers.transports.slcan import SlcanBus
 from sim_backend.wire.slcan_adapter import SlcanAdapter
 
+from ...can_frames import same
+
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs a pseudo-terminal")
 SOON = 5.0
 FRAME = can.Message(arbitration_id=0x181, is_extended_id=False, data=b"\x12\xab")
-
-
-def same(one, other):
-    return one.equals(other, timestamp_delta=None)
 
 
 class Line:

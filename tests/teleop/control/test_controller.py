@@ -21,7 +21,7 @@ from teleop.control.coupling import Coupling
 from teleop.control.estimates import Estimation
 from teleop.control.link import DirectLink
 from teleop.control.tare import NO_TARE, Tare
-from teleop.recording.message import Layout
+from teleop.recording.columns import Layout
 from teleop.recording.recording import from_messages
 from teleop.safety import Fault, Limits, Mode, Request
 from teleop.safety.channels import DetectedFault

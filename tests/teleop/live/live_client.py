@@ -28,6 +28,14 @@ async def served(feed, pages=None):
             task.cancel()
 
 
+async def until(condition, step=lambda: None):
+    """Repeat a step until a condition is true."""
+    async with asyncio.timeout(20.0):
+        while not condition():
+            step()
+            await asyncio.sleep(0.01)
+
+
 class Client:
     """A page: it receives everything and keeps the latest message of each kind."""
 

@@ -16,11 +16,10 @@ from teleop.live.clients import MOST_CLIENTS, MOST_UNSENT_TEXT
 from teleop.live.feed import Feed
 from teleop.live.history import History
 from teleop.live.limited_connection import LONGEST_HEAD, MOST_FRAMES, MOST_WAITING
-from teleop.live.pages import Page
 from teleop.live.security import HEADERS, new_token
-from teleop.live.server import Server
+from teleop.live.server import Page, Server
 
-from .live_client import TOKEN, page, served
+from .live_client import TOKEN, page, served, until
 
 pytestmark = pytest.mark.real_time
 
@@ -236,12 +235,6 @@ def test_a_flooding_client_is_aborted_and_others_are_still_served(feed):
             await until(lambda: feed.requests == ["stop"])
 
     run(scenario())
-
-
-async def until(condition, seconds=10.0):
-    async with asyncio.timeout(seconds):
-        while not condition():
-            await asyncio.sleep(0.01)
 
 
 def test_at_most_eight_clients_and_the_place_of_one_that_leaves_is_free(feed):

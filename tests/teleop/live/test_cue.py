@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.live.cue import BOTH, OWN, TARGET, WIDTH, Cue
+from teleop.live.progress import BOTH, OWN, TARGET, WIDTH, Cue
 
 CUE = Cue(depth=10e-3, count_in=3.0)
 

@@ -13,12 +13,14 @@ import pytest
 from robo_ws_bridge import WebSocketBridgeClient
 from robo_ws_bridge.client import FetchAssetError, ServiceCallError
 
-from teleop.live.foxglove_bridge import FoxgloveBridge
+from teleop.live.foxglove_process import FoxgloveBridge
 from teleop.live.ring import RingReader, RingWriter, ring_size
-from teleop.recording.cdr import MESSAGE_NAME
-from teleop.recording.message import Layout
+from teleop.recording.columns import Layout
+from teleop.recording.message import MESSAGE_NAME
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
+
+from .live_client import until
 
 LAYOUT = Path(__file__).parents[3] / "docs/_static/foxglove-layout.json"
 
@@ -53,13 +55,6 @@ class Viewer:
 
     async def __aexit__(self, *_):
         await self.client.disconnect()
-
-
-async def until(condition, step=lambda: None):
-    async with asyncio.timeout(20.0):
-        while not condition():
-            step()
-            await asyncio.sleep(0.01)
 
 
 def test_a_viewer_receives_every_tick_and_the_newest_ones_at_a_lower_rate(trial):

@@ -25,8 +25,7 @@ def make(slots, size):
 
 def messages(slots_read):
     _, slots = slots_read
-    lengths = [int(slot[:8].view("<u8")[0]) for slot in slots]
-    return [slot[16 : 16 + n].tobytes() for slot, n in zip(slots, lengths, strict=True)]
+    return [slot["message"][: slot["length"]].tobytes() for slot in slots]
 
 
 @given(st.lists(st.binary(max_size=37), max_size=40), st.integers(100, 200))
@@ -46,7 +45,7 @@ def test_overwritten_messages_are_not_returned():
         writer.write(struct.pack("<Q", number))
     found, slots = reader.read(range(1, 260))
     assert found == [*range(151, 251)]
-    assert [int(slot[16:].view("<u8")[0]) for slot in slots] == found
+    assert slots["message"].view("<u8")[:, 0].tolist() == found
     assert reader.oldest > 151
 
 
@@ -80,7 +79,7 @@ def test_a_reader_beside_a_writer_gets_whole_messages_only():
         while count < 5000:
             end = reader.newest + 1
             found, slots = reader.read(range(max(1, end - 128), end))
-            values = np.ascontiguousarray(slots[:, 16:]).view("<u8")
+            values = np.ascontiguousarray(slots["message"]).view("<u8")
             assert (values == np.array(found, dtype=np.uint64).reshape(-1, 1)).all()
             count += len(found)
     finally:
@@ -154,4 +153,4 @@ def test_the_reader_of_the_ring_cannot_write_to_it():
     other = SharedFile.open(file.path, writable=False)
     file.remove()
     reader = RingReader(other.buffer, 10, 8)
-    assert not reader._rows.flags.writeable
+    assert not reader._slots.flags.writeable

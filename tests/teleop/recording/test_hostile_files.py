@@ -19,7 +19,7 @@ from estimation.estimate_columns import estimators_in
 from teleop.cli import main
 from teleop.errors import InputError
 from teleop.evaluation.reading.recorded import MEASURED, measured
-from teleop.recording import bounded_file, chunks
+from teleop.recording import mcap_checks
 from teleop.recording.mcap_checks import message_size, read_event
 from teleop.recording.mcap_reader import read_intact
 from teleop.recording.recording import load
@@ -86,19 +86,19 @@ def test_a_chunk_expands_no_further_than_it_declares_and_no_further_than_the_lim
     taken = []
     decompressors = {
         name: lambda data, most, f=f: taken.append(len(found := f(data, most))) or found
-        for name, f in chunks.DECOMPRESSORS.items()
+        for name, f in mcap_checks.DECOMPRESSORS.items()
     }
-    monkeypatch.setattr(chunks, "DECOMPRESSORS", decompressors)
+    monkeypatch.setattr(mcap_checks, "DECOMPRESSORS", decompressors)
     bomb = chunk(bytes(80 << 20), compression, declared)
     error = refused("estimate", written(tmp_path / "bomb.mcap", bomb))
     assert "a chunk" in error
-    assert max(taken, default=0) <= min(declared, chunks.LARGEST) + 1
+    assert max(taken, default=0) <= min(declared, mcap_checks.LARGEST_CHUNK) + 1
 
 
 def test_the_ticks_of_all_chunks_are_bounded(tmp_path, monkeypatch):
     ticks = [tick(0.001 * i, 1.0) for i in range(20)]
     path = ros(tmp_path / "a.mcap", ticks=ticks)
-    monkeypatch.setattr(bounded_file, "LARGEST_TICKS", 100)
+    monkeypatch.setattr(mcap_checks, "LARGEST_TICKS", 100)
     for read in (load, read_intact):
         with pytest.raises(InputError, match="too large for this machine's memory"):
             read(path)
@@ -107,9 +107,9 @@ def test_the_ticks_of_all_chunks_are_bounded(tmp_path, monkeypatch):
 def test_a_record_longer_than_the_file_is_not_read(tmp_path, monkeypatch):
     """The length of a string in the record is also wrong."""
     asked = []
-    read = bounded_file.BoundedFile.read
+    read = mcap_checks.BoundedFile.read
     monkeypatch.setattr(
-        bounded_file.BoundedFile, "read", lambda s, n: asked.append(min(n, s.left)) or read(s, n)
+        mcap_checks.BoundedFile, "read", lambda s, n: asked.append(min(n, s.left)) or read(s, n)
     )
     path = ros(tmp_path / "a.mcap", ticks=[tick(0.0, 1.0)])
     data = path.read_bytes()
@@ -249,11 +249,11 @@ def test_the_size_of_a_message_follows_from_its_definition():
 
 
 def test_a_chunk_is_decompressed_in_pieces():
-    data = bytes(range(256)) * (3 * chunks.PIECE // 256) + b"end"
+    data = bytes(range(256)) * (3 * mcap_checks.PIECE // 256) + b"end"
     for compression in ("zstd", "lz4", ""):
-        assert chunks.chunk_data(chunk(data, compression)) == data
-    assert chunks.from_zstd(zstandard.compress(data), 5) == data[:5]
-    assert BytesIO(chunks.from_lz4(lz4.frame.compress(data), 5)).read() == data[:5]
+        assert mcap_checks.chunk_data(chunk(data, compression)) == data
+    assert mcap_checks.from_zstd(zstandard.compress(data), 5) == data[:5]
+    assert BytesIO(mcap_checks.from_lz4(lz4.frame.compress(data), 5)).read() == data[:5]
 
 
 @pytest.fixture(scope="module")

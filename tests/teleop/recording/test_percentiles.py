@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.recording import percentiles
-from teleop.recording.percentiles import DIGITS, Percentiles, rounded
+from teleop.recording import timing
+from teleop.recording.timing import DIGITS, Percentiles, rounded
 
 BLOCKS = st.lists(
     st.lists(st.floats(-1e6, 1e6) | st.sampled_from([0.0, 1e-6, 2e-6]), max_size=20),
@@ -24,7 +24,7 @@ SHARES = (0.0, 12.5, 50.0, 99.0, 99.9, 100.0)
 def test_percentiles_in_blocks_are_those_of_numpy_to_the_bit(blocks, merged):
     found = Percentiles()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(percentiles, "MERGED", merged)
+        patch.setattr(timing, "MERGED", merged)
         for block in blocks:
             found.add(np.array(block))
     values = np.concatenate([np.array(block) for block in blocks])
@@ -36,8 +36,8 @@ def test_percentiles_in_blocks_are_those_of_numpy_to_the_bit(blocks, merged):
 def test_of_too_many_different_values_percentiles_are_those_of_rounded_values(blocks):
     found = Percentiles()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(percentiles, "MERGED", 1)
-        patch.setattr(percentiles, "MOST", 5)
+        patch.setattr(timing, "MERGED", 1)
+        patch.setattr(timing, "MOST", 5)
         for block in blocks:
             found.add(np.array(block))
     values = np.concatenate([np.array(block) for block in blocks])

@@ -7,8 +7,7 @@ import struct
 
 import pytest
 
-from teleop.recording.frames import FRAME, TICK
-from teleop.recording.process import FrameReader
+from teleop.recording.process import FRAME, TICK, FrameReader
 from teleop.safety.events import Mode
 
 COLUMNS = ("time", "mode", "contact", "target", "slave_position", "rls_b", "rls_k", "rls_misfit")
@@ -30,7 +29,7 @@ def shown():
     """Return a function that processes ticks, and returns what the line shows for each."""
     session = {
         "columns": [(name, "", "") for name in COLUMNS],
-        "estimators": [("rls", "rls_b", "rls_misfit")],
+        "estimators": ["rls"],
     }
 
     def process(*ticks):

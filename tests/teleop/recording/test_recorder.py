@@ -18,8 +18,8 @@ import scipy
 
 from estimation import paper_preset
 from teleop.errors import InputError
+from teleop.recording.columns import Layout
 from teleop.recording.mcap_reader import read_intact
-from teleop.recording.message import Layout
 from teleop.recording.process import FLUSH
 from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import load

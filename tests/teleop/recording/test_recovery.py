@@ -13,7 +13,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 from teleop.cli import main
 from teleop.errors import InputError
-from teleop.recording import bounded_file
+from teleop.recording import mcap_checks
 from teleop.recording.mcap_reader import read_intact
 from teleop.recording.mcap_writer import TICKS, Disk, McapFile
 from teleop.recording.recording import FIELD, from_messages, load
@@ -347,7 +347,7 @@ def test_a_recording_that_is_larger_than_the_memory_is_recovered(
 ):
     path, out = cut(whole.stat().st_size * 2 // 3), tmp_path / "out.mcap"
     with monkeypatch.context() as patch:
-        patch.setattr(bounded_file, "LARGEST_TICKS", FLUSHED)
+        patch.setattr(mcap_checks, "LARGEST_TICKS", FLUSHED)
         assert main(["recover", str(path), "--out", str(out)]) == 0
     recovered = load(out)
     assert_prefix(recovered, recording)

@@ -16,7 +16,7 @@ from teleop.errors import InputError
 from teleop.evaluation.reading import recorded as kept_parts
 from teleop.evaluation.teleoperation import loop_oscillation, rendering
 from teleop.evaluation.teleoperation.tracking import tracking
-from teleop.recording import percentiles, recording_file, recovery, stream
+from teleop.recording import recording_file, recovery, stream, timing
 from teleop.recording.mcap_reader import read_intact
 from teleop.recording.recording import load
 from teleop.recording.recording_file import RecordingFile, recorded_ticks
@@ -137,9 +137,9 @@ def test_the_command_prints_and_draws_a_long_trial(tmp_path, small, capsys):
 
 
 def test_the_memory_of_a_summary_does_not_depend_on_the_duration(tmp_path, small, monkeypatch):
-    monkeypatch.setattr(percentiles, "MERGED", 200)
-    monkeypatch.setattr(percentiles, "MOST", 100)
-    monkeypatch.setattr(percentiles, "DIGITS", 4)
+    monkeypatch.setattr(timing, "MERGED", 200)
+    monkeypatch.setattr(timing, "MOST", 100)
+    monkeypatch.setattr(timing, "DIGITS", 4)
     monkeypatch.setattr(kept_parts, "LAST", 1000)
     monkeypatch.setattr(rendering, "OLDEST", 0.5)
     settings = replace(

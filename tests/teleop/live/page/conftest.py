@@ -15,10 +15,9 @@ import pytest
 
 from teleop.live.feed import Feed, estimator_indices, shown_columns
 from teleop.live.history import History
-from teleop.live.pages import read_pages
 from teleop.live.security import Gate
-from teleop.live.server import Server
-from teleop.recording.tick_columns import COLUMNS
+from teleop.live.server import Server, read_pages
+from teleop.recording.columns import COLUMNS
 
 TOKEN = "0123456789abcdef" * 2
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
