@@ -12,14 +12,9 @@ from hypothesis import strategies as st
 from sim_backend import operators
 from teleop.control import bilateral
 from teleop.control.channel import ChannelSettings
-from teleop.evaluation.teleoperation.loop_oscillation import (
-    LEAST_DAMPING,
-    MOST_SUSTAINED,
-    SUSTAINING,
-    RunningSpectra,
-    sustained_share,
-)
+from teleop.evaluation.teleoperation.loop_oscillation import RunningSpectra, sustained_share
 from teleop.evaluation.teleoperation.rendering import hand
+from teleop.evaluation.teleoperation.thresholds import LEAST_DAMPING, MOST_SUSTAINED, SUSTAINING
 from teleop.safety.events import ACTIVE
 from teleop.settings.feedback_checks import arm_damping
 from teleop.trial.run import run_trial
