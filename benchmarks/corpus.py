@@ -20,20 +20,20 @@ import numpy as np
 
 from estimation.testing_records import COVERAGE_KINDS, WITHOUT_STIFFNESS
 from teleop.evaluation.batch.analysis import analyse
-from teleop.evaluation.batch.result import Result
+from teleop.evaluation.batch.stiffness_result import StiffnessResult
 from teleop.evaluation.reading.signals import Signals, periods
 
 KINDS = {**COVERAGE_KINDS, **WITHOUT_STIFFNESS}
 WRONG = 0.1
 
 
-def answer(kind: str, seed: int) -> tuple[float, float, Result]:
+def answer(kind: str, seed: int) -> tuple[float, float, StiffnessResult]:
     record = KINDS[kind](np.random.default_rng([zlib.crc32(kind.encode()), seed]))
     signals = Signals(record.t, record.x, record.f, periods(record.t), "position")
     return record.k, record.b, analyse(signals).result
 
 
-def row(kind: str, answers: list[tuple[float, float, Result]]) -> str:
+def row(kind: str, answers: list[tuple[float, float, StiffnessResult]]) -> str:
     given = [(k, b, r) for k, b, r in answers if r.identifiable]
     without = len(answers) - len(given)
     unexplained = sum(not r.identifiable and not r.reasons for *_, r in answers)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fault_case import Case
 
 from teleop.control.channel import ChannelSettings
-from teleop.control.feedback.law import PASSIVE, Master, Report
+from teleop.control.feedback.law import PASSIVE, MasterHalf, Report
 
 CHANNEL = ChannelSettings(delay=0.025, jitter=5e-3, loss=0.05)
 """Channel of the trials with force feedback."""
@@ -20,7 +20,7 @@ def silence(case: Case) -> None:
         direction.cut = True
 
 
-class ActiveMaster(Master):
+class ActiveMaster(MasterHalf):
     """A faulty law. It displays a negative damping, and therefore gives energy to the hand."""
 
     def display(self, report: Report, dt: float) -> float:

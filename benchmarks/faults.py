@@ -64,7 +64,6 @@ TRIALS: dict[FeedbackName, Trials] = {
     "none": Trials(conditions=("free", "mimic", "autonomous")),
     "model-mediated": Trials(),
     "position-force": Trials(cubes=("soft",), admittance=AdmittanceParameters(damping=200.0)),
-    "passivity": Trials(cubes=("soft",)),
 }
 LATE = 0.02
 """Allowed lateness of a tick in real time on a machine that other programs use too [s]."""

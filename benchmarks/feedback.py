@@ -4,7 +4,6 @@
     python benchmarks/feedback.py --part acceptance --seeds 1 --out lost-motion.csv
     python benchmarks/feedback.py --part bodies --seeds 2 --rigid --out bodies.csv
     python benchmarks/feedback.py --part map --seeds 3 --rigid --out map.csv
-    python benchmarks/feedback.py --part passivity --seeds 20 --cubes soft --out passivity.csv
 
 The acceptance grid is model-mediated feedback on three cubes, with round trips of 0 to 500 ms and
 three arms, a jitter of 20 ms and a loss of 5 %. The map finds, for position-force and each cube,
@@ -40,7 +39,6 @@ from sim_backend.operators import TREMOR_AMPLITUDE
 
 CUBES = ("soft", "medium", "hard")
 ROUND_TRIPS = (0.0, 0.05, 0.1, 0.2, 0.5)
-PASSIVITY_ROUND_TRIPS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.5)
 MAP_TICKS = (0, 1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 40, 50, 60, 70, 77, 80, 100, 150, 250)
 """Delays of one direction of the channel in the map, in ticks."""
 RATES = (1000.0, 4000.0)
@@ -130,25 +128,15 @@ def run_single(case: Row) -> list[Row]:
     return [run_one(case)]
 
 
-def passivity(seeds: int, rigid: bool) -> Iterator[Row]:
-    """Yield the trials with passivity control."""
-    grid = itertools.product(CUBES, PASSIVITY_ROUND_TRIPS, ("force", "depth"), ARMS, range(seeds))
-    for cube, trip, operator, arm, seed in grid:
-        case = {"law": "passivity", "cube": cube, "round_trip": trip, "operator": operator}
-        yield case | {"arm": arm, "seed": seed, "rigid": rigid}
-
-
 PARTS = {
     "acceptance": acceptance,
     "bodies": bodies,
     "map": stability_map,
-    "passivity": passivity,
 }
 KEYS = {
     "acceptance": ("cube", "round_trip"),
     "bodies": ("body", "cube", "round_trip"),
     "map": ("rate", "tremor", "cube", "damping", "arm", "round_trip"),
-    "passivity": ("cube", "round_trip", "operator", "arm"),
 }
 """Arguments by which the summary groups the trials of a part."""
 

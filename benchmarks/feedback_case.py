@@ -18,7 +18,8 @@ from teleop.control.admittance import AdmittanceParameters
 from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.evaluation.teleoperation.loop_oscillation import sustained_share
-from teleop.evaluation.teleoperation.rendering import LEAST_FORCE, SETTLING, hand
+from teleop.evaluation.teleoperation.rendering import hand
+from teleop.evaluation.teleoperation.thresholds import LEAST_FORCE, SETTLING
 from teleop.recording.recording import Recording
 from teleop.safety.events import ACTIVE
 from teleop.safety.tightened_limits import TightenedLimits

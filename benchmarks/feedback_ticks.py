@@ -37,7 +37,7 @@ from teleop.trial import run as run_module
 from teleop.trial.assembly import make_clock, make_controller, make_rig
 from teleop.trial.run import run_trial
 
-LAWS: tuple[FeedbackName, ...] = ("none", "position-force", "model-mediated", "passivity")
+LAWS: tuple[FeedbackName, ...] = ("none", "position-force", "model-mediated")
 CHANNEL = ChannelSettings(2e-3, 1e-3, 0.01)
 """A channel with which position-force is stable on the soft cube at `DAMPING`."""
 DAMPING = 50.0

@@ -45,7 +45,7 @@ from teleop.control.bilateral import BilateralLink
 from teleop.control.channel import ChannelSettings
 from teleop.control.clock import Tick
 from teleop.control.controller import Controller
-from teleop.control.estimation import Estimation
+from teleop.control.estimates import Estimation
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.live.cells import ARM, END, LONGEST_ROUND_TRIP, PROCESS, STOP
 from teleop.safety import Fault, Mode, stops_immediately
@@ -55,7 +55,7 @@ from teleop.trial.assembly import make_layout, make_link
 from teleop.trial.page_requests import PAGE_AGE, PROCESS_SILENCE
 from teleop.trial.stop_switch import StopSwitch
 
-LAWS = ("none", "position-force", "model-mediated", "passivity")
+LAWS = ("none", "position-force", "model-mediated")
 CHANNELS_BETWEEN = (
     None,
     ChannelSettings(0.025, 5e-3, 0.05),

@@ -52,13 +52,6 @@ def baseline_order(low: float, seconds: float) -> int:
 
     The cosines are cos(pi j (t - t0) / T), j = 1 ... m, for a record with the start t0 and the
     length T. m is 0 if the record is shorter than `FEWEST_CYCLES` periods of the frequency `low`.
-
-    Parameters
-    ----------
-    low
-        Lower end of the band in which the force follows the displacement [Hz].
-    seconds
-        Length of the record [s].
     """
     if low * seconds < FEWEST_CYCLES:
         return 0
@@ -69,15 +62,6 @@ def cosines(t: Floats, start: float, seconds: float, order: int) -> Floats:
     """Return a column of ones, and one column for each cosine, shape (n, 1 + order).
 
     Column j is cos(pi j (t - t0) / T), j = 0 ... `order`.
-
-    Parameters
-    ----------
-    t
-        Times [s], shape (n,).
-    start, seconds
-        Start t0 and length T of the record [s].
-    order
-        Number of cosines. The column of ones is not counted.
     """
     return np.asarray(np.cos(np.pi / seconds * np.outer(t - start, np.arange(order + 1))))
 
@@ -88,19 +72,8 @@ def baseline_regressors(t: Floats, start: float, seconds: float, order: int) -> 
     A baseline is the part of a signal that is slower than the palpation. A fit with these
     regressors usually has other regressors as well, for example v and x.
 
-    Parameters
-    ----------
-    t
-        Times [s], shape (n,).
-    start, seconds
-        Start and length of the record [s].
-    order
-        Number of cosines, from `baseline_order`.
-
-    Returns
-    -------
-    Array of shape (n, order + 3). The last two columns are the linear and the quadratic term of the
-    parabola. If `order` is 0, the constant is the only column, and the shape is (n, 1).
+    The shape is (n, order + 3): the last two columns are the linear and the quadratic term of the
+    parabola. If `order` is 0, the constant is the only column. `order` is from `baseline_order`.
     """
     columns = cosines(t, start, seconds, order)
     if order == 0:
@@ -113,15 +86,6 @@ def baseline(t: Floats, start: float, seconds: float, coefficients: Floats) -> F
     """Return a fitted baseline at n times, shape (n,).
 
     A baseline is the part of a signal that is slower than the palpation.
-
-    Parameters
-    ----------
-    t
-        Times [s], shape (n,).
-    start, seconds
-        Start and length of the record [s].
-    coefficients
-        Fitted coefficients of the baseline, in the order of the columns of `baseline_regressors`.
     """
     order = max(len(coefficients) - 3, 0)
     parts = np.array_split(t, math.ceil(len(t) / BLOCK))
@@ -143,13 +107,7 @@ def without_baseline(values: Floats, order: int) -> Floats:
     all samples have the same weight. With equal weights, the cosines are not exactly orthogonal.
     The coefficients are therefore computed by solving 1 + `order` linear equations.
 
-    Parameters
-    ----------
-    values
-        Evenly spaced samples, shape (n,).
-    order
-        Number of cosines, for example from `baseline_order`. The constant is not counted. The
-        number must be less than n - 1.
+    The samples must be evenly spaced, and `order` less than n - 1.
     """
     if order == 0:
         return values

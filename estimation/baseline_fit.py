@@ -39,12 +39,7 @@ class BaselineFits:
 
     The baseline is prepared once. Then `fit` can be called with different other regressors.
 
-    Parameters
-    ----------
-    basis
-        Regressors B of the baseline, shape (n, p).
-    f
-        Samples of the signal, shape (n,).
+    `basis` is B, shape (n, p), and `f` has the shape (n,).
 
     Attributes
     ----------
@@ -91,14 +86,8 @@ class Inverse:
     itself is not stored, because it would be large. If `inverse` is an object of this class, only
     the product `gradients @ inverse` can be computed, where `gradients` is a vector or a matrix.
 
-    Parameters
-    ----------
-    baseline
-        Object that contains B, decomposed into an orthonormal basis Q and coefficients.
-    along
-        The matrix Q' X, shape (p, m).
-    own
-        Fit with the regressors X - Q Q' X, which are the part of X that is orthogonal to B.
+    `along` is Q' X, shape (p, m). `own` is the fit with the regressors X - Q Q' X, which are the
+    part of X that is orthogonal to B.
     """
 
     __array_ufunc__ = None  # numpy then leaves the product to __rmatmul__

@@ -16,15 +16,7 @@ LARGEST = 1e30
 
 
 def is_valid(dt: float, size: float) -> bool:
-    """Return whether a sample can be processed.
-
-    Parameters
-    ----------
-    dt
-        Time since the previous sample [s], which must be positive and finite.
-    size
-        Sum of the magnitudes of the values in the sample. This sum must be below `LARGEST`.
-    """
+    """Return whether a sample is valid: `dt` [s], and `size`, the sum of the values' magnitudes."""
     return size < LARGEST and 0.0 < dt < math.inf
 
 
@@ -46,19 +38,8 @@ def checked_samples(
 ) -> Samples:
     """Check n samples, and return them as contiguous float64 arrays.
 
-    Parameters
-    ----------
-    x, v, f
-        Displacement [m], velocity [m/s], force [N], each of shape (n,).
-    dt
-        Time since the previous sample [s], of shape (n,), or one number for all samples.
-    further
-        Regressors besides v and x, shape (n, regressors - 2); None if there are none.
-
-    Raises
-    ------
-    ValueError
-        The shapes differ, a value is not finite or too large, or a `dt` is not positive.
+    x [m], v [m/s] and f [N] have the shape (n,), `dt` [s] too or is one number, and `further` has
+    the shape (n, regressors - 2) or is None. ValueError names the first invalid value.
     """
     shape = np.shape(x)
     if len(shape) != 1:
@@ -93,26 +74,7 @@ def check_positive(**settings: float) -> None:
 
 
 def positive_values(name: str, values: Sequence[float], model: Model) -> tuple[float, ...]:
-    """Check the values of a setting that has one value per parameter of a model.
-
-    Parameters
-    ----------
-    name
-        Name of the setting, for the error message.
-    values
-        The values of the setting.
-    model
-        The model, for example with the two parameters b and k.
-
-    Returns
-    -------
-    The values as a tuple.
-
-    Raises
-    ------
-    ValueError
-        The number of values is not the number of parameters, or a value is not positive and finite.
-    """
+    """Check a setting that has one value per parameter of a model; return the values as a tuple."""
     if len(values) != model.regressors or not all(0.0 < value < math.inf for value in values):
         raise ValueError(
             f"{name} must be {model.regressors} positive numbers, for "

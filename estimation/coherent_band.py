@@ -100,11 +100,6 @@ def slepian_tapers(n: int) -> Floats:
     The tapers are the first discrete prolate spheroidal sequences. Each row is one sequence, and
     the rows are orthonormal. The sequences are eigenvectors of a tridiagonal matrix (D. Slepian,
     Bell System Technical Journal 57(5), 1978). The sign of each sequence is arbitrary.
-
-    Parameters
-    ----------
-    n
-        Number of samples in each sequence.
     """
     place = np.arange(n, dtype=np.float64)
     half_band = BANDWIDTH / n
@@ -119,17 +114,8 @@ def slepian_tapers(n: int) -> Floats:
 def coherent_band(x: Floats, f: Floats, period: float) -> CoherentBand:
     """Return the frequency band in which the force is coherent with the displacement.
 
-    Parameters
-    ----------
-    x, f
-        Displacement [m] and force [N] with a constant sample period, each of shape (n,).
-    period
-        Sample period [s].
-
-    Raises
-    ------
-    ValueError
-        There are fewer than 16 samples.
+    x [m] and f [N] have a constant sample period [s]. ValueError if there are fewer than 16
+    samples.
     """
     if len(x) < 16:
         raise ValueError(f"16 samples are needed for a spectrum, got {len(x)}")

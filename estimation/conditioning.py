@@ -29,7 +29,7 @@ The values are those of a first-order lag and of a critically damped second-orde
 """
 
 
-class Conditioned(NamedTuple):
+class ConditionedSample(NamedTuple):
     """Filtered regressors and filtered force of one sample."""
 
     x: float
@@ -71,7 +71,7 @@ class Conditioner(ABC):
     def reset(self) -> None:
         """Reset the filter to its state before the first sample."""
 
-    def update(self, x: float, f: float, dt: float) -> Conditioned:
+    def update(self, x: float, f: float, dt: float) -> ConditionedSample:
         """Filter one sample: position x [m], force f [N], time `dt` [s] since the previous sample.
 
         Raises
@@ -85,7 +85,7 @@ class Conditioner(ABC):
         return self._condition(x, f, dt)
 
     @abstractmethod
-    def _condition(self, x: float, f: float, dt: float) -> Conditioned:
+    def _condition(self, x: float, f: float, dt: float) -> ConditionedSample:
         """Filter one sample. The caller, `update`, has checked that the values are valid."""
 
     def correlation(self, dt: float) -> float:
@@ -135,11 +135,11 @@ class FilteredDifference(Conditioner):
         self._x = math.nan
         self._v = 0.0
 
-    def _condition(self, x: float, f: float, dt: float) -> Conditioned:
+    def _condition(self, x: float, f: float, dt: float) -> ConditionedSample:
         if not math.isnan(self._x):
             self._v = difference(self._omega, self._x, self._v, x, dt)
         self._x = x
-        return Conditioned(x, self._v, f)
+        return ConditionedSample(x, self._v, f)
 
     def _condition_all(self, x: Floats, f: Floats, dt: Floats) -> Regression:
         v = np.empty(len(x))
@@ -185,7 +185,7 @@ class FirstOrderAdaptiveWindowing(Conditioner):
         self._past.clear()
         self._time = 0.0
 
-    def _condition(self, x: float, f: float, dt: float) -> Conditioned:
+    def _condition(self, x: float, f: float, dt: float) -> ConditionedSample:
         self._time += dt
         v = 0.0
         low, high = -math.inf, math.inf
@@ -198,7 +198,7 @@ class FirstOrderAdaptiveWindowing(Conditioner):
             low = max(low, slope - self._resolution / span)
             high = min(high, slope + self._resolution / span)
         self._past.append((self._time, x))
-        return Conditioned(x, v, f)
+        return ConditionedSample(x, v, f)
 
 
 class StateVariableFilter(Conditioner):
@@ -218,9 +218,9 @@ class StateVariableFilter(Conditioner):
         """Reset the filter to its state before the first sample."""
         self._position.reset()
 
-    def _condition(self, x: float, f: float, dt: float) -> Conditioned:
+    def _condition(self, x: float, f: float, dt: float) -> ConditionedSample:
         self._position.update(x, dt)
-        return Conditioned(x, self._position.rate, f)
+        return ConditionedSample(x, self._position.rate, f)
 
 
 class MatchedFilter(Conditioner):
@@ -275,12 +275,12 @@ class MatchedFilter(Conditioner):
         """
         return max(1.0, 2.0 / (math.pi * self._bandwidth * dt))
 
-    def _condition(self, x: float, f: float, dt: float) -> Conditioned:
+    def _condition(self, x: float, f: float, dt: float) -> ConditionedSample:
         position = self._position
         position.update(self._lag.update(x, dt), dt)
         self._force.update(f, dt)
         if not self.model.further:
-            return Conditioned(position.y, position.rate, self._force.y)
+            return ConditionedSample(position.y, position.rate, self._force.y)
         self._cube.update(self._cube_lag.update(x * x * x, dt), dt)
         regressors = {
             "f0": 1.0,
@@ -289,7 +289,7 @@ class MatchedFilter(Conditioner):
             "tau": -self._force.rate,
         }
         further = tuple(regressors[parameter] for parameter in self.model.further)
-        return Conditioned(position.y, position.rate, self._force.y, further)
+        return ConditionedSample(position.y, position.rate, self._force.y, further)
 
     def _condition_all(self, x: Floats, f: Floats, dt: Floats) -> Regression:
         y, rate, acceleration = self._position.run(self._lag.run(x, dt), dt)
@@ -299,3 +299,46 @@ class MatchedFilter(Conditioner):
             regressors["k3"] = self._cube.run(self._cube_lag.run(x * x * x, dt), dt)[0]
         further = [regressors[parameter] for parameter in self.model.further]
         return Regression(y, rate, force, dt, np.reshape(further, (len(further), len(x))).T.copy())
+
+
+CONDITIONERS = ("matched", "svf", "foaw", "difference")
+"""Names of the signal conditioners."""
+LONGEST_LAG = 0.5
+"""Largest time constant of a lag of the force channel that can be compensated [s]."""
+
+
+def make_conditioner(
+    name: str,
+    bandwidth: float,
+    resolution: float,
+    force_lag: float = 0.0,
+    model: Model = KELVIN_VOIGT,
+) -> Conditioner:
+    """Return a new signal conditioner with this name.
+
+    A signal conditioner is a filter that computes displacement, velocity and force from the
+    measured position and force.
+
+    `bandwidth` [Hz] is not used by `foaw`. `resolution`, the distance per encoder count [m], is
+    used only by `foaw`. Only `matched` supports a `force_lag` [s] and regressors besides v and x.
+    ValueError otherwise, or if a number is out of its range.
+    """
+    if name not in CONDITIONERS:
+        raise ValueError(f"conditioning {name!r}: expected one of {', '.join(CONDITIONERS)}")
+    if force_lag != 0.0 and name != "matched":
+        raise ValueError(f"force lag {force_lag:g} s: expected conditioning matched, not {name}")
+    if force_lag > LONGEST_LAG:
+        raise ValueError(f"force lag {force_lag:g} s: expected at most {LONGEST_LAG:g} s")
+    if model.further and name != "matched":
+        raise ValueError(f"model {model.name}: expected conditioning matched, not {name}")
+    try:
+        angular(bandwidth)
+        if name == "matched":
+            return MatchedFilter(bandwidth, force_lag, model)
+        if name == "svf":
+            return StateVariableFilter(bandwidth)
+        if name == "difference":
+            return FilteredDifference(bandwidth)
+        return FirstOrderAdaptiveWindowing(resolution)
+    except ValueError as error:
+        raise ValueError(f"conditioning {name}: {error}") from error

@@ -64,13 +64,6 @@ def misfit_in(columns: Mapping[str, Floats], estimator: str) -> Floats:
 
     A misfit is the systematic part of the force error, divided by the force (`estimation.misfit`).
     If the table does not contain the misfit of this estimator, all returned values are NaN.
-
-    Parameters
-    ----------
-    columns
-        Columns of the table by name, each of shape (n,).
-    estimator
-        Name of the estimator.
     """
     missing = np.full(len(columns[f"{estimator}_b"]), np.nan)
     return columns.get(f"{estimator}{MISFIT}", missing)
@@ -115,13 +108,6 @@ def estimates_in(columns: Mapping[str, Floats], estimator: str) -> Estimates:
 
     If the table does not contain a standard deviation, the returned values of this standard
     deviation are NaN.
-
-    Parameters
-    ----------
-    columns
-        Columns of the table by name, each of shape (n,).
-    estimator
-        Name of the estimator.
     """
     b, k = columns[f"{estimator}_b"], columns[f"{estimator}_k"]
     missing = np.full(len(b), np.nan)
@@ -137,17 +123,6 @@ def estimates_in(columns: Mapping[str, Floats], estimator: str) -> Estimates:
 
 def further_in(columns: Mapping[str, Floats], prefix: str) -> dict[str, Series]:
     """Return the estimates of the parameters besides b and k for one estimator.
-
-    Parameters
-    ----------
-    columns
-        Columns of a table of estimates by name, each of shape (n,).
-    prefix
-        Name of the estimator and an underscore, for example `rls_`.
-
-    Returns
-    -------
-    Dictionary from the name of each parameter to its values and standard deviations.
 
     Notes
     -----

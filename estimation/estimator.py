@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from estimation.arrays import Floats
 from estimation.checks import checked_samples, is_valid, sample_error
-from estimation.compiled import Law, Samples, interpreted, sweep
+from estimation.compiled import Law, Samples, interpreted, own_copy, sweep
 from estimation.model import KELVIN_VOIGT, POWERS_OF_X, UNITS, Model
-from estimation.own_copies import own_copy
 from estimation.step import B, K, Regressors, State, Step
 
 UNKNOWN = 1e12

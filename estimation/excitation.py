@@ -156,20 +156,10 @@ def removals(
 
     The results are written to `removed` and `spans`.
 
-    Parameters
-    ----------
-    window
-        Largest length of the window [s].
-    span
-        Length of the window before the first new sample [s].
-    stored
-        Number of samples in the window before the first new sample.
-    periods
-        Time since the previous sample [s], for the stored samples and then for the new samples.
-    removed
-        Result: total number of samples removed from the window, after each new sample, shape (n,).
-    spans
-        Result: length of the window after each new sample [s], shape (n,).
+    `span` is the length of the window [s] and `stored` its number of samples before the first new
+    sample. `periods` contains the times since the previous sample [s] of the stored and then of the
+    new samples. `removed` gets the total number of removed samples, and `spans` the length of the
+    window [s], after each new sample.
     """
     first = 0
     for i in range(len(removed)):
@@ -186,17 +176,8 @@ def dominant_frequency(x: ArrayLike, dt: ArrayLike) -> float:
 
     The mean and a linear drift of the displacement are subtracted first.
 
-    Parameters
-    ----------
-    x
-        Displacement [m], shape (n,).
-    dt
-        Time since the previous sample [s], shape (n,), or one number for all samples.
-
-    Raises
-    ------
-    ValueError
-        There are fewer than four samples, or the displacement is constant.
+    x [m] has the shape (n,), and `dt` [s] too or is one number. ValueError if there are fewer than
+    four samples, or the displacement is constant.
     """
     x = np.asarray(x, dtype=np.float64)
     if x.ndim != 1 or len(x) < 4 or not np.ptp(x) > 0.0:

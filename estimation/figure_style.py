@@ -110,12 +110,7 @@ def figure_style(width: str = "screen") -> Iterator[None]:
 def new_figure(ratio: float, rows: int = 1) -> Figure:
     """Return an empty figure. Its width is that of the context manager `figure_style`.
 
-    Parameters
-    ----------
-    ratio
-        Height divided by width. The figure is higher if the rows need more height.
-    rows
-        Number of rows of panels. Each row needs a height of at least 1.25 inch.
+    `ratio` is height / width. The figure is higher if a row of panels would be below 1.25 inch.
     """
     width = WIDTHS[CHOSEN.get()]
     height = max(ratio * width, 1.25 * rows + 1.0)
@@ -149,16 +144,8 @@ def draw(axes: Axes, t: Floats, values: Floats, **style: Any) -> None:
 def shade(axes: Axes, t: Floats, low: Floats, high: Floats, **style: Any) -> None:
     """Fill the area between two lines.
 
-    Parameters
-    ----------
-    axes
-        Axes of matplotlib.
-    t, low, high
-        Times, values of the lower line, and values of the upper line, each of shape (n,). If n is
-        larger than 1000, successive samples are combined in bins. In each bin, the area is drawn
-        from the smallest value of `low` to the largest value of `high`.
-    **style
-        Options of matplotlib's `fill_between`.
+    If there are more than 1000 samples, successive samples are combined in bins. In each bin, the
+    area is drawn from the smallest `low` to the largest `high`.
     """
     size = -(-len(t) // BINS)
     if size > 1:
@@ -175,10 +162,7 @@ def extremes(values: Floats) -> NDArray[np.int_]:
     The samples are divided into 1000 bins of successive samples. The first, the smallest and the
     largest sample of each bin are selected, and also the last of all samples.
 
-    Parameters
-    ----------
-    values
-        Samples, shape (n,). If n is at most 3000, all indices are returned.
+    If there are at most 3000 samples, all indices are returned.
     """
     n = len(values)
     if n <= 3 * BINS:
@@ -199,14 +183,7 @@ def limits(axes: Axes, series: Sequence[Floats], levels: Sequence[float] = ()) -
     The limits contain the 2nd to the 98th percentile of each line, and all given levels. A margin
     is added above and below.
 
-    Parameters
-    ----------
-    axes
-        Axes of matplotlib.
-    series
-        Values of the lines, each of shape (n,). Values that are not finite are not used.
-    levels
-        Further values that must be within the limits, for example true values.
+    `levels` are further values that must be within the limits, for example true values.
     """
     parts = [one[np.isfinite(one)] for one in series]
     ends = [np.percentile(one, (2, 98)) for one in parts if len(one)]
@@ -227,15 +204,6 @@ def legend(
     """Draw the legend of a figure above or below all panels.
 
     The legend has as many columns as fit into the width of the figure, at most four.
-
-    Parameters
-    ----------
-    figure
-        The figure.
-    handles, names
-        Lines or patches of matplotlib, and the text beside each of them.
-    place
-        `upper`: above the panels; `lower`: below the panels.
     """
     font = 0.9 * FONTS[CHOSEN.get()]
     fits = [n for n in (4, 3, 2, 1) if columns_width(names, n, font) < figure.get_figwidth()]

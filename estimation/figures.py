@@ -17,14 +17,18 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from estimation.arrays import Floats
+from estimation.conditioning import Regression
 from estimation.estimator import LEVEL_95, Estimates
 from estimation.figure_style import (
     BLUE,
+    GREY,
     LINES,
     NO_ESTIMATE,
+    ORANGE,
     PROFILE,
     draw,
     explain,
+    extremes,
     is_narrow,
     legend,
     limits,
@@ -33,6 +37,9 @@ from estimation.figure_style import (
     shade,
     tidy,
 )
+from estimation.least_squares import Fit
+from estimation.metrics import predicted_force
+from estimation.quantities import DAMPING, POSITION, STIFFNESS, VELOCITY
 
 TOGETHER = len(LINES)
 """Largest number of estimators in one panel. If there are more, each has its own panels."""
@@ -84,21 +91,14 @@ def estimates_figure(
 ) -> Figure:
     """Return a figure of the estimated stiffness, the estimated damping and the motion over time.
 
-    Parameters
-    ----------
-    title
-        Title of the figure.
-    t, x, v
-        Time [s], displacement [m], velocity [m/s], each of shape (n,).
-    estimates
-        Estimates by name of the estimator. If there are more than five estimators, each estimator
-        has its own panels, and the motion is not drawn.
-    truth
-        True damping and stiffness of a simulated specimen; None if they are not known.
+    If there are more than five estimators, each has its own panels, and the motion is not drawn.
     """
-    scale, prefix = k_scale(estimates)
+    scale, unit = k_scale(estimates)
     shown = {name: drawn(series, scale) for name, series in estimates.items()}
-    labels = (f"stiffness $\\hat k$ [{prefix}]", "damping $\\hat b$ [N s/m]")
+    labels = (
+        f"{STIFFNESS.name} {STIFFNESS.hat} [{unit}]",
+        f"{DAMPING.name} {DAMPING.hat} [{DAMPING.unit}]",
+    )
     if len(shown) > TOGETHER and any(one.exists for one in shown.values()):
         return small_multiples(title, t, shown, labels, scaled(truth, scale))
     figure = new_figure(0.75, rows=2)
@@ -131,8 +131,8 @@ def estimates_figure(
     frame(panels, t, shown, scaled(truth, scale))
     panels[1].set_xlabel("time [s]")
     panels[1].set_xlim(t[0], t[-1])
-    profile(panels[0], t, x * 1e3, "displacement [mm]")
-    profile(panels[1], t, v * 1e3, "velocity [mm/s]")
+    profile(panels[0], t, x * POSITION.factor, f"displacement [{POSITION.unit}]")
+    profile(panels[1], t, v * VELOCITY.factor, VELOCITY.heading)
     legend(figure, handles, names)
     return figure
 
@@ -147,19 +147,6 @@ def small_multiples(
     """Return a figure with two panels for each estimator: stiffness and damping over time.
 
     All panels of the stiffness have the same limits, and so have all panels of the damping.
-
-    Parameters
-    ----------
-    title
-        Title of the figure.
-    t
-        Time [s], shape (n,).
-    shown
-        Stiffness and damping of each estimator, by the name of the estimator.
-    labels
-        Labels of the axes of stiffness and damping, with their units.
-    truth
-        True damping and stiffness, in the units of `labels`; None if they are not known.
     """
     pairs = 1 if is_narrow() else 2
     rows = -(-len(shown) // pairs)
@@ -218,20 +205,18 @@ def drawn(series: Estimates, scale: float) -> Drawn:
         np.where(unknown | ~np.isfinite(std), np.nan, LEVEL_95 * std)
         for std in (series.k_std, series.b_std)
     )
-    return Drawn(k * scale, k_half * scale, b, b_half)
+    return Drawn(k * scale, k_half * scale, b * DAMPING.factor, b_half * DAMPING.factor)
 
 
 def k_scale(estimates: Mapping[str, Estimates]) -> tuple[float, str]:
-    """Return the factor from N/m to the unit of the stiffness axis, and the name of this unit."""
+    """Return the factor from N/m to the unit of the stiffness axis, and this unit."""
     largest = max(float(np.median(np.abs(series.k))) for series in estimates.values())
-    if largest >= 1e6:
-        return 1e-6, "MN/m"
-    return (1e-3, "kN/m") if largest >= 1e3 else (1.0, "N/m")
+    return STIFFNESS.axis(largest)
 
 
 def scaled(truth: Truth | None, scale: float) -> Truth | None:
-    """Return the true damping, and the true stiffness times `scale`; None if `truth` is None."""
-    return truth and Truth(truth.b, truth.k_surface * scale, truth.k_deepest * scale)
+    """Return the true values in the units of the axes."""
+    return truth and Truth(DAMPING.shown(truth.b), truth.k_surface * scale, truth.k_deepest * scale)
 
 
 def draw_truth(
@@ -298,3 +283,57 @@ def known_truth(values: Mapping[str, float] | None) -> Truth | None:
     if not values or not all(math.isfinite(values[name]) for name in Truth._fields):
         return None
     return Truth(*(values[name] for name in Truth._fields))
+
+
+MEASURED: dict[str, Any] = {"color": GREY, "linewidth": 1.6, "alpha": 0.5}
+PREDICTED: dict[str, Any] = {"color": ORANGE, "linewidth": 0.9, "linestyle": (0, (4, 2))}
+MODEL: dict[str, Any] = {"color": "#000000", "linewidth": 0.9}
+LEAST_SQUARES = "least squares of the model"
+
+
+def force_figure(
+    title: str, t: Floats, regression: Regression, name: str, estimates: Estimates, fit: Fit
+) -> Figure:
+    """Return a figure of the measured force and the predicted force, with three panels.
+
+    The first panel shows the force over time, measured and predicted by an online estimator. The
+    second panel shows the error of this prediction. The third panel shows the force over
+    displacement, measured and computed by a least-squares fit to all samples.
+
+    Each sample of the force is predicted with the estimate after the previous sample. If all values
+    of the fit are NaN, no fit is drawn.
+    """
+    figure = new_figure(0.95, rows=3)
+    grid = figure.add_gridspec(3, 1, height_ratios=(2.0, 1.0, 2.5))
+    over_t, error, over_x = (figure.add_subplot(grid[i]) for i in range(3))
+    error.sharex(over_t)
+    x, f = regression.x * POSITION.factor, regression.f
+    predicted = predicted_force(regression, estimates)
+    predicted = np.where(np.logical_and.accumulate(estimates.held), np.nan, predicted)
+    draw(over_t, t, f, label="measured", **MEASURED)
+    if np.isfinite(predicted).any():
+        draw(over_t, t, predicted, label=f"predicted by {name}", **PREDICTED)
+        draw(error, t, f - predicted, color=ORANGE, linewidth=0.6)
+    else:
+        explain(error, f"{name}: {NO_ESTIMATE}")
+        error.set_yticks([])
+    shown = extremes(f)
+    over_x.plot(x[shown], f[shown], label="measured", **MEASURED)
+    if np.isfinite(fit.residual).any():
+        over_x.plot(x[shown], (f - fit.residual)[shown], label=LEAST_SQUARES, **MODEL)
+    over_t.set_title(title, loc="left")
+    over_t.set_ylabel("force [N]")
+    over_t.tick_params(labelbottom=False)
+    error.set_ylabel("error [N]")
+    error.set_xlabel("time [s]")
+    over_t.set_xlim(t[0], t[-1])
+    over_x.set_xlabel(f"displacement [{POSITION.unit}]")
+    over_x.set_ylabel("force [N]")
+    limits(over_t, [np.repeat((f.min(), f.max()), 50)])
+    limits(error, [f - predicted], (0.0,))
+    for axes in (over_t, error, over_x):
+        tidy(axes)
+    handles, names = over_t.get_legend_handles_labels()
+    model, text = over_x.get_legend_handles_labels()
+    legend(figure, [*handles, *model[1:]], [*names, *text[1:]])
+    return figure

@@ -104,10 +104,7 @@ class LowPass:
     The discretisation is exact for every `dt` if the input is linear between samples. The first
     sample sets y = u and y' = 0.
 
-    Parameters
-    ----------
-    bandwidth
-        Natural frequency w / (2 pi) [Hz], from 1e-6 to 1e6 Hz.
+    `bandwidth` is the natural frequency w / (2 pi) [Hz], from 1e-6 to 1e6 Hz.
 
     Attributes
     ----------
@@ -138,18 +135,7 @@ class LowPass:
         self._u = u
 
     def run(self, u: Floats, dt: Floats) -> tuple[Floats, Floats, Floats]:
-        """Process n inputs, with the same results as n calls of `update`.
-
-        Parameters
-        ----------
-        u, dt
-            Inputs, and times since the previous input [s], each of shape (n,).
-
-        Returns
-        -------
-        Output y, its derivative y', and its second derivative y'' after each input. Each has the
-        shape (n,).
-        """
+        """Process n inputs like n calls of `update`; return y, y' and y'' after each input."""
         y, rate = np.empty(len(u)), np.empty(len(u))
         if len(u):
             if math.isnan(self._u):
@@ -170,15 +156,7 @@ class Lag:
     The discretisation is exact for every `dt` if the input is linear between samples. The first
     sample sets y = u.
 
-    Parameters
-    ----------
-    lag
-        Time constant tau [s], >= 0.
-
-    Raises
-    ------
-    ValueError
-        The time constant is negative or not finite.
+    `lag` is tau [s], >= 0.
     """
 
     def __init__(self, lag: float) -> None:
@@ -221,13 +199,7 @@ class Lag:
 
 
 def angular(bandwidth: float) -> float:
-    """Return the angular frequency [rad/s] of a bandwidth [Hz].
-
-    Raises
-    ------
-    ValueError
-        The bandwidth is not between 1e-6 and 1e6 Hz.
-    """
+    """Return the angular frequency [rad/s] of a bandwidth from 1e-6 to 1e6 Hz."""
     if not 1e-6 <= bandwidth <= 1e6:
         raise ValueError(f"bandwidth must be positive, 1e-6 to 1e6 Hz, got {bandwidth} Hz")
     return 2.0 * math.pi * bandwidth

@@ -142,18 +142,7 @@ def update_noise(
     s is a weighted mean of error^2 / spread over the past samples. The weight of the new sample is
     gain / spread. The weights of the earlier samples decay with a time constant of 1 s.
 
-    Parameters
-    ----------
-    state
-        State of the estimator. Its fields `noise` (the variance s) and `evidence` are updated.
-    error
-        Force error f - phi' theta of the new sample [N].
-    spread
-        Variance of the force error divided by s: 1 + phi' C phi.
-    gain
-        Product phi' L of the regressors and the gain.
-    dt
-        Time since the previous sample [s].
+    `error` is f - phi' theta [N], `spread` is 1 + phi' C phi, and `gain` is phi' L.
     """
     certainty = 1.0 / spread
     weight = gain * certainty

@@ -64,17 +64,9 @@ def _force(
 ) -> Floats:
     """Return the force of the model, phi' theta [N], shape (n,).
 
-    Parameters
-    ----------
-    regression
-        The n samples.
-    estimates
-        The estimates after each sample.
-    at_samples
-        Function that selects the estimate for each sample, for example the estimate after the
-        previous sample. It is called once per parameter and returns the n selected values of this
-        parameter. Its argument is a function that reads all values of this parameter, for example
-        `lambda estimates: estimates.b`.
+    `at_samples` selects the estimate for each sample, for example the one after the previous
+    sample. It is called once per parameter, with a function that reads all values of this
+    parameter.
     """
     force: Floats = at_samples(lambda e: e.b) * regression.v
     force = force + at_samples(lambda e: e.k) * regression.x
@@ -126,16 +118,8 @@ def count_intervals(values: ArrayLike, std: ArrayLike, truth: ArrayLike) -> tupl
     There is one interval for each sample whose standard deviation is less than `UNKNOWN`. In other
     samples the data do not determine the parameter, or the standard deviation is not computed.
 
-    Parameters
-    ----------
-    values, std
-        Estimates of a parameter, and standard deviations of the estimates, each of shape (n,).
-    truth
-        True value of the parameter, of shape (n,), or one number for all.
-
-    Returns
-    -------
-    Number of intervals that contain the true value, and number of all intervals.
+    The result is the number of intervals that contain the true value, and the number of all
+    intervals.
     """
     values, std = np.asarray(values), np.asarray(std)
     determined = std < UNKNOWN

@@ -15,7 +15,7 @@ specimen, even with much noise. The misfit is about 1 for the estimate b = k = 0
 If the force is linear in theta, <e_i e_(i-1)> can be computed from products such as <f_i x_(i-1)>.
 These products are the same for all estimators, and are stored once. The force of the Hunt-Crossley
 model is not linear in its exponent. For this model the means over the recent blocks are stored
-instead (`estimation.hunt_crossley_misfit`).
+instead (`RecentBlocks`).
 
 References
 ----------
@@ -27,8 +27,9 @@ Prentice Hall, 1999, section 16.6 (residual analysis).
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +38,6 @@ from estimation.arrays import Floats
 from estimation.compiled import looped
 from estimation.conditioning import Regression
 from estimation.estimator import Estimate, Estimates, Estimator
-from estimation.hunt_crossley_misfit import RecentBlocks
-from estimation.misfit_blocks import BlockEnds, block_sums
 
 BLOCKS = 50
 """Number of blocks per window, which is the time constant of the weights. For a window of 1 s, a
@@ -59,18 +58,8 @@ force.
 class Misfit:
     """Computes the misfit (the systematic part of the force error) of each estimator of a bank.
 
-    Parameters
-    ----------
-    bank
-        The estimators by name.
-    window
-        Time constant [s] with which past samples lose weight. A good value is one period of the
-        palpation.
-
-    Raises
-    ------
-    ValueError
-        The window is not positive.
+    `window` is the time constant [s] with which past samples lose weight. A good value is one
+    period of the palpation.
     """
 
     def __init__(self, bank: Mapping[str, Estimator], window: float = 1.0) -> None:
@@ -107,19 +96,9 @@ class Misfit:
     ) -> tuple[float, ...]:
         """Process one sample, and return the misfit of each estimator.
 
-        Parameters
-        ----------
-        x, v, f, dt, further
-            Displacement [m], velocity [m/s], force [N], time since the previous sample [s], and the
-            regressors besides v and x. All values must be finite floats. They are not checked.
-        estimates
-            The estimates after this sample, in the order of the bank.
-        is_open
-            Whether there is contact and motion. If False, the sample is not used.
-
-        Returns
-        -------
-        The misfit of each estimator. It changes about every `window` / `BLOCKS` seconds.
+        The values of the sample are not checked. `estimates` are those after this sample, in the
+        order of the bank. `is_open` is False without contact or motion; the sample is then not
+        used. The misfit changes about every `window` / `BLOCKS` seconds.
         """
         if self._add(x, v, f, dt, further, is_open):
             self.values = tuple(
@@ -136,18 +115,7 @@ class Misfit:
     ) -> dict[str, Floats]:
         """Process n samples, with the same results as n calls of `update`.
 
-        Parameters
-        ----------
-        regression
-            The n samples.
-        estimates
-            The estimates after each sample, in the order of the bank.
-        is_open
-            Whether there is contact and motion, shape (n,). Other samples are not used.
-
-        Returns
-        -------
-        The misfit after each sample, shape (n,), by the name of the estimator.
+        The result has the misfit after each sample, shape (n,), by the name of the estimator.
         """
         ends = self.ends(regression, is_open)
         return {name: self.series(i, ends, e) for i, (name, e) in enumerate(estimates.items())}
@@ -197,14 +165,7 @@ class Misfit:
     def series(self, i: int, ends: BlockEnds, estimates: Estimates) -> Floats:
         """Return the misfit of one estimator after each sample, shape (n,).
 
-        Parameters
-        ----------
-        i
-            Index of the estimator in the bank.
-        ends
-            Result of the method `ends` for the same samples.
-        estimates
-            Estimates of this estimator after each sample.
+        `ends` is the result of the method `ends` for the same samples.
         """
         at, samples, products, square, history, positions = ends
         count = self._further[i]
@@ -283,14 +244,10 @@ class Misfit:
 def autocovariance(products: Iterable[Iterable[Any]], weights: Sequence[Any]) -> Any:
     """Return the mean product w' P w of the force errors of successive blocks [N^2].
 
-    Parameters
-    ----------
-    products
-        Matrix P. Let u be the mean of (f, v, x, further regressors) over a block. P_ij is the mean
-        of u_i of a block times u_j of the previous block. P_ij is a number or has the shape (n,).
-    weights
-        Vector w = (1, -b, -k, -further parameters). w_i is a number or has the shape (n,). If P is
-        larger than w, the last rows and columns of P are not used.
+    P_ij is the mean of u_i of a block times u_j of the previous block, where u is the mean of (f,
+    v, x, further regressors) over a block. w is (1, -b, -k, -further parameters). The elements of P
+    and w are numbers or have the shape (n,). If P is larger than w, its last rows and columns are
+    not used.
     """
     covariance = 0.0
     for row, weight in zip(products, weights, strict=False):
@@ -299,3 +256,185 @@ def autocovariance(products: Iterable[Iterable[Any]], weights: Sequence[Any]) ->
             part += product * other
         covariance += weight * part
     return covariance
+
+
+class BlockEnds(NamedTuple):
+    """Sums at the end of each block of successive samples, for an array of samples.
+
+    `Misfit.ends` returns these sums. `Misfit.series` computes the misfit of an estimate from them.
+    A block is counted only if another block is directly before it. In the shapes of the
+    arrays, `blocks` is the number of these blocks.
+    """
+
+    at: NDArray[np.intp]
+    """Index of the last sample of each block, shape (blocks,)."""
+    samples: int
+    """Number of samples in the array."""
+    products: Floats
+    """Products of the means over successive blocks, shape (blocks, size, size).
+
+    Let u = (f, v, x, further regressors) be the means over a block, shape (size,). The element i, j
+    is a weighted mean of the product of u_i of a block and u_j of the previous block.
+    """
+    square: Floats
+    """Weighted mean of the square of the mean force in a block [N^2], shape (blocks,)."""
+    history: Floats
+    """Means over all stored blocks, shape (stored, 4), with the columns of `RecentBlocks.blocks`.
+
+    The array is empty if no estimator has the Hunt-Crossley model.
+    """
+    positions: NDArray[np.intp]
+    """Number of rows of `history` up to and including each block, shape (blocks,)."""
+
+
+def block_sums(
+    block: float,
+    span: float,
+    total: float,
+    dt: Sequence[float],
+    is_open: Sequence[bool],
+    values: Sequence[float],
+    spans: list[float],
+    totals: list[float],
+) -> None:
+    """Compute, at each sample, the time since its block began and the integral of a signal.
+
+    A block ends when it is at least `block` seconds long, or when the contact gate closes (there is
+    no contact or no motion).
+
+    `span` [s] and `total` are the length of the unfinished block before the first sample, and the
+    integral over it. `spans` [s] and `totals` get the time since the block began and the integral
+    of the signal over this time, for each sample.
+    """
+    for n in range(len(dt)):
+        if is_open[n]:
+            total += values[n] * dt[n]
+            span += dt[n]
+        else:
+            span = 0.0
+            total = 0.0
+        spans[n] = span
+        totals[n] = total
+        if span >= block:
+            span = 0.0
+            total = 0.0
+
+
+class RecentBlocks:
+    """The last `count` blocks, for the autocovariance of the force errors of a Hunt-Crossley model.
+
+    For each block, the means of force, velocity and displacement are stored. The force error of a
+    block is the mean force minus K x^n + B x^n v, computed from the mean x and v. When the estimate
+    of K, B and n changes, the force errors of all stored blocks are computed again.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._blocks: deque[tuple[float, float, float, float]] = deque(maxlen=count)
+
+    def clear(self) -> None:
+        """Discard all stored blocks of samples."""
+        self._blocks.clear()
+
+    def add(self, means: Iterable[float], share: float) -> None:
+        """Store the means of the signals over a new block of samples.
+
+        `means` are those of f [N], v [m/s] and x [m]; further values are ignored. `share`, from 0
+        to 1, is the weight of the new block in the autocovariance c, which becomes (1 - share) c +
+        share e e_before with the force errors of this and of the previous block. It is 0 if no
+        block directly precedes the new block.
+        """
+        f, v, x, *_ = means
+        self._blocks.append((f, v, x, share))
+
+    @property
+    def blocks(self) -> list[tuple[float, float, float, float]]:
+        """All stored blocks of samples, oldest first.
+
+        Each block is a tuple: mean force [N], mean velocity [m/s], mean displacement [m], and its
+        weight in the autocovariance (`share` in `add`).
+        """
+        return list(self._blocks)
+
+    @property
+    def last(self) -> tuple[float, float, float, float]:
+        """Newest block of samples, a tuple as in `blocks`."""
+        return self._blocks[-1]
+
+    def autocovariances(
+        self, history: Floats, positions: NDArray[np.intp], parameters: Sequence[Floats]
+    ) -> Floats:
+        """Return the autocovariance of the force error [N^2] at m times, shape (m,).
+
+        Each time is the end of a block. The result for a time is the value that the method
+        `autocovariance` returns at that time.
+        """
+        first = np.maximum(positions - (self._blocks.maxlen or 0), 0)
+        found = np.empty(len(positions))
+        f, v, x, share = history.T.copy()
+        inputs = (f, v, x, share, *parameters[:3], first, positions)
+        looped(window_autocovariances, (), inputs, (found,))
+        return found
+
+    def autocovariance(self, parameters: Sequence[float]) -> float:
+        """Return the autocovariance of the force error [N^2].
+
+        The force errors of all stored blocks are computed with the given parameters. The result is
+        the weighted mean of the products of the force errors of successive blocks.
+        """
+        stiffness, damping, n = parameters[:3]
+        covariance = last = 0.0
+        for f, v, x, share in self._blocks:
+            covariance, last = include(covariance, last, f, v, x, share, stiffness, damping, n)
+        return covariance
+
+
+def include(
+    covariance: float,
+    last: float,
+    f: float,
+    v: float,
+    x: float,
+    share: float,
+    stiffness: float,
+    damping: float,
+    n: float,
+) -> tuple[float, float]:
+    """Update the autocovariance of the force error with a new block of samples.
+
+    `last` is the force error of the previous block [N]. The result is the new autocovariance [N^2]
+    and the force error of the new block [N]. The force of the model is 0 for x <= 0.
+    """
+    error = f
+    if x > 0.0:
+        error = f - (stiffness + damping * v) * x**n
+    if share > 0.0:
+        covariance += share * (error * last - covariance)
+    return covariance, error
+
+
+def window_autocovariances(
+    f: Sequence[float],
+    v: Sequence[float],
+    x: Sequence[float],
+    share: Sequence[float],
+    stiffness: Sequence[float],
+    damping: Sequence[float],
+    n: Sequence[float],
+    first: Sequence[int],
+    end: Sequence[int],
+    found: list[float],
+) -> None:
+    """Compute the autocovariance of the force error [N^2] at m times, and write it to `found`.
+
+    `f`, `v`, `x` and `share` have one element per block of samples. The other arguments have one
+    element per time. At time j, the autocovariance is computed from the blocks first[j] to
+    end[j] - 1, with K = stiffness[j], B = damping[j] and n = n[j].
+    """
+    for j in range(len(found)):
+        covariance = 0.0
+        last = 0.0
+        for i in range(first[j], end[j]):
+            covariance, last = include(
+                covariance, last, f[i], v[i], x[i], share[i], stiffness[j], damping[j], n[j]
+            )
+        found[j] = covariance

@@ -120,13 +120,7 @@ MODELS = {
 
 
 def model_named(name: str) -> Model:
-    """Return the model of the environment with this name.
-
-    Raises
-    ------
-    ValueError
-        The name is not in `MODELS`.
-    """
+    """Return the model of the environment with this name."""
     if name not in MODELS:
         raise ValueError(f"model {name!r}: expected one of {', '.join(MODELS)}")
     return MODELS[name]

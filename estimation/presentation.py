@@ -15,6 +15,7 @@ from estimation.conditioning import Regression
 from estimation.estimate_columns import estimate_arrays, estimate_columns
 from estimation.estimator import LEVEL_95, Estimates
 from estimation.least_squares import least_squares, no_fit
+from estimation.quantities import DAMPING, STIFFNESS, Quantity
 
 if TYPE_CHECKING:
     import pandas
@@ -103,7 +104,7 @@ class Presented:
             Title of the figure.
         """
         from estimation.figure_style import figure_style
-        from estimation.force_figure import force_figure
+        from estimation.figures import force_figure
 
         name, first = next(iter(self.estimates.items()))
         x, v, f, _, further = self.regression
@@ -138,21 +139,14 @@ class Presented:
         return html_table(self.about, self.estimates)
 
 
-def value_text(value: float, std: float) -> str:
-    """Return a value and the half width of its 95 % confidence interval as text.
+def value_text(quantity: Quantity, value: float, std: float) -> str:
+    """Return an SI value and the half width of its 95 % interval as text, in the shown unit.
 
     Both numbers have the same number of decimals. It is chosen such that the half width has two
     significant digits, but is limited to the range from 0 to 6.
-
-    Parameters
-    ----------
-    value
-        The value.
-    std
-        Standard deviation of the value. If it is not a positive finite number, the text contains
-        only the value.
+    If `std` is not a positive finite number, the text contains only the value.
     """
-    half = LEVEL_95 * std
+    value, half = quantity.shown(value), quantity.shown(LEVEL_95 * std)
     if not math.isfinite(half) or half <= 0.0:
         return f"{value:.4g}"
     decimals = min(max(1 - math.floor(math.log10(half)), 0), 6)
@@ -160,7 +154,7 @@ def value_text(value: float, std: float) -> str:
 
 
 def last_values(estimates: Mapping[str, Estimates]) -> list[tuple[str, str, str]]:
-    """Return the name and the last estimates of stiffness [N/m] and damping [N s/m] as texts.
+    """Return the name and the last estimates of stiffness and damping as texts.
 
     There is one tuple (name, stiffness, damping) for each estimator. If no sample changed the
     estimate, the text `no estimate` replaces stiffness and damping.
@@ -169,7 +163,8 @@ def last_values(estimates: Mapping[str, Estimates]) -> list[tuple[str, str, str]
     for name, e in estimates.items():
         k = b = "no estimate"
         if not e.held.all():
-            k, b = value_text(e.k[-1], e.k_std[-1]), value_text(e.b[-1], e.b_std[-1])
+            k = value_text(STIFFNESS, e.k[-1], e.k_std[-1])
+            b = value_text(DAMPING, e.b[-1], e.b_std[-1])
         found.append((name, k, b))
     return found
 
@@ -177,19 +172,13 @@ def last_values(estimates: Mapping[str, Estimates]) -> list[tuple[str, str, str]
 def short_text(kind: str, about: str, estimates: Mapping[str, Estimates]) -> str:
     """Return one line of text with the estimates after the last sample, for `__repr__`.
 
-    Parameters
-    ----------
-    kind
-        Name of the class of the object that contains the estimates.
-    about
-        Short description of this object.
-    estimates
-        Estimates after each sample, by the name of the estimator. Only the first `LISTED`
-        estimators are in the text.
+    Only the first `LISTED` estimators are in the text.
     """
     rows = last_values(estimates)
     texts = [
-        f"{name} no estimate" if k == b == "no estimate" else f"{name} k = {k} N/m, b = {b} N s/m"
+        f"{name} no estimate"
+        if k == b == "no estimate"
+        else f"{name} k = {k} {STIFFNESS.unit}, b = {b} {DAMPING.unit}"
         for name, k, b in rows[:LISTED]
     ]
     if len(rows) > LISTED:
@@ -198,21 +187,13 @@ def short_text(kind: str, about: str, estimates: Mapping[str, Estimates]) -> str
 
 
 def html_table(about: str, estimates: Mapping[str, Estimates]) -> str:
-    """Return an HTML table with the estimates after the last sample, for `_repr_html_`.
-
-    Parameters
-    ----------
-    about
-        Caption of the table.
-    estimates
-        Estimates after each sample, by the name of the estimator.
-    """
+    """Return an HTML table with the estimates after the last sample, for `_repr_html_`."""
     rows = "".join(
         f"<tr><th>{escape(name)}</th><td>{k}</td><td>{b}</td></tr>"
         for name, k, b in last_values(estimates)
     )
     return (
         f"<table><caption>{escape(about)}; estimates at the end, \u00b1 95 % interval</caption>"
-        f"<thead><tr><th></th><th>k [N/m]</th><th>b [N s/m]</th></tr></thead>"
+        f"<thead><tr><th></th><th>{STIFFNESS.heading}</th><th>{DAMPING.heading}</th></tr></thead>"
         f"<tbody>{rows}</tbody></table>"
     )

@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike
 from estimation.bank import Bank
 from estimation.checks import check_size, checked_samples
 from estimation.gate import Gate, GateSettings
-from estimation.method_settings import SIZES, MethodSettings
+from estimation.method_settings import SIZES, MethodSettings, OwnSettings
 from estimation.methods.grid import Axis, Grid
-from estimation.own_settings import OwnSettings
 from estimation.registry import METHODS, PAPER, named_estimators
 
 GATE = GateSettings(force=0.1, speed=2e-3, window=0.02)

@@ -111,22 +111,9 @@ def package(point: EntryPoint) -> str:
 def made_by(point: EntryPoint, step: str, call: Callable[[], Any], *passed: type[Exception]) -> Any:
     """Call a function of another package, and return its result.
 
-    Parameters
-    ----------
-    point
-        Entry point of the package, for the error message.
-    step
-        What the function should do, such as `loaded`, for the error message.
-    call
-        The function.
-    *passed
-        Exceptions that are raised unchanged.
-
-    Raises
-    ------
-    ValueError
-        The function raised another exception except KeyboardInterrupt, for example SystemExit,
-        which would end the program without a message.
+    `passed` are exceptions that are raised unchanged. All others except KeyboardInterrupt become a
+    ValueError, for example SystemExit, which would end the program without a message. `step` says
+    for the message what failed, such as `loaded`.
     """
     try:
         return call()
@@ -147,15 +134,7 @@ class Methods(Mapping[str, Factory]):
     """
 
     def __getitem__(self, name: str) -> Factory:
-        """Return the function that constructs the estimator with this name.
-
-        Raises
-        ------
-        KeyError
-            There is no estimator with this name.
-        ValueError
-            The package of the estimator cannot be imported, or does not contain the function.
-        """
+        """Return the function that constructs the estimator with this name."""
         if name in BUILT_IN:
             return BUILT_IN[name]
         point = offered().points[name]
@@ -189,18 +168,10 @@ METHODS = Methods()
 def named_estimators(names: str | Sequence[str]) -> tuple[str, ...]:
     """Check a selection of estimators, and return their names as a tuple.
 
-    Parameters
-    ----------
-    names
-        Names of estimators in `METHODS`, as a sequence or as one text with commas between the
-        names. The single name `all` selects all estimators.
-
-    Raises
-    ------
-    ValueError
-        A name is unknown or repeated, or there is no name. Or an estimator of another package has
-        an invalid name, or a name that is used twice. The name of an estimator of this package
-        always means this estimator; only `all` is then refused.
+    `names` is a sequence, or one text with commas. The single name `all` selects all estimators.
+    ValueError if a name is unknown, repeated or missing, or if an estimator of another package has
+    an invalid or ambiguous name. The name of an estimator of this package always means this
+    estimator; only `all` is then refused.
     """
     if isinstance(names, str):
         names = [name.strip() for name in names.split(",") if name.strip()]

@@ -77,14 +77,6 @@ class RobustFit(NamedTuple):
         The value is scaled such that 1.96 times the value is the half width of the 95 % confidence
         interval, which is computed with Student's t distribution. A standard deviation (before this
         scaling) that is below half of that for uncorrelated residuals is replaced by this half.
-
-        Parameters
-        ----------
-        gradient
-            Coefficients of a linear combination of the parameters, shape (m,). For example, (0, 1)
-            selects the second of two parameters.
-        cycles
-            Number of cycles of a periodic motion in the n samples; infinite for other motions.
         """
         n, m = len(self.residual), len(self.theta)
         left_out = self.residual / np.sqrt(np.maximum(1.0 - self.leverage, SMALLEST))
@@ -105,12 +97,8 @@ def cosine_count(freedom: int, cycles: float = math.inf) -> int:
     B is the smaller of 0.41 freedom^(2/3) and `cycles`, rounded down, but at least
     `FEWEST_COSINES`.
 
-    Parameters
-    ----------
-    freedom
-        Number of samples minus number of parameters.
-    cycles
-        Number of cycles of a periodic motion in the samples; infinite for other motions.
+    `freedom` is the number of samples minus the number of parameters. `cycles` is the number of
+    cycles of a periodic motion, infinite for other motions.
     """
     return max(FEWEST_COSINES, int(min(0.41 * max(freedom, 1) ** (2.0 / 3.0), cycles)))
 
@@ -120,13 +108,6 @@ def robust_fit(regressors: Floats, f: Floats) -> RobustFit:
 
     Before the fit, each column of X is divided by its root mean square. This reduces rounding
     errors.
-
-    Parameters
-    ----------
-    regressors
-        Regressors X, shape (n, m).
-    f
-        Values to fit, shape (n,).
     """
     scale = np.sqrt(np.mean(regressors**2, axis=0))
     scale[scale == 0.0] = 1.0

@@ -34,12 +34,7 @@ def smooth(values: Floats, width: float) -> Floats:
 
     The signal is extended at both ends by point reflection at the first and at the last sample.
 
-    Parameters
-    ----------
-    values
-        Samples of a signal at a constant rate, shape (n,).
-    width
-        Standard deviation of the kernel [samples].
+    The samples have a constant rate, and `width` is in samples.
     """
     return _convolve(values, _kernel(width))
 
@@ -49,12 +44,7 @@ def smooth_pieces(values: Floats, starts: Sequence[int], width: float) -> Floats
 
     A piece is the part of the signal between two gaps, where samples are missing.
 
-    Parameters
-    ----------
-    values, width
-        As in `smooth`.
-    starts
-        Index of the first sample of each piece.
+    `starts` contains the index of the first sample of each piece.
     """
     return np.concatenate([smooth(piece, width) for piece in np.split(values, starts[1:])])
 
@@ -64,14 +54,7 @@ def slope(values: Floats, width: float, period: float) -> Floats:
 
     The unit of the derivative is the unit of the signal per second.
 
-    Parameters
-    ----------
-    values
-        Samples of a signal at a constant rate, shape (n,).
-    width
-        Standard deviation of the kernel [samples].
-    period
-        Sample period [s].
+    `width` is in samples, and `period`, the sample period, in seconds.
     """
     kernel = _kernel(width)
     half = len(kernel) // 2

@@ -94,22 +94,8 @@ class MatchedSignals:
 
     The model is f = L(b v + k x + k3 x^3), where L is the first-order lag of the force channel.
 
-    Parameters
-    ----------
-    position, force
-        Measured position [m] and force [N], each of shape (n,).
-    dt
-        Time since the previous sample [s], of shape (n,), or one number for all.
-    bandwidth
-        Natural frequency of the matched filter of position and force [Hz].
-    part
-        Slice of the samples to which the model is fitted. The filters process all samples.
-
-    Raises
-    ------
-    ValueError
-        The shapes differ, a value is not finite, a `dt` is not positive, or the bandwidth is not
-        positive.
+    Position [m] and force [N] have the shape (n,). The filters process all samples, and the model
+    is fitted to the slice `part`. `bandwidth` is the natural frequency of the matched filter [Hz].
     """
 
     def __init__(
@@ -128,15 +114,7 @@ class MatchedSignals:
         self.independent = len(self.f) / matched.correlation(float(np.mean(self.dt[part])))
 
     def fit(self, lag: float, damping: bool = True, stiffening: bool = True) -> StiffeningFit:
-        """Return the least-squares fit of the model for a given lag of the force channel.
-
-        Parameters
-        ----------
-        lag
-            Time constant of the lag of the force channel [s], >= 0.
-        damping, stiffening
-            Whether b is fitted, and whether k3 is fitted. A parameter that is not fitted is 0.
-        """
+        """Fit the model for a given lag [s]. A parameter that is not fitted is 0."""
         fitted = [True, damping, stiffening]
         regressors = np.column_stack((self.x, self.v, self.x3))[:, fitted]
         regressors = np.column_stack(
@@ -151,15 +129,7 @@ class MatchedSignals:
         return StiffeningFit(b, k, k3, float(np.sqrt(np.mean(residual**2))))
 
     def profile(self, lags: ArrayLike, damping: bool = True, stiffening: bool = True) -> LagProfile:
-        """Call `fit` for each of several lags of the force channel, and return all results.
-
-        Parameters
-        ----------
-        lags
-            Time constants of the lag of the force channel [s], each >= 0.
-        damping, stiffening
-            As in `fit`.
-        """
+        """Call `fit` for each of several lags of the force channel, and return all results."""
         lag = np.asarray(lags, dtype=np.float64)
         fits = [self.fit(float(value), damping, stiffening) for value in lag]
         b, k, _, rms = np.array(fits).T

@@ -67,18 +67,7 @@ def summarise(
 
     The averages do not include the samples before the first change of the estimate.
 
-    Parameters
-    ----------
-    t
-        Time of each sample [s], shape (n,); n may be 0.
-    regression
-        Force and regressors of the n samples that the estimator processed.
-    estimates
-        The estimates after each sample.
-    estimator
-        The estimator, in its state after the last sample.
-    misfit
-        Misfit of the estimator after each sample (`estimation.misfit`), shape (n,).
+    `estimator` is in its state after the last sample.
     """
     running = RunningSummary(estimator)
     running.add(t, regression, estimates, misfit)
@@ -86,13 +75,7 @@ def summarise(
 
 
 class RunningSummary:
-    """Computes the summary of one estimator over a record that is processed in blocks of samples.
-
-    Parameters
-    ----------
-    estimator
-        The estimator that processes the record.
-    """
+    """Computes the summary of one estimator over a record that is processed in blocks."""
 
     def __init__(self, estimator: Estimator) -> None:
         self._estimator = estimator
@@ -126,12 +109,8 @@ class RunningSummary:
     def summary(self, estimates: Estimates) -> EstimatorSummary:
         """Return the summary of all blocks that were processed so far.
 
-        Parameters
-        ----------
-        estimates
-            The estimates after each sample, or after evenly spaced samples. They are used only as
-            the argument of `Estimator.note`, which returns a text about them. If the arrays are
-            empty, the argument is the estimate after the last sample.
+        `estimates` is used only for `Estimator.note`, which also accepts evenly spaced samples. If
+        the arrays are empty, the estimate after the last sample is used.
         """
         estimator, some = self._estimator, self._known > 0
         end = self._before or estimates

@@ -10,7 +10,7 @@ import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
-from cyclopts import App, CycloptsError, UnusedCliTokensError
+from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
 from drivers import NotStoppedError, RigError
 from teleop.commands.compare import compare
@@ -19,7 +19,6 @@ from teleop.commands.estimate import estimate
 from teleop.commands.export import export
 from teleop.commands.lag import lag
 from teleop.commands.live import live
-from teleop.commands.option_groups import grouped
 from teleop.commands.recover import recover
 from teleop.commands.report import report
 from teleop.commands.reproduce import reproduce
@@ -34,7 +33,7 @@ from teleop.trial.realtime import avoid_claimed_processors
 
 
 def installed_version() -> str:
-    """Return the version and the commit of the installed package `teleop`."""
+    """The version and the commit, found only when `--version` asks for them."""
     from teleop.software import software
 
     return software()
@@ -47,16 +46,25 @@ app = App(
         "environment.\n\nExample: teleop run --condition mimic --cube hard"
     ),
     version=installed_version,
-    help_format="plaintext",
+    help_format="markdown",
+    default_parameter=Parameter(negative=""),  # no --no-json, no --empty-fault
 )
-for command in (run, estimate, compare, report, export, recover, lag):
-    app.command(grouped(command), help_format="markdown")
-app.command(reproduce, help_format="markdown")
-app.command(config)
-app.command(series, help_format="markdown")
-app.command(sweep, help_format="markdown")
-app.command(live, help_format="markdown")
-app.command(rig)
+for command in (
+    run,
+    estimate,
+    compare,
+    report,
+    export,
+    recover,
+    lag,
+    reproduce,
+    config,
+    series,
+    sweep,
+    live,
+    rig,
+):
+    app.command(command)
 app.register_install_completion_command(
     help="Install the completion of commands and options for this shell (bash, zsh or fish)."
 )
@@ -69,19 +77,16 @@ teleop palpates with a 1-DOF telemanipulator and estimates stiffness and damping
 
 All commands: teleop --help. Options of a command: teleop COMMAND --help.
 """
-"""Text that the command `teleop` prints if it is called without arguments."""
-
-
+"""Printed by `teleop` without arguments."""
 NARROWEST = 20
-"""Smallest width of the help text [characters]. The tables in the help text need this width."""
+"""Smallest width at which the tables of the help can be drawn [characters]."""
 
 
 def prepare_streams() -> None:
     """Change the standard streams so that reading lines from them and printing does not fail.
 
     A closed stream is replaced by the null device. A character that the encoding of the stream does
-    not contain is printed, or read, as an escape sequence. The environment variable COLUMNS, which
-    sets the width of the terminal, is removed if the width is less than `NARROWEST` characters.
+    not contain is printed, or read, as an escape sequence.
     """
     columns = os.environ.get("COLUMNS", "")
     if columns.isdecimal() and int(columns[:9]) < NARROWEST:
@@ -94,17 +99,15 @@ def prepare_streams() -> None:
 
 
 def ignore_backend() -> None:
-    """Remove the environment variable MPLBACKEND.
+    """Remove the environment variable MPLBACKEND, which selects the part that draws windows.
 
-    This variable selects the backend, the part of matplotlib that draws the windows. The commands
-    open no window, and write the same figures with every backend. However, if the variable contains
-    an unknown name, matplotlib cannot be imported, and the commands cannot write a figure.
+    The commands open no window. With an unknown name, matplotlib could not be imported.
     """
     os.environ.pop("MPLBACKEND", None)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command and return its exit code.
+    """Run a command with these arguments (default: those of the process); return its exit code.
 
     The exit code is 0 for success, 2 for bad input, a failure of the rig or a full disk, 3 for a
     safety stop, and 130 if the command itself handled Ctrl-C. It is 1 if the program that reads
@@ -112,16 +115,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Other exceptions are errors in this program. They are not caught, except SystemExit, which code
     of another package can raise: one line names its place, and the exit code is 1.
 
-    Parameters
-    ----------
-    arguments
-        Arguments of the command line. If None, the arguments of the process are used.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        The program received Ctrl-C, or another signal that ends a program, and the command did not
-        handle this signal itself. The exit code of the program is then also 130.
+    KeyboardInterrupt is raised by Ctrl-C, or another signal that ends a program, if the command did
+    not handle it. The exit code of the program is then also 130.
     """
     prepare_streams()
     ignore_backend()
@@ -154,8 +149,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(error.__context__, BrokenPipeError):  # rich has converted it
             discard_output(error.__context__)
             return 1
-        if isinstance(error.__context__, KeyboardInterrupt):  # cyclopts converts it
-            raise
         frame = traceback.extract_tb(error.__traceback__)[-1]
         print_error(f"{frame.filename}, line {frame.lineno}: ended the program: {error!r}")
         return 1

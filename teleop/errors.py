@@ -38,15 +38,7 @@ class MissingColumn(InputError, KeyError):
 
 @contextlib.contextmanager
 def as_input_error() -> Iterator[None]:
-    """Convert a ValueError that the code in a `with` block raises to an InputError.
-
-    The text of the error stays the same. Usage: `with as_input_error(): ...`
-
-    Raises
-    ------
-    InputError
-        The code in the `with` block raised a ValueError.
-    """
+    """Convert a ValueError in the `with` block to an InputError with the same text."""
     try:
         yield
     except ValueError as error:
@@ -54,25 +46,13 @@ def as_input_error() -> Iterator[None]:
 
 
 def reason(error: OSError) -> str:
-    """Return a text that describes an error of the operating system, to be used in a message.
-
-    It is the description that the operating system gives, for example "permission denied". Its
-    first letter is in lower case.
-    """
+    """The description of the operating system for a message, such as "permission denied"."""
     text = error.strerror or str(error) or "unknown error"
     return text[:1].lower() + text[1:]
 
 
 def invalid_lines(error: ValidationError) -> list[str]:
-    """Return one line of text for each invalid value that pydantic found in a document.
-
-    Each line states the key of the value, and the problem.
-
-    Parameters
-    ----------
-    error
-        Error that pydantic raised when it checked the document, for example the content of a file.
-    """
+    """One line for each invalid value that pydantic found in a document: its key, the problem."""
     return [
         f"{'.'.join(map(str, part['loc'])) or 'file'}: {value_problem(part)}"
         for part in error.errors()
@@ -80,13 +60,5 @@ def invalid_lines(error: ValidationError) -> list[str]:
 
 
 def invalid_parts(error: ValidationError) -> str:
-    """Return one text that describes all invalid values that pydantic found in a document.
-
-    The text contains the lines of `invalid_lines`, separated by semicolons.
-
-    Parameters
-    ----------
-    error
-        Error that pydantic raised when it checked the document.
-    """
+    """The lines of `invalid_lines` as one line."""
     return "; ".join(invalid_lines(error))

@@ -1,8 +1,4 @@
-"""Check and write output files, which are overwritten only on request.
-
-The files are checked before a command starts its work. A new file appears at its path only when it
-is complete.
-"""
+"""Check output files before a command starts its work, and write them complete or not at all."""
 
 from __future__ import annotations
 
@@ -18,7 +14,6 @@ from drivers.input_file import check_regular
 from teleop.errors import InputError, reason
 
 PICTURES = (".png", ".svg", ".pdf")
-"""Endings of the names of picture files."""
 RECORDING = ".mcap"
 """Ending of the names of recordings, which are never overwritten."""
 FAULT_REPORT = ".fault"
@@ -31,25 +26,10 @@ def check_outputs(
     sources: tuple[Path | None, ...] = (),
     overwrite: bool = False,
 ) -> None:
-    """Check, before a command starts its work, that its output files can be written.
+    """Raise InputError if an output cannot be written or would overwrite another file.
 
-    Parameters
-    ----------
-    outputs
-        Files to be written; None for an output that was not requested.
-    pictures
-        Picture files to be written; None for a picture that was not requested.
-    sources
-        Files that the command reads. No output may overwrite them. None for an input that is not
-        used.
-    overwrite
-        Whether an output may replace an existing file. A recording is never replaced.
-
-    Raises
-    ------
-    InputError
-        A file cannot be written or would overwrite another file. The ending of a picture is
-        unknown.
+    `sources` are files that the command reads. None stands for a file that is not used. Existing
+    files are replaced only with `overwrite`, and recordings never.
     """
     for picture in pictures:
         if picture and picture.suffix.lower() not in PICTURES:
@@ -80,32 +60,15 @@ def check_ending(path: Path, ending: str) -> None:
 
 
 def resolved(path: Path) -> str:
-    """Return the absolute path of a file, without symbolic links.
-
-    Raises
-    ------
-    InputError
-        The path is relative, and the working folder no longer exists.
-    """
+    """The absolute path of a file, without symbolic links."""
     try:
         return os.path.realpath(path)
-    except OSError as error:
+    except OSError as error:  # a relative path, and the working folder no longer exists
         raise unwritable(path, error) from error
 
 
 def make_folder(path: Path) -> None:
-    """Create the folder in which a file is to be written, unless the folder exists.
-
-    Parameters
-    ----------
-    path
-        Path of the file.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be created.
-    """
+    """Create the folder in which a file is to be written, unless the folder exists."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except FileExistsError as error:
@@ -116,26 +79,10 @@ def make_folder(path: Path) -> None:
 
 @contextlib.contextmanager
 def new_file(path: Path, overwrite: bool = False) -> Iterator[BinaryIO]:
-    """Write a file that appears at its path only when it is complete.
+    """Write a file that appears at its path only when the `with` block has ended without error.
 
-    Until the end of the `with` block, the data are in a temporary file in the same folder. After an
-    exception in the block, the temporary file is removed, and no file appears.
-
-    Parameters
-    ----------
-    path
-        The file.
-    overwrite
-        Whether to replace an existing file. A recording is never replaced.
-
-    Yields
-    ------
-    The temporary file, which can be written and read in binary mode.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written, or exists and may not be overwritten.
+    The yielded file is a temporary one in the same folder. It can be written and read in binary
+    mode. An existing file is replaced only with `overwrite`, and a recording never.
     """
     part = None
     try:
@@ -160,22 +107,7 @@ def new_file(path: Path, overwrite: bool = False) -> Iterator[BinaryIO]:
 
 
 def write_text(path: Path, text: str, overwrite: bool = False) -> None:
-    """Write a text file in UTF-8, which appears at its path only when it is complete.
-
-    Parameters
-    ----------
-    path
-        Path of the file.
-    text
-        Content of the file.
-    overwrite
-        Whether to replace an existing file. A recording is never replaced.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written, or exists and may not be overwritten.
-    """
+    """Write a text file in UTF-8, see `new_file`."""
     with new_file(path, overwrite) as file:
         file.write(encoded(text))
 
@@ -186,15 +118,7 @@ def encoded(text: str) -> bytes:
 
 
 def check_new(path: Path, overwrite: bool) -> None:
-    """Raise an error if a file exists at a path and may not be replaced.
-
-    Raises
-    ------
-    InputError
-        The file exists, and `overwrite` is False or the file is a recording.
-    OSError
-        The path exists but is not a regular file, or cannot be accessed.
-    """
+    """Raise InputError if a file exists and may not be replaced, or OSError if it is no file."""
     try:
         check_regular(path.stat().st_mode)
     except FileNotFoundError:
@@ -205,38 +129,22 @@ def check_new(path: Path, overwrite: bool) -> None:
 
 
 def temporary_path(path: Path) -> Path:
-    """Return a new path for a temporary file, in the folder of `path`."""
+    """A new path for a temporary file, in the folder of `path`."""
     return Path(os.path.realpath(path)).with_name(f".teleop-{secrets.token_hex(6)}.part")
 
 
 def exists(path: Path) -> InputError:
-    """Return the error with the message that a file exists already and may not be overwritten."""
+    """The error that a file exists and may not be overwritten."""
     if path.suffix.lower() == RECORDING:
         return InputError(f"{path}: exists already: a recording is never overwritten")
     return InputError(f"{path}: exists already: expected a new file, or --overwrite")
 
 
 def unreadable(path: Path, error: OSError) -> InputError:
-    """Return an error with the message why a file cannot be read.
-
-    Parameters
-    ----------
-    path
-        Path of the file.
-    error
-        Exception of the operating system, which contains the reason.
-    """
+    """The error that a file cannot be read, with the reason of the operating system."""
     return InputError(f"{path}: {reason(error)}")
 
 
 def unwritable(path: Path, error: OSError) -> InputError:
-    """Return an error with the message that a file cannot be written, and why.
-
-    Parameters
-    ----------
-    path
-        Path of the file.
-    error
-        Exception of the operating system, which contains the reason.
-    """
+    """The error that a file cannot be written, with the reason of the operating system."""
     return InputError(f"{path}: cannot be written: {reason(error)}")

@@ -1,4 +1,4 @@
-"""Handle the signals that end a program: SIGINT (Ctrl-C), SIGTERM, SIGHUP and SIGQUIT."""
+"""The signals that end a program: SIGINT (Ctrl-C), SIGTERM, SIGHUP and SIGQUIT."""
 
 from __future__ import annotations
 
@@ -24,18 +24,11 @@ CLEAN_UP = 2.0
 
 @contextlib.contextmanager
 def handle_signals(handler: Callable[[str], object]) -> Iterator[None]:
-    """Call a function for each signal of `SIGNALS` that arrives within a `with` block.
+    """Call `handler` with the text of each signal of `SIGNALS` that arrives within the block.
 
-    A signal that is ignored before the block remains ignored. For example, `nohup` makes a process
-    ignore SIGHUP, and a process that a shell script starts with `&` ignores SIGINT. In a thread
-    other than the main thread, `handle_signals` has no effect, because Python delivers signals only
-    to the main thread.
-
-    Parameters
-    ----------
-    handler
-        Function that is called when a signal arrives. Its argument is the text of the signal in
-        `SIGNALS`, such as "Ctrl-C".
+    A signal that is ignored before the block remains ignored: `nohup` makes a process ignore
+    SIGHUP, and a process that a shell script starts with `&` ignores SIGINT. In a thread other than
+    the main thread there is no effect, because Python delivers signals only to the main thread.
     """
 
     def on_signal(number: int, frame: FrameType | None) -> None:
@@ -57,19 +50,18 @@ def handle_signals(handler: Callable[[str], object]) -> Iterator[None]:
 class Interruption:
     """Counts the signals that end a program, and interrupts the program if it does not respond.
 
-    This class is a context manager, which handles the signals of `SIGNALS` within a `with` block.
-    When the program responds to a signal, it calls `acknowledge`. It must do so within the time
-    `timeout`. Otherwise, the next signal that arrives after this time raises KeyboardInterrupt. In
-    the following `CLEAN_UP` seconds, the program can clean up, and no further signal interrupts it.
+    The signals are handled within a `with` block. When the program responds to a signal, it calls
+    `acknowledge` within the time `timeout`. Otherwise, the next signal after this time raises
+    KeyboardInterrupt. In the following `CLEAN_UP` seconds, no further signal interrupts it.
 
     Attributes
     ----------
     count
         Number of signals that have arrived.
     reason
-        Text of the latest signal in `SIGNALS`, such as "Ctrl-C"; empty before the first signal.
+        Text of the latest signal in `SIGNALS`; empty before the first signal.
     ends_program
-        Whether a signal other than Ctrl-C has arrived. It asks the whole program to end. In a
+        Whether a signal other than Ctrl-C has arrived, which asks the whole program to end. In a
         series, Ctrl-C asks only the present trial to end.
     timeout
         Time within which the program must call `acknowledge` after a signal [s]. With the initial
@@ -85,33 +77,16 @@ class Interruption:
         self._handled = contextlib.ExitStack()
 
     def acknowledge(self) -> None:
-        """Store that the program responds to all signals that have arrived so far.
-
-        The program calls this method when it begins to stop.
-        """
+        """Store that the program responds to all signals so far: it begins to stop."""
         self._unacknowledged_since = math.inf
 
     def clean_up(self) -> None:
-        """Permit the program to clean up: for `CLEAN_UP` seconds, no signal interrupts it.
-
-        The program calls this method before it cleans up.
-        """
+        """Let no signal interrupt the program for `CLEAN_UP` seconds, in which it cleans up."""
         self.timeout = CLEAN_UP
         self._unacknowledged_since = time.monotonic()
 
     def on_signal(self, reason: str) -> None:
-        """Count a signal, and interrupt the program if it does not respond to signals.
-
-        Parameters
-        ----------
-        reason
-            Text of the signal, which is a value of `SIGNALS`.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            The program has not called `acknowledge` within the time `timeout` after a signal.
-        """
+        """Count a signal; KeyboardInterrupt if an earlier one was not acknowledged in time."""
         self.count += 1
         self.reason = reason
         self.ends_program = self.ends_program or reason != SIGNALS["SIGINT"]
@@ -131,12 +106,7 @@ class Interruption:
 
 @contextlib.contextmanager
 def stop_signals() -> Iterator[Callable[[], bool]]:
-    """Handle the signals of `SIGNALS` within a `with` block.
-
-    Yields
-    ------
-    Function that returns whether a signal has arrived since the start of the block.
-    """
+    """Handle the signals within a block; the yielded function tells whether one has arrived."""
     came = threading.Event()
     with handle_signals(lambda reason: came.set()):
         yield came.is_set

@@ -9,31 +9,17 @@ from pydantic_core import from_json, to_jsonable_python
 
 
 def finite(value: Any) -> Any:
-    """Convert a value to JSON types. Replace each infinite number and each NaN by None."""
+    """The value in JSON types, with None for infinite numbers and NaN."""
     return to_jsonable_python(value, inf_nan_mode="null")
 
 
 def dumps(value: Any, indent: int | None = None) -> str:
-    """Return a value as the text of a JSON document, in ASCII characters.
-
-    Parameters
-    ----------
-    value
-        The value. Infinite numbers and NaN are written as null.
-    indent
-        Number of spaces by which each level is indented; None for a document in one line.
-    """
+    """The value as a JSON document in ASCII characters; in one line without `indent` (spaces)."""
     return json.dumps(finite(value), indent=indent, allow_nan=False)
 
 
 def loads(document: str | bytes) -> dict[str, Any]:
-    """Read a JSON document that contains one object, and return the object as a dictionary.
-
-    Raises
-    ------
-    ValueError
-        The text is not a JSON document with one object, or is nested too deeply.
-    """
+    """Read a JSON document that contains one object; ValueError for any other text."""
     value = loads_any(document)
     if not isinstance(value, dict):
         raise ValueError("expected a JSON object")
@@ -41,11 +27,5 @@ def loads(document: str | bytes) -> dict[str, Any]:
 
 
 def loads_any(document: str | bytes) -> Any:
-    """Read a JSON document that contains any value, and return the value.
-
-    Raises
-    ------
-    ValueError
-        The text is not a JSON document, or is nested too deeply.
-    """
+    """Read a JSON document; ValueError if it is not valid, or is nested too deeply."""
     return from_json(document, allow_inf_nan=False)

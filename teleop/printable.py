@@ -15,20 +15,15 @@ CONTROL = re.compile(
     "\u200e\u200f\u2028-\u202e\u2066-\u2069"  # writing direction, line separators
     "\ud800-\udfff]"  # bytes in a file name that are not valid text
 )
-"""Pattern of one control character, except tab and newline."""
 
 
 def printable(text: str) -> str:
-    r"""Return a text in which control characters are replaced by escapes, for example \x1b.
-
-    Tabs and line breaks (\n) are not replaced. Characters that change the writing direction are
-    replaced, too.
-    """
+    r"""The text with control characters other than \t and \n as escapes, for example \x1b."""
     return CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 def is_unicode(text: str) -> bool:
-    """Return whether a text can be written to a file as UTF-8.
+    """Whether a text can be written as UTF-8.
 
     A text from the command line that is not UTF-8 contains surrogates, and cannot be written.
     """
@@ -40,10 +35,7 @@ def is_unicode(text: str) -> bool:
 
 
 def one_line(text: str) -> str:
-    """Return a text as one line, with control characters replaced by escapes.
-
-    Line breaks become spaces. A line longer than `LONGEST` characters is shortened.
-    """
+    """The text as one line of at most `LONGEST` characters, with escapes for control characters."""
     line = printable(" ".join(text.split()))
     return line if len(line) <= LONGEST else f"{line[: LONGEST - 4]} ..."
 
@@ -54,15 +46,9 @@ def print_error(text: str) -> None:
 
 
 def discard_output(error: OSError) -> str:
-    """Discard all further standard output, and return a message that describes an error.
+    """Discard all further output after a write to standard output has failed; describe the error.
 
-    Call this function after a write to standard output has failed. Otherwise, Python writes the
-    remaining output when it exits, which fails again.
-
-    Parameters
-    ----------
-    error
-        The error that the write to standard output raised.
+    Otherwise, Python writes the remaining output when it exits, which fails again.
     """
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return f"standard output: {reason(error)}"

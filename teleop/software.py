@@ -14,7 +14,7 @@ BUILT_FROM = PACKAGE / "commit.txt"
 
 @cache
 def software() -> str:
-    """Return the version and the commit, such as `0.2.0 (commit 51c01ce9)`.
+    """The version and the commit, such as `0.2.0 (commit 51c01ce9)`.
 
     The commit is followed by `modified` if files differ from it. It is left out if the package was
     neither built in a git checkout nor runs in one.
@@ -24,7 +24,7 @@ def software() -> str:
 
 
 def built_commit() -> str:
-    """Return the commit from which this package was built; empty if it is not known."""
+    """The commit from which this package was built; empty if it is not known."""
     try:
         return BUILT_FROM.read_text().strip()
     except OSError:
@@ -32,7 +32,7 @@ def built_commit() -> str:
 
 
 def checkout_commit(folder: Path) -> str:
-    """Return the commit of a folder; empty if the folder is not the top of a git checkout."""
+    """The commit of a folder; empty if the folder is not the top of a git checkout."""
     if not (folder / ".git").exists():
         return ""
     # `dirty` compares the files with the commit; no tag can match, so that the commit is printed

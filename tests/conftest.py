@@ -12,6 +12,7 @@ import re
 import signal
 import subprocess
 import sys
+from copy import deepcopy
 from pathlib import Path
 
 import pytest
@@ -86,7 +87,8 @@ def interpreted(monkeypatch):
 class AnalysisByRecord:
     """The function `analyse`, which evaluates a record once although many tests need it.
 
-    The key is the content of the record. The 32 latest results are stored.
+    The key is the content of the record. The 32 latest results are stored. Each call returns a copy
+    of its own, so that a result that a test changes does not reach another test.
     """
 
     def __init__(self, analyse):
@@ -99,7 +101,7 @@ class AnalysisByRecord:
         self._results[key] = result
         if len(self._results) > 32:
             del self._results[next(iter(self._results))]
-        return result
+        return deepcopy(result)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -167,16 +167,8 @@ def with_intervals(
 ) -> BatchFit:
     """Compute confidence intervals and goodness of fit, and return them with the fit.
 
-    Parameters
-    ----------
-    name
-        Name of the model.
-    data
-        The record to which the model was fitted.
-    fitted
-        The fitted parameters of the model.
-    predicted
-        Force that the fitted model predicts from the smoothed motion [N], shape (n,).
+    `predicted` is the force [N] that the fitted model predicts from the smoothed motion, shape
+    (n,).
     """
     residual = data.f[data.rows] - predicted[data.rows]
     jacobian = np.column_stack([one.jacobian for one in fitted])
@@ -221,13 +213,6 @@ def linear_solution(columns: Floats, f: Floats) -> Floats:
     """Return the parameters theta of the least-squares fit f = columns @ theta, shape (m,).
 
     Each regressor is first divided by its root mean square. This reduces rounding errors.
-
-    Parameters
-    ----------
-    columns
-        Regressors, one per column, shape (samples, m).
-    f
-        Force [N], shape (samples,).
     """
     scale = np.sqrt(np.mean(columns**2, axis=0))
     scale[scale == 0.0] = 1.0

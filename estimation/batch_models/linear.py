@@ -22,13 +22,13 @@ from estimation.batch_models.fit import (
     linear_solution,
     with_intervals,
 )
+from estimation.model import UNITS
 
 COLUMNS = {
     "kelvin-voigt": ("k", "b"),
     "kelvin-voigt with datum": ("k", "b", "f0"),
     "stiffening": ("k", "b", "f0", "k3"),
 }
-UNITS = {"k": "N/m", "b": "N s/m", "f0": "N", "k3": "N/m^3"}
 
 
 def fit_linear(name: str, data: BatchData) -> BatchFit:

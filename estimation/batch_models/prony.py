@@ -36,19 +36,12 @@ class Relaxation(NamedTuple):
 def fit_prony(t: Floats, f: Floats) -> Relaxation | None:
     """Fit a Prony series to the force in a hold (a time in which the position is constant).
 
+    The result is None if the force does not relax, or if there are fewer than 10 samples.
+
     The series is f_inf + sum_j f_j exp(-t / tau_j), with one or two exponential terms.
 
-    Parameters
-    ----------
-    t
-        Time since the start of the hold [s], shape (n,). The noise of successive samples must be
-        independent.
-    f
-        Force [N], shape (n,).
-
-    Returns
-    -------
-    The fitted series; None if the force does not relax, or if there are fewer than 10 samples.
+    t [s] is the time since the start of the hold, and f [N] the force, each of shape (n,). The
+    noise of successive samples must be independent.
     """
     best: Relaxation | None = None
     best_bic = bayesian_criterion(f - f.mean(), 1)
@@ -67,18 +60,7 @@ def fit_terms(t: Floats, f: Floats, terms: int) -> tuple[Relaxation, Floats]:
 
     The series is f_inf + sum_j f_j exp(-t / tau_j).
 
-    Parameters
-    ----------
-    t
-        Time since the start of the hold [s], shape (n,).
-    f
-        Force [N], shape (n,).
-    terms
-        Number of exponential terms, 1 or 2.
-
-    Returns
-    -------
-    The fitted series, and the measured force minus the fitted force [N], shape (n,).
+    The result also contains the residual, the measured force minus the fitted force [N].
     """
     seconds = float(t[-1] - t[0])
     shortest = 2.0 * float(t[1] - t[0])

@@ -30,14 +30,8 @@ def relaxing_part(pieces: Iterable[Floats], period: float, tau: float) -> Floats
     in pieces, the parts of the record without gaps. At the start of each piece, z is 0. n is the
     number of samples of all pieces together.
 
-    Parameters
-    ----------
-    pieces
-        For each piece, the samples of y minus the value of y at the start of the piece.
-    period
-        Sample period [s].
-    tau
-        Time constant [s].
+    Each piece contains the samples of y minus the value of y at its start. `period` and `tau` are
+    in seconds.
     """
     decay = math.exp(-period / tau)
     gain = tau / period * (1.0 - decay)

@@ -53,8 +53,7 @@ class ActiveObserver(RandomWalkKalman):
         Model f = phi' theta that defines the regressors phi. The regressor of p, which is always 1,
         is not part of the model.
     correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+        Correlation length of the force noise, in samples, see `LinearGainEstimator`.
 
     Raises
     ------

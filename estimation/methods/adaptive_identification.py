@@ -99,11 +99,8 @@ class AdaptiveIdentification(LinearGainEstimator):
           `beyond_rk4` increases by 1. For example, with the gain that the paper uses for the hard
           cube and a sample rate of 1 kHz, RK4 is unstable for displacements above 17 mm.
         - `exact`: the closed-form solution, which is stable for every gain and every `dt`.
-    model
-        Model f = phi' theta that defines the regressors phi.
-    correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+    model, correlation
+        Model f = phi' theta, and correlation length of the force noise (`LinearGainEstimator`).
 
     Raises
     ------

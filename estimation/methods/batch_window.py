@@ -150,9 +150,7 @@ def factorise(state: WindowState) -> bool:
     `sums` is the sum of z z' over the window, where z = (phi, f) is a sample. L and D are stored in
     the field `L` of the state. The last element of D is the sum of squared residuals.
 
-    Returns
-    -------
-    False if the samples in the window do not determine all parameters.
+    The result is False if the samples in the window do not determine all parameters.
     """
     sums, L, peak = state.sums, state.L, state.peak
     m = len(peak)

@@ -60,15 +60,6 @@ def least_candidate(
     error (b v + k x - f)^2. If several candidates have equal signals, the candidate nearest to
     (0, 0) is selected. For this purpose, a small term is added to each signal. `MultiEstimator`
     defines this term.
-
-    Parameters
-    ----------
-    state
-        Sums of products of f, v and x, which determine the monitoring signals of all candidates.
-    b, k
-        Candidate values of b [N s/m] and of k [N/m].
-    share
-        Weight of the small term, for example 1e-9.
     """
     vv, vx, xx = state.vv, state.vx, state.xx
     b_first, b_step = b.first, b.spacing

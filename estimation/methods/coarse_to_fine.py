@@ -143,26 +143,10 @@ def follow(
       middle. Below this limit, the term that decides between equal candidates could change the
       result (`least_candidate`).
 
-    Parameters
-    ----------
-    parameters
-        Settings of the estimator, which contain `patience` and `half`.
-    axis
-        The axis to be adapted.
-    value
-        Value of the parameter that was selected for this sample.
-    finest
-        Smallest spacing, in the unit of the parameter.
-    curvature
-        Along this axis, the monitoring signal increases by `curvature` d^2 from its minimum to the
-        distance d from the minimum.
-    spread
-        Variance of the weighted sum of v times the force noise for the axis of b, or of x times the
-        force noise for the axis of k.
-    tie
-        Smallest permitted increase of the monitoring signal [N^2 s] from the middle to the edge.
-    dt
-        Time since the previous sample [s].
+    `finest` is the smallest spacing. Along this axis, the monitoring signal increases by
+    `curvature` d^2 from its minimum to the distance d. `spread` is the variance of the weighted sum
+    of the regressor times the force noise. `tie` is the smallest permitted increase of the
+    monitoring signal [N^2 s] from the middle to the edge.
     """
     half, spacing = parameters.half, axis.spacing
     if abs(value - axis.middle * spacing) > (half - 0.5) * spacing:
@@ -238,8 +222,7 @@ class CoarseToFine(Estimator):
     half
         Number of candidate values on either side of the middle value, on each axis.
     correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+        Correlation length of the force noise, in samples, see `LinearGainEstimator`.
 
     Raises
     ------

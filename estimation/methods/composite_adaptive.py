@@ -101,10 +101,7 @@ def filter_errors(
     `LARGEST`, the regressors and the force of the sample are divided by a common factor, so that
     the norm is equal to `LARGEST`.
 
-    Returns
-    -------
-    The force error f - phi' theta [N], and the filtered prediction error f_W - W' theta [N]. Both
-    are computed after the division by the common factor. W and f_W are the filtered phi and f.
+    The result is f - phi' theta and f_W - W' theta [N], both after the division.
     """
     per_size, theta, s, W = parameters.per_size, state.theta, state.s, state.W
     square = 0.0

@@ -77,22 +77,16 @@ class ConditionalUpdate(FactoredEstimator):
 
     Parameters
     ----------
-    forgetting
-        The forgetting factor beta, 0 < beta <= 1.
-    initial_covariance
-        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
-        parameters of the model, for force noise with a variance of 1 N^2.
+    forgetting, initial_covariance
+        As in `RecursiveLeastSquares`.
     sample_period
         Time [s] in which forgetting multiplies the weight of a past sample by beta. There is
         forgetting only at the samples that are used. Default: each used sample multiplies the
         weights of the past samples by beta, independent of `dt`.
     threshold
         Threshold c, >= 0.
-    model
-        Model f = phi' theta that defines the regressors phi.
-    correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+    model, correlation
+        Model f = phi' theta, and correlation length of the force noise (`LinearGainEstimator`).
 
     Raises
     ------

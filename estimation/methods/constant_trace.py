@@ -89,16 +89,12 @@ class ConstantTrace(FactoredEstimator):
     trace
         c1, the trace of P before c2 I is added, in units of P0.
     initial_covariance
-        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
-        parameters of the model, for force noise with a variance of 1 N^2.
+        As in `RecursiveLeastSquares`.
     ratio
         Ratio c1 / c2, from 1 to 1e8. The variance in one direction is at most 1 + c1 / c2 times the
         variance in another direction, in units of P0.
-    model
-        Model f = phi' theta that defines the regressors phi.
-    correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+    model, correlation
+        Model f = phi' theta, and correlation length of the force noise (`LinearGainEstimator`).
 
     Raises
     ------

@@ -65,20 +65,14 @@ class DirectionalForgetting(FactoredEstimator):
 
     Parameters
     ----------
-    forgetting
-        The forgetting factor beta, 0 < beta <= 1.
-    initial_covariance
-        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
-        parameters of the model, for force noise with a variance of 1 N^2.
+    forgetting, initial_covariance
+        As in `RecursiveLeastSquares`.
     sample_period
         Time [s] in which the information in the direction of phi is multiplied by beta. The
         forgetting then does not depend on the sampling rate. Default: the information is multiplied
         by beta at each sample, independent of `dt`.
-    model
-        Model f = phi' theta that defines the regressors phi.
-    correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+    model, correlation
+        Model f = phi' theta, and correlation length of the force noise (`LinearGainEstimator`).
 
     Raises
     ------

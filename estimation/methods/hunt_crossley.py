@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from math import log
+
 NAMES = ("b", "k", "K", "B", "n")
 """Names of the estimated quantities: the damping b and the stiffness k at the present displacement,
 and the parameters K, B and n of the model."""
@@ -34,28 +37,42 @@ def clamp(value: float, low: float, high: float) -> float:
     return high if value > high else value
 
 
-def check_contact(memory: float, displacement: float, velocity: float, threshold: float) -> None:
-    """Check the settings of an estimator of the Hunt-Crossley model f = K x^n + B x^n v.
+@dataclass(frozen=True, slots=True)
+class HuntCrossleyParameters:
+    """Constant settings of an estimator of the Hunt-Crossley model, which its `step` reads."""
 
-    Parameters
-    ----------
-    memory
-        Time [s] in which the weight of a sample decreases to 1/e.
-    displacement, velocity
-        Typical displacement [m] and velocity [m/s], used for scaling.
-    threshold
-        A sample with this force [N] or less is treated as no contact.
+    rate: float
+    """1 / memory [1/s]."""
+    x0: float
+    """Typical displacement [m]."""
+    v0: float
+    """Typical velocity [m/s]."""
+    threshold: float
+    """A sample with this force or less is treated as no contact [N]."""
+    log_x0: float
+    """ln x0."""
 
-    Raises
-    ------
-    ValueError
-        A value is not between 1e-30 and 1e30. These limits prevent an overflow in the estimator.
+
+def contact_parameters(
+    memory: float, displacement: float, velocity: float, threshold: float
+) -> dict[str, float]:
+    """Check these settings, and return the fields of `HuntCrossleyParameters`.
+
+    The limits 1e-30 and 1e30 prevent an overflow in the estimator.
     """
-    for name, value in (
-        ("memory", memory),
-        ("displacement", displacement),
-        ("velocity", velocity),
-        ("threshold", threshold),
-    ):
+    settings = {
+        "memory": memory,
+        "displacement": displacement,
+        "velocity": velocity,
+        "threshold": threshold,
+    }
+    for name, value in settings.items():
         if not 1e-30 <= value <= 1e30:
             raise ValueError(f"{name} must be positive, got {value}")
+    return {
+        "rate": 1.0 / memory,
+        "x0": displacement,
+        "v0": velocity,
+        "threshold": threshold,
+        "log_x0": log(displacement),
+    }

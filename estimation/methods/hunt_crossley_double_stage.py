@@ -19,8 +19,9 @@ from estimation.methods.hunt_crossley import (
     STEEPEST,
     STIFFNESS,
     TOUCH,
-    check_contact,
+    HuntCrossleyParameters,
     clamp,
+    contact_parameters,
 )
 from estimation.step import B, K, Regressors, State
 
@@ -30,22 +31,6 @@ FARTHEST = 20.0
 """Upper limit of ln(x / x0)."""
 LEAST_RELATIVE = 1e-30
 """The fit of ln f uses a sample only if (K x0^n + B x0^n v) / f is larger than this value."""
-
-
-@dataclass(frozen=True, slots=True)
-class DoubleStageParameters:
-    """Constant settings of the estimator `DoubleStage`, which `step` reads."""
-
-    rate: float
-    """1 / memory [1/s]."""
-    x0: float
-    """Typical displacement [m]."""
-    v0: float
-    """Typical velocity [m/s]."""
-    threshold: float
-    """A sample with this force or less is treated as no contact [N]."""
-    log_x0: float
-    """ln x0."""
 
 
 @dataclass(slots=True)
@@ -71,7 +56,7 @@ class DoubleStageState(State):
 
 
 def step(
-    parameters: DoubleStageParameters,
+    parameters: HuntCrossleyParameters,
     state: DoubleStageState,
     phi: Regressors,
     f: float,
@@ -103,9 +88,7 @@ def first_stage(
     and u = v/v0. x0 and v0 are the typical displacement and velocity. `beta` is the forgetting
     factor, by which the sums of the earlier samples are multiplied.
 
-    Returns
-    -------
-    The fitted coefficients K x0^n and B x0^n v0 [N].
+    The result is K x0^n and B x0^n v0 [N].
     """
     gu = g * u
     state.gg = beta * state.gg + g * g
@@ -131,21 +114,8 @@ def second_stage(
     the previous n. The factor f^2 gives less weight to small forces, because the logarithm of a
     small force has more noise. The other factor removes the bias of the logarithm of a noisy force.
 
-    Parameters
-    ----------
-    state
-        State of the estimator, which contains the sums of the earlier samples.
-    beta
-        Forgetting factor, by which the sums of the earlier samples are multiplied.
-    n
-        Previous estimate of the exponent n.
-    lx
-        ln(x / x0).
-    relative
-        Force [N] at the displacement x0 and the present velocity, computed from the K and B of the
-        first stage. If it is negative or near zero, the sample is not used and n does not change.
-    f
-        Measured force [N].
+    `lx` is ln(x / x0). `relative` is the force [N] at the displacement x0 and the present velocity,
+    with the K and B of the first stage. If it is negative or near zero, n does not change.
     """
     if relative <= LEAST_RELATIVE * f:
         return n
@@ -158,7 +128,7 @@ def second_stage(
 
 
 def report(
-    parameters: DoubleStageParameters,
+    parameters: HuntCrossleyParameters,
     state: DoubleStageState,
     x: float,
     lx: float,
@@ -232,15 +202,8 @@ class DoubleStage(Estimator):
         velocity: float = 25e-3,
         threshold: float = 0.03,
     ) -> None:
-        check_contact(memory, displacement, velocity, threshold)
         super().__init__(
-            DoubleStageParameters(
-                rate=1.0 / memory,
-                x0=displacement,
-                v0=velocity,
-                threshold=threshold,
-                log_x0=log(displacement),
-            ),
+            HuntCrossleyParameters(**contact_parameters(memory, displacement, velocity, threshold)),
             DoubleStageState([0.0, 0.0, 0.0, 0.0, HERTZ], [nan] * 5, False, *(0.0,) * 8),
             names=NAMES,
         )

@@ -21,8 +21,9 @@ from estimation.methods.hunt_crossley import (
     STEEPEST,
     STIFFNESS,
     TOUCH,
-    check_contact,
+    HuntCrossleyParameters,
     clamp,
+    contact_parameters,
 )
 from estimation.step import B, K, Regressors, State
 
@@ -35,21 +36,11 @@ The settling time (see `benchmarks/tuning.py`) is 0.26 s. It is 0.33 s for 1.25 
 
 
 @dataclass(frozen=True, slots=True)
-class LogarithmicParameters:
+class LogarithmicParameters(HuntCrossleyParameters):
     """Constant settings of the estimator `Logarithmic`, which `step` reads."""
 
-    rate: float
-    """1 / memory [1/s]."""
-    x0: float
-    """Typical displacement [m]."""
-    v0: float
-    """Typical velocity [m/s]."""
-    threshold: float
-    """A sample with this force or less is treated as no contact [N]."""
     correlation: float
     """Correlation length of the force noise, in samples, >= 1."""
-    log_x0: float
-    """ln x0."""
 
 
 @dataclass(slots=True)
@@ -265,10 +256,8 @@ class Logarithmic(Estimator):
 
     Parameters
     ----------
-    memory
-        Time [s] in which the weight of a sample decreases to 1/e.
-    displacement, velocity
-        Typical displacement x0 [m] and velocity v0 [m/s], used for scaling.
+    memory, displacement, velocity
+        As in `DoubleStage`.
     threshold
         A sample with this force [N] or less, or with x < 1e-6 x0, does not change the estimate.
         The threshold must be > 0. A good value is one or two standard deviations of the noise. With
@@ -293,16 +282,11 @@ class Logarithmic(Estimator):
         threshold: float = 0.03,
         correlation: float = 1.0,
     ) -> None:
-        check_contact(memory, displacement, velocity, threshold)
         check_correlation(correlation)
         super().__init__(
             LogarithmicParameters(
-                rate=1.0 / memory,
-                x0=displacement,
-                v0=velocity,
-                threshold=threshold,
+                **contact_parameters(memory, displacement, velocity, threshold),
                 correlation=correlation,
-                log_x0=log(displacement),
             ),
             LogarithmicState(
                 [0.0, 0.0, 0.0, 0.0, HERTZ], [*[UNKNOWN] * 4, 1.0], False, *(0.0,) * 27

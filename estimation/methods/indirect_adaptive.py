@@ -98,11 +98,8 @@ class IndirectAdaptive(LinearGainEstimator):
     floor
         A sample has little effect if the sum of (regressor / size)^2 over its regressors is much
         smaller than this value. If they are equal, the force error decays at half of `rate`.
-    model
-        Model f = phi' theta that defines the regressors phi.
-    correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+    model, correlation
+        Model f = phi' theta, and correlation length of the force noise (`LinearGainEstimator`).
 
     Raises
     ------

@@ -48,25 +48,7 @@ def process_noise(
     constant of the error is T / (s^2 P). This time constant is equal to `memory` if
     Q = T / (memory s)^2.
 
-    Parameters
-    ----------
-    memory
-        Time constant [s] with which the estimate follows a change of a parameter.
-    sample_period
-        Time T between samples [s].
-    sizes
-        Root mean square s of each regressor, in SI units: [m/s] for the velocity, [m] for the
-        displacement.
-
-    Returns
-    -------
-    Q of each parameter: the increase of its variance per second, for force noise with a variance of
-    1 N^2. The unit is that of the squared parameter, divided by seconds.
-
-    Raises
-    ------
-    ValueError
-        A value is not positive.
+    The result is Q of each parameter per second, for force noise with a variance of 1 N^2.
     """
     if not all(0.0 < value < inf for value in (memory, sample_period, *sizes)):
         raise ValueError(
@@ -143,16 +125,12 @@ class RandomWalkKalman(FactoredEstimator):
         [(N/m)^2 / s] and any further parameters of the model, for force noise with a variance of
         1 N^2. The function `process_noise` computes these values.
     initial_covariance
-        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
-        parameters of the model, for force noise with a variance of 1 N^2.
+        As in `RecursiveLeastSquares`.
     ceiling
         Largest variance of each parameter, in the units of `initial_covariance`. Default: the
         initial covariance.
-    model
-        Model of the environment. It defines the regressors phi and the parameters theta.
-    correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+    model, correlation
+        Model f = phi' theta, and correlation length of the force noise (`LinearGainEstimator`).
 
     Raises
     ------

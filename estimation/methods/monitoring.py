@@ -75,15 +75,6 @@ def decay_and_add(
         mu <- exp(-2 lambda dt) mu + w e^2,    w = (1 - exp(-2 lambda dt)) / (2 lambda).
 
     Each sum is updated by the same equation, with its product instead of e^2.
-
-    Parameters
-    ----------
-    twice_lambda
-        2 lambda [1/s], where lambda is the forgetting rate.
-    state
-        The sums, which are updated in place.
-    v, x, f, dt
-        The sample: velocity [m/s], displacement [m], force [N], time since the previous sample [s].
     """
     if dt != state.dt:  # usually the sample period is constant
         state.dt = dt
@@ -141,17 +132,8 @@ def least_point(correlation: float, state: MonitoringState) -> tuple[float, floa
     c is (sum of the weights) - trace(R^-1 Q). So mu / c is an estimate of s. It is computed at each
     sample, and these values are averaged with the time constant `NOISE_MEMORY`.
 
-    Parameters
-    ----------
-    correlation
-        Correlation length of the force noise, in samples; 1 for white noise.
-    state
-        The weighted sums. The estimate of the noise variance s in this state is updated.
-
-    Returns
-    -------
-    b [N s/m], k [N/m], variance of b, variance of k. If the data do not determine b and k, the
-    result is (0, 0, inf, inf).
+    The result is b [N s/m], k [N/m] and their variances: (0, 0, inf, inf) if the data do not
+    determine them. The estimate of the noise variance s in the state is updated.
     """
     vv, vx, xx = state.vv, state.vx, state.xx
     determinant = vv * xx - vx * vx
@@ -185,14 +167,8 @@ def deviation(variance: float, distance: float, most: float) -> float:
     data best is usually between two candidate values. So the root mean square error is
     sqrt(variance + distance^2). The result is at most `most`.
 
-    Parameters
-    ----------
-    variance
-        Variance of the real number that fits the data best, from `least_point`.
-    distance
-        Difference between this real number and the selected candidate value.
-    most
-        Upper limit of the result.
+    `variance` is that of the real number that fits the data best, and `distance` its distance from
+    the selected candidate value.
     """
     square = variance + distance * distance
     std = math.sqrt(square) if square > 0.0 else 0.0

@@ -100,8 +100,7 @@ class MultiEstimator(Estimator):
         Forgetting rate lambda [1/s], >= 0. The weight of a squared force error of the age t is
         exp(-2 lambda t).
     correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+        Correlation length of the force noise, in samples, see `LinearGainEstimator`.
     own
         Further settings, by name. Only a subclass whose function `step` needs further settings
         gives them.

@@ -123,11 +123,8 @@ class NormalisedIdentification(LinearGainEstimator):
         square of the typical value.
     memory
         Time constant [s] of the mean squares <phi_i^2>.
-    model
-        Model of the environment. It defines the regressors phi and the parameters theta.
-    correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+    model, correlation
+        Model f = phi' theta, and correlation length of the force noise (`LinearGainEstimator`).
 
     Raises
     ------

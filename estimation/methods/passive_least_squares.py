@@ -168,19 +168,10 @@ class PassiveLeastSquares(FactoredEstimator):
 
     Parameters
     ----------
-    forgetting
-        The forgetting factor beta, 0 < beta <= 1.
-    initial_covariance
-        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
-        parameters of the model, for force noise with a variance of 1 N^2.
-    sample_period
-        Time [s] in which the weight of a past sample is multiplied by beta. Default: the weight is
-        multiplied by beta at each sample, independent of `dt`.
-    model
-        Model of the environment. It defines the regressors phi and the parameters theta.
-    correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+    forgetting, initial_covariance, sample_period
+        As in `RecursiveLeastSquares`.
+    model, correlation
+        Model f = phi' theta, and correlation length of the force noise (`LinearGainEstimator`).
 
     Raises
     ------

@@ -211,8 +211,7 @@ class PooledSegments(Estimator):
     length
         Duration of a segment [s]. A suitable duration is about one period of the motion.
     correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+        Correlation length of the force noise, in samples, see `LinearGainEstimator`.
 
     Raises
     ------

@@ -86,11 +86,8 @@ class RecursiveLeastSquares(FactoredEstimator):
     sample_period
         Time [s] in which the weight of a past sample is multiplied by beta. Forgetting then depends
         on `dt`. Default: the weight is multiplied by beta at each sample, independent of `dt`.
-    model
-        Model of the environment. It defines the regressors phi and the parameters theta.
-    correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+    model, correlation
+        Model f = phi' theta, and correlation length of the force noise (`LinearGainEstimator`).
     guess_variance
         Variances of the error of the initial guess theta = 0, in the units of
         `initial_covariance`. They have an effect only on the standard deviations of the estimates.

@@ -176,16 +176,8 @@ def update(spectrum: Spectrum, value: float, share: float, cos: float, sin: floa
     time. Since the previous sample, t_0 has increased by the sample period dt. So the earlier value
     of <e s> is first rotated in the complex plane by an angle of about w dt.
 
-    Parameters
-    ----------
-    spectrum
-        The means <s> and <e s>, which are updated in place.
-    value
-        Value of s.
-    share
-        Weight of the sample, from 0 to 1. The earlier value of each mean has the weight 1 - share.
-    cos, sin
-        Cosine and sine of the angle of the rotation, each multiplied by 1 - share.
+    `share`, from 0 to 1, is the weight of the sample. `cos` and `sin` of the angle are already
+    multiplied by 1 - share.
     """
     re, im = spectrum.re, spectrum.im
     spectrum.mean += share * (value - spectrum.mean)

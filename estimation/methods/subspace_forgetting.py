@@ -109,11 +109,8 @@ class SubspaceForgetting(FactoredEstimator):
 
     Parameters
     ----------
-    forgetting
-        The forgetting factor beta, 0 < beta <= 1.
-    initial_covariance
-        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
-        parameters of the model, for force noise with a variance of 1 N^2.
+    forgetting, initial_covariance
+        As in `RecursiveLeastSquares`.
     sample_period
         Time [s] in which the information in the direction of phi is multiplied by beta, so that
         the forgetting does not depend on the sampling rate. Default: the information is multiplied
@@ -122,11 +119,8 @@ class SubspaceForgetting(FactoredEstimator):
         A sample is used if sqrt(phi' P0 phi) is at least this threshold. This root is the standard
         deviation of the force phi' theta for a theta with the covariance P0, divided by the
         standard deviation of the noise. Lai and Bernstein call the threshold sqrt(epsilon).
-    model
-        Model of the environment. It defines the regressors phi and the parameters theta.
-    correlation
-        Correlation length of the force noise, in samples; 1 for white noise. See
-        `LinearGainEstimator`.
+    model, correlation
+        Model f = phi' theta, and correlation length of the force noise (`LinearGainEstimator`).
 
     Raises
     ------

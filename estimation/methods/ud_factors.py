@@ -208,13 +208,7 @@ def correct_with_gain(
 
 
 def forgetting_rate(forgetting: float, sample_period: float | None) -> float:
-    """Return the forgetting rate -ln(forgetting) / sample_period [1/s]; 0 if the period is None.
-
-    Raises
-    ------
-    ValueError
-        The factor is not in (0, 1], or the period is not positive.
-    """
+    """Return the forgetting rate -ln(forgetting) / sample_period [1/s]; 0 if the period is None."""
     if not 0.0 < forgetting <= 1.0:
         raise ValueError(f"forgetting factor must be in (0, 1], got {forgetting}")
     if sample_period is not None:
@@ -225,28 +219,8 @@ def forgetting_rate(forgetting: float, sample_period: float | None) -> float:
 class FactoredEstimator(LinearGainEstimator):
     """Base class of estimators whose gain is computed from a covariance in U-D factors.
 
-    Parameters
-    ----------
-    forgetting
-        Factor beta by which the weights of past samples decay, 0 < beta <= 1.
-    initial_covariance
-        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
-        parameters of the model, for force noise with a variance of 1 N^2.
-    sample_period
-        Time [s] of one decay by the factor beta. None: one decay per sample, for every `dt`.
-    model
-        Model that defines the regressors.
-    correlation
-        Correlation length of the force noise, in samples, see `LinearGainEstimator`.
-    guess_variance
-        Variance of the initial error of each parameter. Default: the initial covariance.
-    own
-        Additional settings of a derived class, by name.
-
-    Raises
-    ------
-    ValueError
-        An argument is out of its range.
+    The arguments are those of `RecursiveLeastSquares`. `own` contains the additional settings of a
+    derived class, by name: the further fields of its `parameter_type`.
     """
 
     parameter_type: ClassVar[type[FactoredParameters]] = FactoredParameters

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
-from teleop.commands.overwriting import Overwrite
+from teleop.commands.options import Json, Overwrite
 
 config = App(name="config", help="Write and check configuration files of trials.")
 
 
-@config.command(help_format="markdown")
+@config.command
 def init(
     out: Path = Path("trial.toml"), /, *, source: Path | None = None, overwrite: Overwrite = False
 ) -> int:
@@ -39,8 +38,8 @@ def init(
     return 0
 
 
-@config.command(help_format="markdown")
-def check(file: Path, /, *, json: Annotated[bool, Parameter(negative="")] = False) -> int:
+@config.command
+def check(file: Path, /, *, json: Json = False) -> int:
     """Check the settings in a configuration file, and report all problems.
 
     Example: `teleop config check trial.toml`
@@ -49,8 +48,6 @@ def check(file: Path, /, *, json: Annotated[bool, Parameter(negative="")] = Fals
     ----------
     file
         Configuration file, or a recording.
-    json
-        Print the settings as one JSON document.
     """
     from teleop.output.console import plain_console, print_json
     from teleop.settings.configuration import read_configuration
@@ -67,14 +64,14 @@ def check(file: Path, /, *, json: Annotated[bool, Parameter(negative="")] = Fals
     return 0
 
 
-@config.command(help_format="markdown")
+@config.command
 def schema() -> int:
     """Print the JSON schema of configuration files. Editors use it to complete and check the files.
 
     Example: `teleop config schema > trial.schema.json`
     """
     from teleop.output.console import print_json
-    from teleop.settings.configuration import configuration_schema
+    from teleop.settings.trial_settings import schema
 
-    print_json(configuration_schema())
+    print_json(schema())
     return 0

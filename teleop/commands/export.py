@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from teleop.commands.overwriting import Overwrite
+from teleop.commands.options import Json, OutputFile, Overwrite
 
 
 def export(
     file: Path,
     /,
     *,
-    out: Path | None = None,
+    out: OutputFile = None,
     overwrite: Overwrite = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    json: Json = False,
 ) -> int:
     """Convert a recording to CSV, HDF5, MATLAB or Parquet, with full precision of all numbers.
 
@@ -31,8 +28,6 @@ def export(
         name of the recording with the extension .csv. The settings of the run are stored in the
         same file or, for CSV, in a second file NAME.csv-metadata.json. HDF5 and Parquet need
         `pip install '.[export]'`.
-    json
-        Print one JSON document instead of the file name.
     """
     from teleop.files import check_outputs
     from teleop.output import console

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from cyclopts import Parameter
+from teleop.commands.column_options import BY_USUAL_NAMES, ColumnOptions, Columns
+from teleop.commands.options import Json
 
-from teleop.commands.recording import BY_NAME, ColumnOptions
+if TYPE_CHECKING:
+    from estimation.arrays import Floats
 
 
 def lag(
     file: Path | None = None,
     /,
     *,
-    columns: ColumnOptions = BY_NAME,
+    columns: Columns = BY_USUAL_NAMES,
     seed: int = 0,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    json: Json = False,
 ) -> int:
     """Measure the lag of the force channel and lost motion with a spring that has no damping.
 
@@ -35,21 +37,12 @@ def lag(
     file
         Data measured on the spring, in any format that `teleop estimate` reads: at most 1 000 000
         samples.
-    columns
-        Columns to read, and the zeros of position and force.
     seed
         Without a file: seed of the sensor noise.
-    json
-        Print one JSON document instead of text.
     """
-    from teleop.errors import InputError
-    from teleop.evaluation.online.datum import find_datum
-    from teleop.evaluation.reading.recorded import NEEDED, recorded_signals
-    from teleop.evaluation.reading.samples import is_replayed
-    from teleop.output import console
+    from teleop.output.console import print_json
     from teleop.output.rig_tables import print_lag
-    from teleop.recording.recording import load
-    from teleop.rig.force_lag import MOST_SAMPLES, measure_lag, measure_simulated_lag
+    from teleop.rig.force_lag import measure_lag, measure_simulated_lag
 
     summary: dict[str, Any]
     if file is None:
@@ -60,24 +53,36 @@ def lag(
             "true_lost_motion_m": setup.transmission.lost_motion,
         }
     else:
-        samples, recording = columns.read(file, is_replayed)
-        if samples.count > MOST_SAMPLES:
-            raise InputError(f"{file}: {samples.count} samples: expected at most {MOST_SAMPLES}")
-        signals = samples.signals
-        if not samples.is_whole:
-            signals = recorded_signals(load(file, NEEDED.__contains__))
-        if signals.gaps:
-            end = signals.gaps[0]
-            raise InputError(
-                f"{file}: a gap from {signals.t[end - 1]:g} to {signals.t[end]:g} s: "
-                "expected samples without gaps"
-            )
-        datum = "file" if recording and columns.datum == "auto" else columns.datum
-        zero = find_datum(signals, datum)
-        measured = measure_lag(signals.x - zero.x, signals.f - zero.f, signals.dt)
+        measured = measure_lag(*spring_samples(file, columns))
         summary = {"file": str(file), **measured.summary()}
     if json:
-        console.print_json(summary)
+        print_json(summary)
     else:
         print_lag(summary)
     return 0
+
+
+def spring_samples(file: Path, columns: ColumnOptions) -> tuple[Floats, Floats, Floats]:
+    """Displacement, force and sample periods from a file without gaps, all in SI units."""
+    from teleop.errors import InputError
+    from teleop.evaluation.online.datum import find_datum
+    from teleop.evaluation.reading.recorded import NEEDED, recorded_signals
+    from teleop.evaluation.reading.samples import is_replayed
+    from teleop.recording.recording import load
+    from teleop.rig.force_lag import MOST_SAMPLES
+
+    samples, recording = columns.read(file, is_replayed)
+    if samples.count > MOST_SAMPLES:
+        raise InputError(f"{file}: {samples.count} samples: expected at most {MOST_SAMPLES}")
+    signals = samples.signals
+    if not samples.is_whole:
+        signals = recorded_signals(load(file, NEEDED.__contains__))
+    if signals.gaps:
+        end = signals.gaps[0]
+        raise InputError(
+            f"{file}: a gap from {signals.t[end - 1]:g} to {signals.t[end]:g} s: "
+            "expected samples without gaps"
+        )
+    datum = "file" if recording and columns.datum == "auto" else columns.datum
+    zero = find_datum(signals, datum)
+    return signals.x - zero.x, signals.f - zero.f, signals.dt

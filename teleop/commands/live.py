@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
 
 
 def live(
@@ -14,7 +11,7 @@ def live(
     *,
     host: str = "127.0.0.1",
     port: int = 0,
-    open: Annotated[bool, Parameter(negative="")] = False,  # noqa: A002
+    open: bool = False,  # noqa: A002
 ) -> int:
     """Replay a recording in a web page, until the command is stopped with Ctrl-C.
 

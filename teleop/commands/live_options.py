@@ -1,4 +1,4 @@
-"""Define the options of the live page, a web page that shows a running trial, and serve it."""
+"""The options of the live page, and its server during a command."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
+
+from teleop.commands.options import LIVE
 
 if TYPE_CHECKING:
     from teleop.settings.trial_settings import TrialSettings
@@ -26,49 +28,33 @@ DURATIONS = (5.0, 10.0, 20.0, 30.0, 60.0)
 
 @dataclass(frozen=True)
 class LiveOptions:
-    """Options of the live page, a web page that shows a running trial and can control it."""
+    """Options of the live page."""
 
-    live: Annotated[bool, Parameter(negative="")] = False
+    live: bool = False
     """Show the trial in a page of the browser, and print the address of the page. On the simulated
     rig, a person starts the trials in the page (UNLOCK, then START), unless --yes is given."""
-    live_arm: Annotated[bool, Parameter(negative="")] = False
+    live_arm: bool = False
     """Let the live page arm the drives of a hardware rig."""
-    open: Annotated[bool, Parameter(negative="")] = False
+    open: bool = False
     """Open the live page in the browser."""
     host: str = "127.0.0.1"
     """Network address of the live page. With an address other than the default, other machines
     can connect, without encryption."""
     port: int = 0
     """Port of the live page; 0 for any free port."""
-    foxglove: Annotated[bool, Parameter(negative="")] = False
+    foxglove: bool = False
     """Also send the data of each tick to the viewers Foxglove, Lichtblick and PlotJuggler on this
     machine, at port 8765, or at any free port if port 8765 is used. These viewers cannot control
     the trial."""
 
     def requested(self, settings: Sequence[TrialSettings]) -> LiveOptions:
-        """Combine the option --live with the settings of the trials.
-
-        Returns
-        -------
-        A copy of these options. Its `live` is True if the option --live is given, or if the
-        settings of at least one trial contain `live = True`.
-        """
+        """These options, with --live if the settings of a trial ask for the live page."""
         return replace(self, live=self.live or any(one.live for one in settings))
 
     def arms(self, settings: Sequence[TrialSettings], yes: bool) -> bool:
-        """Return whether a person arms the drives in the live page, that is, permits them to move.
+        """Whether a person arms the drives in the live page.
 
-        Parameters
-        ----------
-        settings
-            Settings of all trials.
-        yes
-            Whether the option --yes is given, with which the drives are armed without asking.
-
-        Raises
-        ------
-        InputError
-            Two options contradict each other, or an option contradicts the settings of a trial.
+        InputError if options contradict each other or the settings.
         """
         from teleop.control.conditions import BY_HAND
         from teleop.errors import InputError
@@ -95,27 +81,9 @@ class LiveOptions:
     def linked(
         self, settings: Sequence[TrialSettings], by_page: bool, choose: bool
     ) -> Iterator[LiveLink | None]:
-        """Serve the live page, a web page that shows the running trials, during a `with` block.
+        """Serve the live page during a `with` block; None without --live.
 
-        Parameters
-        ----------
-        settings
-            Settings of all trials.
-        by_page
-            Whether a person arms the drives in the live page (permits them to move), see `arms`.
-        choose
-            Whether a person can choose settings of the next trial in the live page, see
-            `choices_of`.
-
-        Yields
-        ------
-        The object that sends the data of the trials to the live page, and receives the requests of
-        the page; None if `live` is False.
-
-        Raises
-        ------
-        InputError
-            The live page cannot be served, for example because a package is not installed.
+        With `choose`, a person can choose settings of the next trial in the page.
         """
         if not self.live:
             yield None
@@ -143,28 +111,14 @@ class LiveOptions:
 
 
 NOT_LIVE = LiveOptions()
-"""Default options, with which no live page is served."""
-Live = Annotated[LiveOptions, Parameter(name="*")]
-"""Type of the parameter with which a command receives `LiveOptions`.
-
-Each field of `LiveOptions` is an option with the name of the field, for example --live-arm.
-"""
+Live = Annotated[LiveOptions, Parameter(name="*", group=LIVE)]
 NO_CHOICES: dict[str, list[Any]] = {"condition": [], "specimen": [], "duration": []}
-"""Replacement for the result of `choices_of` if a person can choose no settings in the page."""
 
 
 def choices_of(settings: TrialSettings) -> dict[str, list[Any]]:
-    """Return the values that a person can choose in the live page for the settings of a trial.
+    """The values that a person can choose in the live page, by the name of the setting.
 
-    Parameters
-    ----------
-    settings
-        Settings of the first trial. For a hardware rig, or for a custom setup of the simulated rig,
-        only the values in these settings can be chosen.
-
-    Returns
-    -------
-    Lists of the values of `condition`, `specimen` and `duration` [s], by the name of the setting.
+    `settings` are those of the first trial. A hardware rig or a custom setup leaves no choice.
     """
     from sim_backend import CUBES
     from teleop.control.conditions import BY_HAND, CONDITIONS
@@ -183,7 +137,7 @@ def choices_of(settings: TrialSettings) -> dict[str, list[Any]]:
 
 
 def free_port(port: int) -> int:
-    """Return `port` if it is free; otherwise 0, with which the system chooses a free port."""
+    """`port` if it is free; otherwise 0, with which the system chooses a free port."""
     with socket.socket() as probe:
         try:
             probe.bind(("127.0.0.1", port))
@@ -193,13 +147,7 @@ def free_port(port: int) -> int:
 
 
 def check_installed() -> None:
-    """Check that the package that is needed to serve the live page is installed.
-
-    Raises
-    ------
-    InputError
-        The package is not installed.
-    """
+    """Raise InputError if the package that serves the live page is not installed."""
     from teleop.errors import InputError
 
     if find_spec("websockets") is None:
@@ -207,18 +155,7 @@ def check_installed() -> None:
 
 
 def show_address(url: str, host: str, open_page: bool) -> None:
-    """Print the address of the live page, a web page that shows a trial; open it if requested.
-
-    Parameters
-    ----------
-    url
-        Address of the page.
-    host
-        Network address at which the page is served. If other machines can connect to this address,
-        a warning is printed.
-    open_page
-        Whether to open the page in the browser.
-    """
+    """Print the address of the live page, with a warning if other machines can connect."""
     from teleop.live.security import is_loopback, resolve
     from teleop.printable import print_error
 

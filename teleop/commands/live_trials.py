@@ -1,7 +1,7 @@
-"""Run the trials that a person starts in the live page, a web page that controls the trials.
+"""Run the trials that a person starts in the live page.
 
-While a function of this file waits for the person, a signal such as Ctrl-C raises KeyboardInterrupt
-(see `teleop.interruption.Interruption`), which ends the command.
+While a function of this file waits for the person, a signal raises KeyboardInterrupt (see
+`teleop.interruption.Interruption`), which ends the command.
 """
 
 from __future__ import annotations
@@ -22,17 +22,7 @@ LOST = "the live process, which serves the page, has ended or does not respond"
 
 
 def next_request(link: LiveLink) -> dict[str, Any] | None:
-    """Wait for the next request of the live page, such as the button NEXT, and return it.
-
-    Parameters
-    ----------
-    link
-        Connection to the live page, the web page in which a person controls the trials.
-
-    Returns
-    -------
-    The request; None if the process that serves the live page has ended.
-    """
+    """Wait for the next request of the page; None if the process that serves it has ended."""
     while link.is_running:
         if request := link.wait_for_request(WAIT):
             return request
@@ -40,28 +30,11 @@ def next_request(link: LiveLink) -> dict[str, Any] | None:
 
 
 def run_from_page(link: LiveLink, settings: TrialSettings, runner: TrialRunner, once: bool) -> int:
-    """Run each trial that the live page requests, and return the exit code of the last trial.
+    """Run each trial that the page requests, and return the exit code of the last one.
 
-    The function returns after a trial that a signal such as Ctrl-C has ended, or when the process
-    that serves the live page has ended.
-
-    Parameters
-    ----------
-    link
-        Connection to the live page, the web page in which a person controls the trials.
-    settings
-        Settings of the first trial.
-    runner
-        Object that runs a trial and writes its outputs.
-    once
-        Whether to return after the first trial in which the drives were armed (permitted to move).
-
-    Raises
-    ------
-    SafetyStop
-        A fault stopped a trial, and `once` is True.
-    KeyboardInterrupt
-        A signal such as Ctrl-C arrived between two trials.
+    The function returns after a trial that a signal has ended, when the process that serves the
+    page has ended, or, with `once`, after the first trial in which the drives were armed.
+    SafetyStop is raised only with `once`; otherwise the page can start another trial.
     """
     from teleop.errors import SafetyStop
     from teleop.printable import print_error
@@ -86,22 +59,10 @@ def run_from_page(link: LiveLink, settings: TrialSettings, runner: TrialRunner, 
 
 
 def next_settings(link: LiveLink, settings: TrialSettings) -> TrialSettings | None:
-    """Wait for requests of the live page, and return the settings of the next trial.
+    """Wait until NEXT or REPEAT is pressed in the page, and return the settings to run.
 
-    The settings are returned when a person presses the button NEXT or REPEAT in the page. There is
-    one exception. If the last trial ended before a person had started it, and the person changes a
-    setting, the changed settings are returned at once.
-
-    Parameters
-    ----------
-    link
-        Connection to the live page, the web page in which a person controls the trials.
-    settings
-        Settings of the last trial.
-
-    Returns
-    -------
-    The settings; None if the process that serves the live page has ended.
+    If the last trial ended before a person had started it, a changed setting is returned at once,
+    so that the page shows the trial that START would run. None if the live process has ended.
     """
     waiting = link.trial is not None and not link.trial.armed
     why = f"{link.trial.ticks.events[-1]['text']}; " if link.trial and waiting else ""
@@ -120,16 +81,7 @@ def next_settings(link: LiveLink, settings: TrialSettings) -> TrialSettings | No
 
 
 def chosen(settings: TrialSettings, request: dict[str, Any]) -> TrialSettings:
-    """Return the settings of a trial, changed by a request of the live page (a web page).
-
-    Parameters
-    ----------
-    settings
-        Settings before the change.
-    request
-        The request. It contains the new values, which are already checked, for `condition`,
-        `specimen` and `duration` [s], or for some of them.
-    """
+    """The settings, changed by a request of the page, whose values are already checked."""
     changes: dict[str, Any] = {
         name: request[name] for name in ("condition", "duration") if name in request
     }
@@ -139,38 +91,16 @@ def chosen(settings: TrialSettings, request: dict[str, Any]) -> TrialSettings:
 
 
 class PageOfSeries:
-    """Asks a person in the live page, a web page, before and after each trial of a series.
-
-    Before a trial, the question is whether to run the trial. After a trial, the person can write a
-    note on the trial.
-
-    Parameters
-    ----------
-    link
-        Connection to the live page, the web page in which a person controls the trials.
-    count
-        Number of trials in the series.
-    """
+    """Asks a person in the live page before and after each of the `count` trials of a series."""
 
     def __init__(self, link: LiveLink, count: int) -> None:
         self._link = link
         self._count = count
 
     def ask(self, question: Question) -> tuple[Answer, str]:
-        """Ask the person in the live page whether to run a trial, and wait for the answer.
+        """Ask what to do with a trial; return the answer, and the notes written before it.
 
-        Parameters
-        ----------
-        question
-            The question, with the trial that is next.
-
-        Returns
-        -------
-        answer
-            "run"; "skip"; "repeat" to return to the previous trial; or "quit" if the process that
-            serves the live page has ended.
-        note
-            Notes that the person wrote before the answer; empty if there are none.
+        The answer is "quit" if the process that serves the page has ended.
         """
         from teleop.printable import print_error
 
@@ -194,10 +124,7 @@ class PageOfSeries:
         return "quit", "; ".join(notes)
 
     def ask_note(self, trial: PlannedTrial) -> str:
-        """Ask the person in the live page for a note on a trial that has ended, and return it.
-
-        The note is empty if the person presses the button NEXT instead.
-        """
+        """Ask for a note on a trial; empty if the person presses NEXT instead."""
         text = f"Note on trial {trial.number}, {trial.label}; NEXT for no note."
         self._link.ask(text, ("next", "notes"))
         request = next_request(self._link)

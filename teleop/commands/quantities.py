@@ -1,4 +1,4 @@
-"""Define option types for physical quantities. They convert a number with a unit to SI units."""
+"""Types of options for quantities: a number with a unit becomes a value in SI units."""
 
 from __future__ import annotations
 
@@ -12,36 +12,17 @@ if TYPE_CHECKING:
     from cyclopts import Token
 
 EXAMPLES = {"time": "5ms", "frequency": "20Hz", "position": "5mm", "angle": "30deg"}
-"""Example of a value of each kind of quantity, for error messages."""
 NOUNS = {"time": "time", "frequency": "frequency", "position": "length", "angle": "angle"}
-"""Word for each kind of quantity, for error messages."""
 
 
 def in_si(kind: str, unit: str = "") -> Callable[[Any, Sequence[Token]], float]:
-    """Return a function that converts the text of an option, such as 5mm, to a value in SI units.
+    """A converter of cyclopts for one kind of quantity.
 
-    Parameters
-    ----------
-    kind
-        Kind of the quantity: `time`, `frequency`, `position` or `angle`.
-    unit
-        Unit that is used for a number without a unit; empty if the text must state the unit.
+    `unit` is that of a number without a unit; without it, the text must state the unit.
     """
 
     def convert(_: Any, tokens: Sequence[Token]) -> float:
-        """Return the value of the option in SI units.
-
-        Parameters
-        ----------
-        tokens
-            Texts of the command line that belong to the option. Only the first text is used.
-
-        Raises
-        ------
-        InputError
-            The text is not a number with a unit of the quantity `kind` of `in_si`. A number without
-            a unit is valid only if the argument `unit` of `in_si` is given.
-        """
+        """The value of the option in SI units."""
         from teleop.errors import InputError
         from teleop.evaluation.formats.units import OPTION_UNITS, quantity
 

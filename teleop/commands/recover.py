@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
+from teleop.commands.options import Json, OutputFile
 
 
 def recover(
     file: Path,
     /,
     *,
-    out: Path | None = None,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    out: OutputFile = None,
+    json: Json = False,
 ) -> int:
     """Write the intact part of an incomplete recording to a new, complete file.
 
@@ -28,8 +27,6 @@ def recover(
     out
         File to write, which must not exist yet. Default: NAME-recovered.mcap, where NAME.mcap is
         the incomplete recording.
-    json
-        Print one JSON document instead of text.
     """
     from teleop.files import RECORDING, check_ending
     from teleop.output import console

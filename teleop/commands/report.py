@@ -4,29 +4,26 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from teleop.commands.overwriting import Overwrite
-from teleop.commands.quantities import Seconds
-from teleop.commands.recording import BY_NAME, ColumnOptions
-from teleop.names import CubeName, ModelName, PresetName
+from teleop.commands.column_options import BY_USUAL_NAMES, Columns
+from teleop.commands.estimation_options import (
+    AS_RECORDED,
+    FileEstimation,
+    file_settings,
+    true_values,
+)
+from teleop.commands.options import Json, OutputFile, Overwrite
 
 
 def report(
     file: Path,
     /,
     *,
-    out: Path | None = None,
-    columns: ColumnOptions = BY_NAME,
-    estimators: str | None = None,
-    model: ModelName | None = None,
-    preset: PresetName | None = None,
-    cube: CubeName | None = None,
-    force_lag: Seconds | None = None,
+    out: OutputFile = None,
+    columns: Columns = BY_USUAL_NAMES,
+    estimation: FileEstimation = AS_RECORDED,
     overwrite: Overwrite = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    json: Json = False,
 ) -> int:
     """Write the results and figures of a recording to one HTML page that can be read offline.
 
@@ -45,56 +42,28 @@ def report(
         .parquet, .tdms, .xlsx, a ROS bag or .mcap.
     out
         HTML file to write. Default: the name of the recording with the ending .html.
-    columns
-        Columns to read, and the zeros of position and force.
-    estimators
-        Names of estimators, such as rls,kalman, or all. Default: the estimators of the run for a
-        recording, and rls,ai,me for a file of another program.
-    model
-        Model of the environment, for the estimators that support several models.
-    preset
-        Settings of the estimators: scaled from the data (scaled), or the paper's (paper).
-        Default: the settings of the run for a recording, and scaled for a file of another program.
-    cube
-        Cube of the paper whose adaptation gain is used. Only with the paper's settings. Default:
-        the cube of the run for a recording, and soft for other files.
-    force_lag
-        Lag of the force channel [s], which is compensated.
-    json
-        Print one JSON document with the results instead of the name of the page.
     """
-    from teleop.commands.choices import choose_estimators, choose_model
-    from teleop.commands.estimate import chosen
-    from teleop.commands.figures import truth_of
     from teleop.evaluation.evaluate import KEPT, evaluate
-    from teleop.evaluation.online.conditioned import FEWEST
+    from teleop.evaluation.online.thresholds import FEWEST_SAMPLES
     from teleop.evaluation.reading.samples import is_reported
     from teleop.evaluation.settings import settings_summary
     from teleop.files import check_ending, check_outputs, write_text
     from teleop.output import console
     from teleop.output.report_page import report_page
-    from teleop.trial.performed import recorded_motion
-    from teleop.trial.tracked import recorded_tracking
+    from teleop.trial.recorded_trial import recorded_motion, recorded_tracking
 
     page = out or file.with_suffix(".html")
     check_ending(page, ".html")
     check_outputs(page, sources=(file,), overwrite=overwrite)
-    given = {
-        "preset": preset,
-        "cube": cube,
-        "force_lag": force_lag,
-        "estimators": None if estimators is None else choose_estimators(estimators),
-        "model": choose_model(model) if model else None,
-    }
     samples, recording = columns.read(file, is_reported)
     evaluation = summary = None
-    settings = chosen(recording, columns.datum, given)
-    few = settings.averaged.contains(samples.signals.t).sum() < FEWEST
+    settings = file_settings(recording, estimation.changes(columns.datum))
+    few = settings.averaged.contains(samples.signals.t).sum() < FEWEST_SAMPLES
     if not (recording and recording.fault and few):
         evaluation = evaluate(samples, settings, KEPT)
         summary = {**settings_summary(settings), **evaluation.summary()}
     link = os.path.relpath(file.resolve(), page.resolve().parent)
-    truth = truth_of(recording)
+    truth = true_values(recording) if recording else None
     found = recorded_tracking(recording) if recording else None
     tracking = found and found._asdict()
     motion = recorded_motion(recording) if recording else None

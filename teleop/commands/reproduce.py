@@ -6,20 +6,18 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter
-
-from teleop.commands.overwriting import Overwrite
+from teleop.commands.options import IN_OUTPUT, Json, Overwrite
 from teleop.names import ModelName
 
 
 def reproduce(
     *,
-    out: Path = Path("reproduction"),
+    out: Annotated[Path, IN_OUTPUT] = Path("reproduction"),
     seeds: int = 1,
     estimators: str | None = None,
     model: ModelName = "kelvin-voigt",
     overwrite: Overwrite = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    json: Json = False,
 ) -> int:
     """Reproduce the paper's Table I and Figures 3 to 5 on the simulated rig.
 
@@ -41,13 +39,11 @@ def reproduce(
         Further estimators to compare on the same trials: names such as kalman,rls_sift, or all.
     model
         Model of the environment, for the further estimators that support several models.
-    json
-        Print one JSON document instead of tables.
     """
     from rich.console import Console
     from rich.progress import Progress
 
-    from teleop.commands.choices import choose_estimators, choose_model
+    from teleop.commands.estimation_options import chosen_estimators, chosen_model
     from teleop.errors import InputError
     from teleop.output import console
     from teleop.output.console import print_table
@@ -57,10 +53,10 @@ def reproduce(
     from teleop.studies.paper.reproduction import reproduce as run
     from teleop.studies.paper.tables import print_reproduction
 
-    names = () if estimators is None else choose_estimators(estimators)
+    names = () if estimators is None else chosen_estimators(estimators)
     if model != "kelvin-voigt" and not names:
         raise InputError(f"model {model}: expected --estimators, which it applies to")
-    methods = Methods(names, choose_model(model))
+    methods = Methods(names, chosen_model(model))
     check_folder(out, overwrite)
     with Progress(
         console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
+from teleop.commands.options import Json
 from teleop.commands.quantities import Seconds
 
 
@@ -16,9 +14,9 @@ def check(
     /,
     *,
     seconds: Seconds = 3.0,
-    move: Annotated[bool, Parameter(negative="")] = False,
-    yes: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    move: bool = False,
+    yes: bool = False,
+    json: Json = False,
 ) -> int:
     """Connect to a rig, show every channel live, and test the watchdogs of its drives.
 
@@ -42,8 +40,6 @@ def check(
         arm the drives first.
     yes
         Arm the drives for --move without asking, for scripts.
-    json
-        Print one JSON document instead of a table.
     """
     from drivers import NotStoppedError
     from drivers.wired_rig import WiredRig

@@ -2,42 +2,45 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import Parameter
-
-from teleop.commands.overwriting import Overwrite
+from teleop.commands.options import IN_OUTPUT, Json, Overwrite
 from teleop.commands.quantities import Hertz, Length
 from teleop.names import CubeName, PalpationName, RealtimeName
+
+if TYPE_CHECKING:
+    from sim_backend.wire.mechanism import Mechanism
+    from teleop.rig.emulation import Palpation
 
 REALTIME_STEPS = ("SCHED_FIFO", "no garbage collection")
 """Real-time settings of the emulator. The emulator does not reserve a processor for itself, because
 the control loop may need it."""
 WRITER = "teleop rig emulate"
-"""Name of this command, which is written to the first line of the rig file."""
+"""Name of this command in the first line of the rig file that it writes."""
 
 
 def emulate(
     file: Path,
     /,
     *,
-    out: Path = Path("run.toml"),
+    out: Annotated[Path, IN_OUTPUT] = Path("run.toml"),
     cube: CubeName = "soft",
     condition: PalpationName = "any",
     depth: Length | None = None,
     frequency: Hertz | None = None,
     seed: int = 0,
-    fault: Annotated[tuple[str, ...], Parameter(negative="")] = (),
+    fault: tuple[str, ...] = (),
     overwrite: Overwrite = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    json: Json = False,
 ) -> int:
     """Emulate the devices of a rig, connected to the simulated plant, until stopped.
 
     Pseudo-terminals replace the serial ports and slcan adapters. If the rig uses a SocketCAN bus,
-    this bus must exist. The command prints a `teleop run` command, which you enter in another
-    terminal. A little more than one second after the drives are disabled, the simulated plant
-    returns to its initial state.
+    this bus must exist. When the devices are ready, the command prints a `teleop run` command,
+    which you enter in another terminal. A little more than one second after the drives are
+    disabled, the simulated plant returns to its initial state.
 
     The simulated operator presses to the depth that is given to this command, not to the depth that
     is given to `teleop run`. To change the operator, the cube or the depth between two trials, type
@@ -73,8 +76,6 @@ def emulate(
         enabling of the drives and the fault. The option may be repeated. Kinds: drop, double,
         reorder, delay, truncate, corrupt, length, burst, noise, baud, silence, error-frames,
         bus-off, unplug, replug; and reset, with the name of a device instead of a bus.
-    json
-        Print one JSON document instead of text when the emulator is ready.
     """
     import os
     import shutil
@@ -82,16 +83,12 @@ def emulate(
 
     from sim_backend import AttentiveOperator, MimickedSine
     from sim_backend.wire.emulator import host_file, host_ports
-    from sim_backend.wire.mechanism import PUT_BACK
-    from teleop.commands.choices import make_signal
-    from teleop.errors import InputError
+    from teleop.commands.trial_options import make_signal
     from teleop.files import check_outputs, write_text
     from teleop.interruption import stop_signals
     from teleop.output import console, rig_tables
-    from teleop.printable import print_error
     from teleop.rig.emulation import (
         Palpation,
-        TypedLines,
         is_unchanged,
         make_emulator,
         opened,
@@ -116,26 +113,6 @@ def emulate(
         count_in=COUNT_IN,
     )
     palpated = Palpation(settings, AttentiveOperator if condition == "any" else MimickedSine)
-    typed, early = TypedLines(), 0
-
-    def change() -> None:
-        nonlocal palpated, early
-        if emulator.mechanism.early > early:
-            early = emulator.mechanism.early
-            print_error(
-                "the drives were enabled before the simulated plant returned to its initial "
-                f"state: expected {PUT_BACK:g} s between two trials (in a plan, rest_s = 2)"
-            )
-        for line in typed.read():
-            try:
-                palpated = palpated.changed(line)
-            except InputError as error:
-                print_error(str(error))
-                continue
-            when = "after this trial" if emulator.mechanism.driven else "now"
-            emulator.mechanism.exchange(palpated.rig)
-            print_error(f"{when}: {palpated.text}")
-
     urgency: RealtimeName = "try" if (os.cpu_count() or 1) > 1 else "off"
     folder = Path(tempfile.mkdtemp(prefix="teleop-"))
     try:
@@ -158,7 +135,37 @@ def emulate(
                 }
                 rig_tables.print_emulation(rig.sections.name, ports, out, palpation)
             real_time.start()
-            emulator.serve(stopped, change)
+            emulator.serve(stopped, changes_of(palpated, emulator.mechanism))
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     return 0
+
+
+def changes_of(palpated: Palpation, mechanism: Mechanism) -> Callable[[], None]:
+    """A function that reads typed lines and changes the operator, the cube or the depth."""
+    from sim_backend.wire.mechanism import PUT_BACK
+    from teleop.errors import InputError
+    from teleop.printable import print_error
+    from teleop.rig.emulation import TypedLines
+
+    typed, early = TypedLines(), 0
+
+    def change() -> None:
+        nonlocal palpated, early
+        if mechanism.early > early:
+            early = mechanism.early
+            print_error(
+                "the drives were enabled before the simulated plant returned to its initial "
+                f"state: expected {PUT_BACK:g} s between two trials (in a plan, rest_s = 2)"
+            )
+        for line in typed.read():
+            try:
+                palpated = palpated.changed(line)
+            except InputError as error:
+                print_error(str(error))
+                continue
+            when = "after this trial" if mechanism.driven else "now"
+            mechanism.exchange(palpated.rig)
+            print_error(f"{when}: {palpated.text}")
+
+    return change

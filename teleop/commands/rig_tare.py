@@ -4,24 +4,27 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import Parameter
-
-from teleop.commands.overwriting import Overwrite
+from teleop.commands.options import IN_OUTPUT, Json, Overwrite
 from teleop.names import CubeName
+
+if TYPE_CHECKING:
+    from drivers.rig_file import RigFile
+    from sim_backend import Sensors
+    from teleop.rig.zeroing import ForceZero
 
 
 def tare(
     *,
     rig: Path | None = None,
-    out: Path = Path("tare.json"),
+    out: Annotated[Path, IN_OUTPUT] = Path("tare.json"),
     contact: str = "keep",
-    yes: Annotated[bool, Parameter(negative="")] = False,
+    yes: bool = False,
     cube: CubeName = "soft",
     seed: int = 0,
     overwrite: Overwrite = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    json: Json = False,
 ) -> int:
     """Measure the zero offsets of force and position, and store them with the date.
 
@@ -51,13 +54,8 @@ def tare(
         Cube on the simulated rig.
     seed
         Seed of the noise of the simulated sensors.
-    json
-        Print one JSON document instead of text.
     """
-    from drivers import Rig
-    from drivers.wired_rig import WiredRig
     from sim_backend import Sensors
-    from teleop.control.clock import Clock, RealClock, VirtualClock
     from teleop.control.tare import FARTHEST, write_tare
     from teleop.errors import InputError
     from teleop.evaluation.formats.units import quantity
@@ -65,12 +63,12 @@ def tare(
     from teleop.output import console
     from teleop.output.rig_tables import print_tare
     from teleop.printable import print_error
-    from teleop.rig.touching import arming_text, dated_tare, rig_away_from_cube, touch
-    from teleop.rig.zeroing import ForceZero, confirmed_zero, force_zero
+    from teleop.rig.touching import arming_text, dated_tare, touch
+    from teleop.rig.zeroing import confirmed_zero
     from teleop.safety import Limits
     from teleop.safety.rig_limits import rig_limits
     from teleop.settings.rig_loading import load_rig_file
-    from teleop.trial.arming import answer, check_person, is_armed
+    from teleop.trial.arming import is_armed
 
     given = 0.0 if contact in ("keep", "touch") else quantity(contact, "position")
     if given is None or not abs(given) <= FARTHEST:
@@ -82,28 +80,12 @@ def tare(
     if rig_file and touches and not is_armed(rig_file, arming_text(rig_file), yes):
         return 130
 
-    def measure() -> ForceZero:
-        clock: Clock
-        if rig_file:
-            clock = RealClock(rig_file.sections.rate_hz)
-            opened: Rig = WiredRig(rig_file, clock.now)
-        else:
-            clock = VirtualClock(1000.0)
-            opened = rig_away_from_cube(cube, clock.now, sensors, seed)
-        with opened:
-            return force_zero(opened, clock)
-
-    def confirm(reading: str) -> bool:
-        if yes or not rig_file:
-            print_error(f"{reading}: accepted without a question")
-            return True
-        check_person(rig_file, f"confirm that no sensor is loaded ({reading})")
-        text = f"{rig_file.sections.name}: {reading}. Check that nothing touches tip and handle."
-        choice = "Enter measures again, any other answer ends."
-        return answer(f"{console.wrapped(text, console.terminal_width())}\n{choice}") == ""
-
     limits = rig_limits(rig_file.sections) if rig_file else Limits()
-    zero = confirmed_zero(measure, limits, confirm)
+    zero = confirmed_zero(
+        lambda: measured(rig_file, cube, sensors, seed),
+        limits,
+        lambda reading: is_unloaded(rig_file, reading, yes),
+    )
     if zero is None:
         print_error("no zero offsets were stored")
         return 130
@@ -117,3 +99,37 @@ def tare(
     else:
         print_tare(found, zero.master_noise, zero.contact_noise, out, rig)
     return 0
+
+
+def measured(rig_file: RigFile | None, cube: CubeName, sensors: Sensors, seed: int) -> ForceZero:
+    """The zero offsets of the hardware rig, or of the simulated rig without a rig file."""
+    from drivers import Rig
+    from drivers.wired_rig import WiredRig
+    from teleop.control.clock import Clock, RealClock, VirtualClock
+    from teleop.rig.touching import rig_away_from_cube
+    from teleop.rig.zeroing import force_zero
+
+    clock: Clock
+    if rig_file:
+        clock = RealClock(rig_file.sections.rate_hz)
+        opened: Rig = WiredRig(rig_file, clock.now)
+    else:
+        clock = VirtualClock(1000.0)
+        opened = rig_away_from_cube(cube, clock.now, sensors, seed)
+    with opened:
+        return force_zero(opened, clock)
+
+
+def is_unloaded(rig_file: RigFile | None, reading: str, yes: bool) -> bool:
+    """Ask a person whether nothing loads the sensors, although there is this large reading."""
+    from teleop.output.console import terminal_width, wrapped
+    from teleop.printable import print_error
+    from teleop.trial.arming import answer, check_person
+
+    if yes or not rig_file:
+        print_error(f"{reading}: accepted without a question")
+        return True
+    check_person(rig_file, f"confirm that no sensor is loaded ({reading})")
+    text = f"{rig_file.sections.name}: {reading}. Check that nothing touches tip and handle."
+    choice = "Enter measures again, any other answer ends."
+    return answer(f"{wrapped(text, terminal_width())}\n{choice}") == ""

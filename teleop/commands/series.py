@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from teleop.commands.live_options import NOT_LIVE, Live
+from teleop.commands.live_options import NOT_LIVE, Live, LiveOptions
+from teleop.commands.options import Json, OutputFile
 from teleop.names import RealtimeName
 
 if TYPE_CHECKING:
     from teleop.settings.trial_settings import TrialSettings
+    from teleop.studies.series.plan import Plan
     from teleop.studies.series.question import Answer, Question
     from teleop.studies.series.trials import PlannedTrial
     from teleop.trial.live_link import LiveLink
@@ -28,11 +31,11 @@ def series(
     *,
     rig: Path | None = None,
     tare: Path | None = None,
-    out: Path | None = None,
-    ask: bool | None = None,
-    yes: Annotated[bool, Parameter(negative="")] = False,
-    dry_run: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    out: OutputFile = None,
+    ask: Annotated[bool | None, Parameter(negative="--no-ask")] = None,
+    yes: bool = False,
+    dry_run: bool = False,
+    json: Json = False,
     live: Live = NOT_LIVE,
 ) -> int:
     """Run the trials of a plan in random or balanced order, and write a table of the results.
@@ -64,13 +67,9 @@ def series(
         Arm the drives of a hardware rig without asking.
     dry_run
         Print the order of the trials, and run none.
-    json
-        Print one JSON document instead of lines.
     """
     from teleop.commands.live_trials import PageOfSeries
-    from teleop.commands.series_end import print_end, resuming_command
     from teleop.errors import InputError
-    from teleop.output.console import plain_console, print_json, print_table
     from teleop.printable import discard_output
     from teleop.studies.series.conduct import (
         conduct,
@@ -90,16 +89,8 @@ def series(
         )
     read, trials = read_series(plan, rig, tare)
     folder = out or Path(f"series-{read.name}")
-    if dry_run and json:
-        print_json({"trials": [{**trial.levels, "number": trial.number} for trial in trials]})
-        return 0
     if dry_run:
-        headings = ["trial", *read.factors, "repetition"]
-        rows = [
-            [str(trial.number), *trial.levels.values(), str(trial.repetition)] for trial in trials
-        ]
-        title = f"{read.name}, {read.order} order"
-        print_table(plain_console(), title, headings, rows, left=1 + len(read.factors))
+        print_order(read, trials, json)
         return 0
     all_settings = [trial.settings for trial in trials]
     live = live.requested(all_settings)
@@ -118,8 +109,7 @@ def series(
                 page, asks = PageOfSeries(link, len(trials)), False
                 before, after = page.ask, page.ask_note
             runner = SeriesRunner(link, explained=asks)
-            is_ended = runner.is_ended
-            conduct(folder, read, trials, before, after, runner.run, report, is_ended)
+            conduct(folder, read, trials, before, after, runner.run, report, lambda: runner.ended)
     except KeyboardInterrupt:
         try:
             print(file=sys.stderr)  # the terminal has written ^C
@@ -131,8 +121,21 @@ def series(
     return 0
 
 
+def print_order(plan: Plan, trials: Sequence[PlannedTrial], json: bool) -> None:
+    """Print the trials of a plan in their order."""
+    from teleop.output.console import plain_console, print_json, print_table
+
+    if json:
+        print_json({"trials": [{**trial.levels, "number": trial.number} for trial in trials]})
+        return
+    headings = ["trial", *plan.factors, "repetition"]
+    rows = [[str(trial.number), *trial.levels.values(), str(trial.repetition)] for trial in trials]
+    title = f"{plan.name}, {plan.order} order"
+    print_table(plain_console(), title, headings, rows, left=1 + len(plan.factors))
+
+
 def report(text: str) -> None:
-    """Print one line of progress. Nothing is printed if the terminal was closed."""
+    """Print one line of progress, or nothing if the terminal was closed."""
     from teleop.printable import print_error
 
     with contextlib.suppress(OSError):
@@ -141,27 +144,18 @@ def report(text: str) -> None:
 
 @dataclass
 class SeriesRunner:
-    """Runs and records the trials of a series.
-
-    A progress line is shown in the terminal, and Enter or Space in the terminal stops the drives.
-    """
+    """Runs and records the trials of a series, with a progress line and a stop key."""
 
     link: LiveLink | None = None
-    """Connection to the live page in a browser; None for no live page."""
     explained: bool = False
-    """Whether the instructions for stopping a hardware rig are shown to a person before a trial."""
+    """Whether the instructions for stopping a hardware rig are shown before a trial."""
     ended: bool = False
     """Whether the series must end, because of a signal during the latest trial."""
-
-    def is_ended(self) -> bool:
-        """Return the attribute `ended`."""
-        return self.ended
 
     def run(self, settings: TrialSettings, path: Path) -> Trial:
         """Run a trial, and record it to the file `path`.
 
-        After the trial, the series must end if the terminal was closed, or after a signal other
-        than Ctrl-C. Ctrl-C ends the trial only, unless the drives were not armed in this trial.
+        Ctrl-C ends the trial only, unless the drives were not armed in this trial.
         """
         from teleop.trial.run import run_trial
         from teleop.trial.stop_switch import StopSwitch
@@ -184,31 +178,14 @@ class SeriesRunner:
 
 
 def person(question: Question, yes: bool = False) -> tuple[Answer, str]:
-    """Ask a person whether to run or skip a trial, to return to the previous trial, or to quit.
+    """Ask at the terminal what to do with a trial; return the answer, and a note typed after it.
 
-    Parameters
-    ----------
-    question
-        The trial and the texts of the question.
-    yes
-        Whether the drives of a hardware rig are armed even if nobody can answer at the terminal.
-
-    Returns
-    -------
-    answer
-        "run", "skip", "repeat" (return to the previous trial) or "quit". If the input is closed,
-        the answer is "quit".
-    note
-        Text that the person typed after the letter of the answer; empty if there is none.
-
-    Raises
-    ------
-    InputError
-        The answer "run" would arm a hardware rig, but nobody can answer, see `check_person`.
+    The answer is "quit" if the input is closed. If nobody can answer, and `yes` does not permit to
+    arm the drives of a hardware rig, InputError is raised.
     """
-    answers: dict[str, Answer] = {"": "run", "s": "skip", "r": "repeat", "q": "quit"}
     from teleop.trial.arming import answer, arming_text, check_person
 
+    answers: dict[str, Answer] = {"": "run", "s": "skip", "r": "repeat", "q": "quit"}
     settings, previous = question.trial.settings, question.previous
     armed = f"\n{arming_text(settings)}" if settings.rig else ""
     returns = f"r returns to trial {previous.number}, " if previous else ""
@@ -227,11 +204,50 @@ def person(question: Question, yes: bool = False) -> tuple[Answer, str]:
 
 
 def note_of_person(trial: PlannedTrial) -> str:
-    """Ask a person for a note on a trial, and return it.
-
-    The note is empty if the person types nothing, or if the input is closed.
-    """
+    """Ask at the terminal for a note on a trial; empty if there is none."""
     from teleop.trial.arming import answer
 
     line = answer(f"Note on trial {trial.number}, {trial.label}; Enter for no note.")
     return (line or "").strip()
+
+
+def resuming_command(plan: Path, options: Mapping[str, Any], live: LiveOptions) -> list[str]:
+    """The words of the command with the options that were given (neither None nor False)."""
+    defaults = asdict(NOT_LIVE)
+    changed = {name: value for name, value in asdict(live).items() if value != defaults[name]}
+    words = ["teleop", "series", str(plan)]
+    for name, value in {**options, **changed}.items():
+        if value is not None and value is not False:
+            words.append(f"--{name.replace('_', '-')}")
+            words += [] if value is True else [str(value)]
+    return words
+
+
+def print_end(
+    folder: Path, trials: Sequence[PlannedTrial], resume: Sequence[str], json: bool
+) -> None:
+    """Print how many trials are done, skipped and pending, and the commands to type next.
+
+    Nothing is printed if the series has not begun.
+    """
+    from teleop.output.console import plain_console, print_json
+    from teleop.output.next_command import print_command
+    from teleop.studies.series.conduct import counts
+    from teleop.studies.series.journal import NAME, Journal
+
+    if not (folder / NAME).is_file():
+        return
+    summary = {"folder": str(folder), **counts(Journal(folder), trials)}
+    if json:
+        print_json(summary)
+        return
+    plain_console().print(
+        f"{folder}: {summary['done']} of {len(trials)} trials done, {summary['skipped']} "
+        f"skipped, {summary['pending']} pending"
+    )
+    if summary["pending"]:
+        print_command("resume with", resume)
+    if summary["done"]:
+        table, figure = str(folder / "table.tex"), str(folder / "figure.pdf")
+        command = ["teleop", "compare", str(folder), "--out", table, "--plot", figure]
+        print_command("table and figure", command)

@@ -4,29 +4,31 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
-from cyclopts import Parameter
+from teleop.commands.options import Json, OutputFile, Overwrite, Width
 
-from teleop.commands.overwriting import Overwrite
-from teleop.names import WidthName
+if TYPE_CHECKING:
+    from teleop.studies.sweep.conduct import Progress
+    from teleop.studies.sweep.executors import Execute
+    from teleop.studies.sweep.plan import SweepPlan
 
 
 def sweep(
     plan: Path,
     /,
     *,
-    out: Path | None = None,
+    out: OutputFile = None,
     seeds: int | None = None,
     workers: int | None = None,
     dask: str | None = None,
-    plot: Path | None = None,
-    plot_map: Path | None = None,
+    plot: OutputFile = None,
+    plot_map: OutputFile = None,
     map_factors: str | None = None,
     response: Literal["k", "b", "k_end", "b_end", "e_f", "one_step_rms", "rise_time_s"] = "k",
-    width: WidthName = "screen",
+    width: Width = "screen",
     overwrite: Overwrite = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    json: Json = False,
 ) -> int:
     """Run trials with many settings and seeds, in parallel, and write one table of the results.
 
@@ -63,31 +65,17 @@ def sweep(
         Result that the figures show: average stiffness (k) or damping (b), stiffness or damping at
         the end (k_end, b_end), force error (e_f), one-step force error (one_step_rms), or rise
         time (rise_time_s).
-    width
-        Width of the figures: for a screen (screen), one column (single) or two columns (double) of
-        an IEEE paper, or an A4 page (a4).
-    json
-        Print one JSON document instead of lines.
     """
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-    from rich.progress import TimeRemainingColumn as Remaining
-
     from teleop.errors import InputError
     from teleop.files import check_outputs
-    from teleop.output.console import plain_console, print_json
     from teleop.printable import print_error
-    from teleop.studies.sweep.conduct import conduct
     from teleop.studies.sweep.executors import in_processes
     from teleop.studies.sweep.plan import read_plan
-    from teleop.studies.sweep.points import points_of
-    from teleop.studies.sweep.tables import CSV, PARQUET
-    from teleop.studies.sweep.tasks import task_of
+    from teleop.studies.sweep.tables import CSV
 
-    if workers is not None and workers < 1:
-        raise InputError(f"workers {workers}: expected at least 1")
-    if seeds is not None and seeds < 1:
-        raise InputError(f"seeds {seeds}: expected at least 1")
+    for name, count in (("workers", workers), ("seeds", seeds)):
+        if count is not None and count < 1:
+            raise InputError(f"{name} {count}: expected at least 1")
     read = read_plan(plan, seeds)
     axes = [name.strip() for name in map_factors.split(",")] if map_factors else [*read.factors][:2]
     if plot_map and (len(axes) != 2 or not set(axes) <= set(read.factors)):
@@ -102,42 +90,8 @@ def sweep(
         execute = on_dask(dask, workers)
     else:
         execute = in_processes(workers)
-    task, points = task_of(read, plan.parent), points_of(read)
-    columns = (TextColumn("points"), BarColumn(), MofNCompleteColumn(), Remaining())
-    shown = Console(stderr=True)
-    with Progress(*columns, console=shown, transient=True, disable=not sys.stderr.isatty()) as bar:
-        line = bar.add_task("points", total=len(points))
-        ended = conduct(
-            folder,
-            read,
-            task,
-            points,
-            execute,
-            lambda progress: bar.update(line, completed=progress.done),
-        )
-    files = [str(folder / CSV), *([str(folder / PARQUET)] if ended.parquet else [])]
-    if json:
-        print_json(
-            {
-                "folder": str(folder),
-                "points": ended.total,
-                "stopped": ended.stopped,
-                "failed": ended.failed,
-                "resumed": ended.resumed,
-                "files": files,
-            }
-        )
-    else:
-        text = f"{ended.total} points"
-        if ended.resumed:
-            text += f", {ended.resumed} of them from an earlier run"
-        if ended.stopped:
-            text += f", {ended.stopped} stopped for safety: see the column error"
-        plain_console().print(f"{text}\n{' '.join(files)}", soft_wrap=True)
-        if not ended.parquet:
-            shown.print(
-                f"{PARQUET} needs pyarrow: pip install '.[sweep]'", soft_wrap=True, markup=False
-            )
+    ended = conducted(folder, read, plan.parent, execute)
+    print_end(folder, ended, json)
     if plot or plot_map:
         from estimation.figure_style import figure_style
         from teleop.output.figure_files import save
@@ -156,3 +110,64 @@ def sweep(
             f"{folder / CSV}; to run them again, enter the same command again"
         )
     return 1 if ended.failed else 0
+
+
+def conducted(folder: Path, plan: SweepPlan, plan_folder: Path, execute: Execute) -> Progress:
+    """Run the points of a plan with a progress bar; its paths are relative to `plan_folder`."""
+    import rich.progress as bars
+    from rich.console import Console
+
+    from teleop.studies.sweep.conduct import conduct
+    from teleop.studies.sweep.points import points_of
+    from teleop.studies.sweep.tasks import task_of
+
+    task, points = task_of(plan, plan_folder), points_of(plan)
+    columns = (
+        bars.TextColumn("points"),
+        bars.BarColumn(),
+        bars.MofNCompleteColumn(),
+        bars.TimeRemainingColumn(),
+    )
+    shown, hidden = Console(stderr=True), not sys.stderr.isatty()
+    with bars.Progress(*columns, console=shown, transient=True, disable=hidden) as bar:
+        line = bar.add_task("points", total=len(points))
+        return conduct(
+            folder,
+            plan,
+            task,
+            points,
+            execute,
+            lambda progress: bar.update(line, completed=progress.done),
+        )
+
+
+def print_end(folder: Path, ended: Progress, json: bool) -> None:
+    """Print how many points were run, and the files of the results."""
+    from rich.console import Console
+
+    from teleop.output.console import plain_console, print_json
+    from teleop.studies.sweep.tables import CSV, PARQUET
+
+    files = [str(folder / CSV), *([str(folder / PARQUET)] if ended.parquet else [])]
+    if json:
+        print_json(
+            {
+                "folder": str(folder),
+                "points": ended.total,
+                "stopped": ended.stopped,
+                "failed": ended.failed,
+                "resumed": ended.resumed,
+                "files": files,
+            }
+        )
+        return
+    text = f"{ended.total} points"
+    if ended.resumed:
+        text += f", {ended.resumed} of them from an earlier run"
+    if ended.stopped:
+        text += f", {ended.stopped} stopped for safety: see the column error"
+    plain_console().print(f"{text}\n{' '.join(files)}", soft_wrap=True)
+    if not ended.parquet:
+        Console(stderr=True).print(
+            f"{PARQUET} needs pyarrow: pip install '.[sweep]'", soft_wrap=True, markup=False
+        )

@@ -69,14 +69,7 @@ class AdmittanceParameters:
             raise ValueError(f"centring stiffness must be >= 0, got {self.stiffness}")
 
     def force(self, position: float, velocity: float, acceleration: float) -> float:
-        """Return the force [N] with which the virtual mass performs a given motion.
-
-        Parameters
-        ----------
-        position, velocity, acceleration
-            Position relative to the centre of the virtual spring [m], velocity [m/s] and
-            acceleration [m/s^2] of the virtual mass.
-        """
+        """Return the force [N] with which the virtual mass performs a given motion."""
         return self.mass * acceleration + self.damping * velocity + self.stiffness * position
 
 
@@ -142,21 +135,8 @@ class Admittance:
         The linearisation generates energy. When x increases, the linearised force is smaller than
         k3 x^3, so that the hand does less work than the energy that the cubic term stores. The
         missing work is about k3 X (v dt)^2 per metre of travel. The damping d dissipates the energy
-        d v per metre. This is more than the missing work if v < d / (k3 X dt^2).
-
-        Parameters
-        ----------
-        force
-            Constant force on the virtual mass, without the force of the body [N].
-        environment
-            The body. If it is not glued and X < 0, it has no effect.
-        dt
-            Duration of the step [s].
-
-        Returns
-        -------
-        velocity
-            Velocity of the virtual mass at the end of the step [m/s].
+        d v per metre. This is more than the missing work if v < d / (k3 X dt^2). A body that is not
+        glued has no effect if X < 0.
         """
         d, c, x = self._damping, self._stiffness, self.position
         k, k3, b, glued = environment
@@ -186,23 +166,9 @@ class Admittance:
             even = e^(-s dt) cosh(g dt)
             odd = e^(-s dt) sinh(g dt) / g
 
-        A is the matrix of the state equation, and I is the identity matrix. s is d / (2 m), and
-        g^2 is s^2 - c / m. If g^2 is negative, g is sqrt(-g^2), and cosh and sinh are replaced by
-        cos and sin.
-
-        Parameters
-        ----------
-        rest
-            Position at which the force c (x - rest) is zero [m].
-        d, c
-            Damping [N s/m] and stiffness [N/m].
-        dt
-            Duration of the step [s].
-
-        Returns
-        -------
-        velocity
-            Velocity v at the end of the step [m/s].
+        A is the matrix of the state equation, and I is the identity matrix. s is d / (2 m), and g^2
+        is s^2 - c / m. If g^2 is negative, g is sqrt(-g^2), and cosh and sinh are replaced by cos
+        and sin.
         """
         m = self._mass
         s = 0.5 * d / m
@@ -228,13 +194,6 @@ class Admittance:
         This method is called if a safety limit has reduced the velocity that `step` returned. The
         velocity is set to the given value, and the position is changed by the difference between
         the new and the old velocity times dt.
-
-        Parameters
-        ----------
-        velocity
-            Velocity with which the drive of the master really moves [m/s].
-        dt
-            Duration of the last step [s].
         """
         self.position += (velocity - self.velocity) * dt
         self.velocity = velocity

@@ -50,19 +50,7 @@ class Alignment:
         A force sample that is newer than the newest position sample is not used before the next
         position sample, because the position can only be interpolated between two samples.
 
-        Parameters
-        ----------
-        measurement
-            Measurement of this tick.
-        dt
-            Time since the previous tick [s]. It becomes `Pair.dt` of the first pair, because this
-            pair has no previous pair.
-
-        Returns
-        -------
-        pair
-            Position and force at the time of a force sample; None if there is no new force sample,
-            or if its position is not known yet.
+        The `dt` of the first pair is that of the tick, because there is no previous pair.
         """
         now, age = measurement.time, measurement.age
         positions, forces = self._positions, self._forces
@@ -86,11 +74,6 @@ class Alignment:
 
         The position is interpolated between two stored position samples. If the force sample is
         older than all of them, the oldest stored position is returned.
-
-        Parameters
-        ----------
-        sampled
-            Time of the force sample [s]. It is not later than the newest position sample.
         """
         after, later = self._positions[-1]
         if after <= sampled + SAME_TIME:

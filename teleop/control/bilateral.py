@@ -14,7 +14,7 @@ from drivers import Command, Measurement, new_tuple
 from teleop.control.admittance import Admittance
 from teleop.control.channel import ChannelSettings, Direction
 from teleop.control.coupling import Coupling
-from teleop.control.feedback.law import Master, Motion, Report, Slave
+from teleop.control.feedback.law import MasterHalf, MasterMotion, Report, SlaveHalf
 from teleop.control.feedback.oscillation import MOST_SHARE, SLOWEST, Oscillation
 from teleop.control.feedback.port_energy import PortEnergy
 from teleop.control.link import Link
@@ -46,30 +46,17 @@ NO_VALUES = LinkValues(*[math.nan] * len(LinkValues._fields))
 class BilateralLink(Link):
     """Link between master and slave with a communication channel and a force-feedback law.
 
-    Parameters
-    ----------
-    admittance
-        Virtual mass of the master.
-    coupling
-        Relation between the motion of the master and the motion of the slave. It is used here only
-        to compute the initial position of the virtual mass.
-    master, slave
-        The two halves of the force-feedback law, at the master and at the slave.
-    channel
-        Settings of the communication channel.
-    seed
-        Seed of the random numbers that determine the jitter and the lost packets.
-    closed
-        Whether the law displays a force to the hand, so that the loop through the hand is closed.
-        If True, a sustained oscillation of the hand is reported as a fault.
+    The coupling is used here only to compute the initial position of the virtual mass. `closed`
+    states whether the law displays a force to the hand: only then can the loop through the hand
+    oscillate, which is observed.
     """
 
     def __init__(
         self,
         admittance: Admittance,
         coupling: Coupling,
-        master: Master,
-        slave: Slave,
+        master: MasterHalf,
+        slave: SlaveHalf,
         channel: ChannelSettings,
         seed: int = 0,
         closed: bool = True,
@@ -79,7 +66,7 @@ class BilateralLink(Link):
         self._master, self._slave = master, slave
         self._max_silence = channel.max_silence
         self.reports = Direction(channel, f"reports {seed}", Report())
-        self.motions = Direction(channel, f"motions {seed}", Motion(0.0))
+        self.motions = Direction(channel, f"motions {seed}", MasterMotion(0.0))
         self._energy = PortEnergy(admittance)
         self._oscillation = Oscillation() if closed else None
         self.values = NO_VALUES
@@ -102,24 +89,13 @@ class BilateralLink(Link):
             self._oscillation.reset(self._admittance.position)
         now = measurement.time
         self.reports.reset(now, Report())
-        self.motions.reset(now, Motion(self._admittance.position))
+        self.motions.reset(now, MasterMotion(self._admittance.position))
         self._start = self._admittance.position
         self._started = self._force = self._dt = 0.0
         self.faults, self.values = (), NO_VALUES
 
     def step(self, force: float, measurement: Measurement, dt: float) -> Command:
-        """Advance the link by one tick, and return the desired velocities of both drives [m/s].
-
-        Parameters
-        ----------
-        force
-            Force that moves the virtual mass of the master [N]: the force of the hand, or of the
-            PE (persistent excitation) injector.
-        measurement
-            Measurement of this tick.
-        dt
-            Time since the previous tick [s].
-        """
+        """Advance the link by one tick, and return the desired velocities of both drives [m/s]."""
         now = measurement.time
         reports, motions, admittance = self.reports, self.motions, self._admittance
         report = reports.exchange(now, self._slave.report(measurement, dt))
@@ -160,17 +136,6 @@ class BilateralLink(Link):
 
         If the supervisor changes only the velocity of the slave, the virtual mass is not changed.
         The hand feels this change only through the channel and the force-feedback law.
-
-        Parameters
-        ----------
-        verdict
-            Output of the safety supervisor, which contains the limited velocities.
-        desired
-            Velocities that `step` returned [m/s].
-        applied
-            Velocities that the drives applied [m/s].
-        dt
-            Time since the previous tick [s].
         """
         if verdict.command.master_velocity != desired.master_velocity:
             admittance, velocity = self._admittance, applied.master_velocity
@@ -183,18 +148,6 @@ class BilateralLink(Link):
 
         There are three possible faults: no packet has arrived for too long, the force feedback has
         given too much energy to the hand, or the loop sustains an oscillation of the hand.
-
-        Parameters
-        ----------
-        now
-            Time of the measurement [s].
-        silence
-            Time since the last packet arrived [s]; the larger time of the two directions.
-        energy
-            Energy that the hand has given to the force feedback [J]. If it is negative, the force
-            feedback has generated energy.
-        share
-            Fraction of the mean square velocity of the hand that the loop sustains.
         """
         faults = []
         if silence > (most := self._max_silence):

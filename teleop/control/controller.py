@@ -1,4 +1,4 @@
-"""Run one tick (period) of the control loop, from the measurement to the estimates."""
+"""Run one tick of the control loop, from the measurement to the estimates."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from drivers.rig import STOPPING as LONGEST_STOP
 from teleop.control.alignment import Alignment, Pair
 from teleop.control.clock import Tick
 from teleop.control.conditions import Condition
-from teleop.control.estimation import Estimation
+from teleop.control.estimates import Estimation
 from teleop.control.failures import failure
 from teleop.control.link import Link
 from teleop.control.rig_values import command_of, measurement_of
@@ -45,24 +45,8 @@ class Controller:
     exception is stored in `error`. The method `tick` raises an exception only in two cases: the
     exception is a KeyboardInterrupt, or it occurs while the first measurement is read.
 
-    Parameters
-    ----------
-    rig
-        The telemanipulator; it must be open.
-    condition
-        Control condition, which computes the force that moves the master.
-    link
-        Link between master and slave. It converts the force to the desired velocities of both.
-    estimation
-        Computes the estimates from the pairs of slave position and contact force.
-    period
-        Nominal time between ticks [s]; used as the time step of the first tick.
-    limits
-        Limits that the supervisor applies to measurements and commands.
-    tare
-        Zero offsets of force and position, which are subtracted from the measurements.
-    stopwatch
-        Function that returns a time [s]. It is used to measure the durations of parts of a tick.
+    `period` is the nominal time between ticks [s], and the time step of the first tick. `stopwatch`
+    returns a time [s], to measure the durations of parts of a tick.
     """
 
     def __init__(
@@ -111,15 +95,9 @@ class Controller:
         return self._energised or self._supervision.halting is not None
 
     def rearm(self) -> None:
-        """Clear the faults that stopped the drives, so that the drives can be armed again.
+        """Clear the faults, so that the drives can be armed again. The drives remain disabled.
 
-        The drives remain disabled. The supervisor first repeats all checks that it makes before
-        arming.
-
-        Raises
-        ------
-        ValueError
-            The mode of the supervisor is not "fault".
+        The supervisor first repeats all checks that it makes before arming.
         """
         supervision = rearmed(self._supervision)
         self._rig.rearm()
@@ -128,20 +106,7 @@ class Controller:
         self.error = None
 
     def tick(self, tick: Tick, request: Request = NO_REQUEST) -> Record:
-        """Run one tick: read the rig, limit the velocities, command the drives, and estimate.
-
-        Parameters
-        ----------
-        tick
-            Timing of the start of the tick, from the clock.
-        request
-            Requests of a person to arm or stop the drives, and faults detected outside the loop.
-
-        Returns
-        -------
-        record
-            Data of the tick for the recording, from the measurement to the estimates.
-        """
+        """Run one tick: read the rig, limit the velocities, command the drives, and estimate."""
         started = self._stopwatch()
         measurement, dt = self._read()
         read = self._stopwatch()

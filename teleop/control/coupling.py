@@ -53,13 +53,6 @@ class Coupling:
 
         This method is called each time the drives are armed. After arming, the desired velocities
         are therefore zero, until a force acts on the handle.
-
-        Parameters
-        ----------
-        master
-            Virtual mass of the master, which is changed.
-        measurement
-            Measurement, which contains the position of the slave.
         """
         master.align(measurement.slave_position / self.scale)
 
@@ -72,15 +65,7 @@ class Coupling:
         return new_tuple(Command, (master.velocity, self.slave_velocity(master, measurement)))
 
     def slave_velocity(self, master: Moving, measurement: Measurement) -> float:
-        """Return the desired velocity of the slave [m/s].
-
-        Parameters
-        ----------
-        master
-            Object with the position and the velocity of the master, for example the virtual mass.
-        measurement
-            Measurement, which contains the position of the slave.
-        """
+        """Return the desired velocity of the slave [m/s]."""
         scale = self.scale
         lag = scale * master.position - measurement.slave_position
         return scale * master.velocity + self.position_gain * lag

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 
-class Motion(NamedTuple):
+class Derivatives(NamedTuple):
     """Value and first two time derivatives of a signal at one time."""
 
     value: float
@@ -33,7 +33,7 @@ class Signal(ABC):
         """Short description: kind and frequencies."""
 
     @abstractmethod
-    def at(self, t: float) -> Motion:
+    def at(self, t: float) -> Derivatives:
         """Return the value of the signal and its first two derivatives at time t [s]."""
 
 
@@ -65,11 +65,11 @@ class Sine(Signal):
         """Short description: kind and frequency."""
         return f"sine of {self.frequency:g} Hz"
 
-    def at(self, t: float) -> Motion:
+    def at(self, t: float) -> Derivatives:
         """Return the value of the sine and its first two derivatives at time t [s]."""
         omega = 2.0 * math.pi * self.frequency
         sine, cosine = math.sin(omega * t), math.cos(omega * t)
-        return Motion(sine, omega * cosine, -omega * omega * sine)
+        return Derivatives(sine, omega * cosine, -omega * omega * sine)
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class Multisine(Signal):
         """Short description: kind and frequencies."""
         return f"multisine of {', '.join(f'{one:g}' for one in self.frequencies)} Hz"
 
-    def at(self, t: float) -> Motion:
+    def at(self, t: float) -> Derivatives:
         """Return the value of the signal and its first two derivatives at time t [s]."""
         n = len(self.frequencies)
         value = rate = acceleration = 0.0
@@ -118,7 +118,7 @@ class Multisine(Signal):
             value += math.sin(angle)
             rate += omega * math.cos(angle)
             acceleration -= omega * omega * math.sin(angle)
-        return Motion(value / n, rate / n, acceleration / n)
+        return Derivatives(value / n, rate / n, acceleration / n)
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ class Chirp(Signal):
         """Short description: kind, frequencies and time of a sweep."""
         return f"chirp from {self.low:g} to {self.high:g} Hz and back in {self.sweep:g} s"
 
-    def at(self, t: float) -> Motion:
+    def at(self, t: float) -> Derivatives:
         """Return the value of the chirp and its first two derivatives at time t [s]."""
         mean = math.pi * (self.low + self.high)
         half = math.pi * (self.high - self.low)
@@ -165,7 +165,7 @@ class Chirp(Signal):
         phase = mean * t - half / slow * math.sin(slow * t)
         omega = mean - half * math.cos(slow * t)
         slew = half * slow * math.sin(slow * t)
-        return Motion(
+        return Derivatives(
             math.sin(phase),
             omega * math.cos(phase),
             slew * math.cos(phase) - omega * omega * math.sin(phase),

@@ -6,23 +6,11 @@ from teleop.printable import one_line
 
 
 def failure(error: BaseException) -> tuple[str, Exception]:
-    """Return a text that describes an exception, and the exception to raise after the trial.
+    """Return an exception as one line of text, and the exception to raise after the trial.
 
-    Some exceptions do not derive from `Exception`, for example SystemExit. They would end the
-    program without a message, and SystemExit could even cause exit code 0 (success). Such an
-    exception is therefore replaced by a RuntimeError.
-
-    Parameters
-    ----------
-    error
-        The exception that was raised in a tick of the control loop.
-
-    Returns
-    -------
-    text
-        Type and message of the exception, on one line.
-    exception
-        `error` itself, or a RuntimeError if `error` does not derive from `Exception`.
+    An exception that does not derive from `Exception`, for example SystemExit, is replaced by a
+    RuntimeError. It would end the program without a message, and SystemExit even with exit code 0
+    (success).
     """
     name = type(error).__name__
     try:

@@ -1,4 +1,4 @@
-"""PE (persistent excitation) injector, which moves the slave along a given signal.
+"""PE injector, which moves the slave along a given signal.
 
 The injector replaces the force of the hand in the control condition `autonomous`.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from teleop.control.admittance import AdmittanceParameters
-from teleop.control.excitation_signals import Motion, Signal
+from teleop.control.excitation_signals import Derivatives, Signal
 
 RAMP = 0.5
 """Duration of the ramp at the start and of the ramp at the end of a trial [s]. On the ramps, the
@@ -16,17 +16,9 @@ displacement of the slave increases from zero and decreases to zero."""
 
 
 def ramp_time(duration: float, ramp: float = RAMP) -> float:
-    """Return the duration [s] of each of the two ramps of a trial: at its start and at its end.
+    """Return the duration [s] of the ramp at the start of a trial, and of that at its end.
 
-    On the first ramp, the displacement of the slave increases from zero. On the second ramp, it
-    decreases to zero. Both ramps have the same duration.
-
-    Parameters
-    ----------
-    duration
-        Duration of the trial [s].
-    ramp
-        Wanted duration of each ramp [s]. It is reduced to half of `duration` if it is longer.
+    It is `ramp`, but at most half of the duration of the trial.
     """
     return min(ramp, 0.5 * duration)
 
@@ -94,19 +86,8 @@ class Injector:
         self._duration = duration
         self._ramp = ramp_time(duration, ramp)
 
-    def motion(self, t: float) -> Motion:
-        """Return the motion that the master must have, so that the slave follows the signal.
-
-        Parameters
-        ----------
-        t
-            Time since the drives were armed [s].
-
-        Returns
-        -------
-        motion
-            Position [m], velocity [m/s] and acceleration [m/s^2] of the master.
-        """
+    def motion(self, t: float) -> Derivatives:
+        """Return the motion of the master with which the slave follows the signal [m]."""
         in_out, sign = (t, 1.0) if 2.0 * t < self._duration else (self._duration - t, -1.0)
         u = min(max(in_out / self._ramp, 0.0), 1.0)
         ramp = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
@@ -114,7 +95,7 @@ class Injector:
         ramp_acceleration = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / self._ramp**2
         signal = self._signal.at(t)
         offset = self._mean + self._half * signal.value
-        return Motion(
+        return Derivatives(
             ramp * offset,
             ramp_rate * offset + ramp * self._half * signal.rate,
             ramp_acceleration * offset
@@ -123,11 +104,5 @@ class Injector:
         )
 
     def force(self, t: float) -> float:
-        """Return the force [N] that moves the virtual mass of the admittance along the signal.
-
-        Parameters
-        ----------
-        t
-            Time since the drives were armed [s].
-        """
+        """Return the force [N] that moves the virtual mass along the signal."""
         return self._admittance.force(*self.motion(t))

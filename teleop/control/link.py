@@ -40,17 +40,7 @@ class Link(ABC):
 
     @abstractmethod
     def step(self, force: float, measurement: Measurement, dt: float) -> Command:
-        """Move the virtual mass, and return the desired velocities [m/s] of master and slave.
-
-        Parameters
-        ----------
-        force
-            Force that moves the virtual mass of the admittance [N].
-        measurement
-            Measurement of this tick.
-        dt
-            Duration for which the force acts: the time since the previous tick [s].
-        """
+        """Move the virtual mass, and return the desired velocities [m/s] of master and slave."""
 
     @abstractmethod
     def follow(self, verdict: Verdict, desired: Command, applied: Command, dt: float) -> None:
@@ -58,17 +48,6 @@ class Link(ABC):
 
         If the safety supervisor limits the velocity of the handle (the master), the virtual mass is
         given the same velocity.
-
-        Parameters
-        ----------
-        verdict
-            Output of the safety supervisor at this tick.
-        desired
-            Velocities that `step` returned [m/s].
-        applied
-            Velocities that the drives applied [m/s].
-        dt
-            Time since the previous tick [s].
         """
 
     def observe(self, pair: Pair) -> None:  # noqa: B027
@@ -80,18 +59,8 @@ class Link(ABC):
     def stiffness(self, position: float) -> float | None:
         """Return how much the contact force is expected to change per change of the slave position.
 
-        Parameters
-        ----------
-        position
-            Position of the slave [m].
-
-        Returns
-        -------
-        slope
-            Expected slope of the contact force over the position of the slave [N/m]. If a slope is
-            returned, the safety supervisor limits the velocities of master and slave separately.
-            The base class returns None. The supervisor then reduces both velocities by the same
-            factor.
+        If the result is None, the supervisor reduces the velocities of master and slave by the same
+        factor. Otherwise, it limits them separately.
         """
         return None
 
@@ -120,17 +89,7 @@ class DirectLink(Link):
         self._coupling.align(self._admittance, measurement)
 
     def step(self, force: float, measurement: Measurement, dt: float) -> Command:
-        """Move the virtual mass, and return the desired velocities [m/s] of master and slave.
-
-        Parameters
-        ----------
-        force
-            Force that moves the virtual mass of the admittance [N].
-        measurement
-            Measurement of this tick.
-        dt
-            Duration for which the force acts: the time since the previous tick [s].
-        """
+        """Move the virtual mass, and return the desired velocities [m/s] of master and slave."""
         self._admittance.step(force, dt)
         return self._coupling.command(self._admittance, measurement)
 
@@ -138,17 +97,6 @@ class DirectLink(Link):
         """Give the virtual mass the velocity of the handle if a soft limit reduced the velocities.
 
         The soft limits are limits of the safety supervisor that reduce the desired velocities.
-
-        Parameters
-        ----------
-        verdict
-            Output of the safety supervisor at this tick.
-        desired
-            Velocities that `step` returned [m/s]. They are not used.
-        applied
-            Velocities that the drives applied [m/s].
-        dt
-            Time since the previous tick [s].
         """
         if verdict.limited:
             self._admittance.follow(applied.master_velocity, dt)

@@ -17,17 +17,7 @@ SAMPLES, VELOCITIES = Struct("11d"), Struct("2d")
 def measurement_of(returned: Measurement) -> Measurement:
     """Return the measurement that a rig returned, with each number converted to a float.
 
-    Parameters
-    ----------
-    returned
-        Return value of `Rig.read`.
-
-    Raises
-    ------
-    TypeError
-        The return value is not a measurement, or one of its items is not a number.
-    RigError
-        The time of the measurement is not finite.
+    A value that is no number raises TypeError, and a time that is not finite RigError.
     """
     try:
         *samples, age, drive_error, emergency_stop = returned
@@ -46,18 +36,7 @@ def measurement_of(returned: Measurement) -> Measurement:
 def command_of(returned: Command) -> Command:
     """Return the velocities that the drives of a rig applied, converted to floats.
 
-    Parameters
-    ----------
-    returned
-        Return value of `Rig.write`: the velocities of master and slave that the drives applied
-        [m/s].
-
-    Raises
-    ------
-    TypeError
-        The return value is not a `Command`, or one of its velocities is not a number.
-    RigError
-        A velocity is not finite.
+    A value that is no number raises TypeError, and a velocity that is not finite RigError.
     """
     try:
         master, slave = VELOCITIES.unpack(VELOCITIES.pack(*returned))

@@ -60,15 +60,7 @@ class Tare:
     def check(self, rig: str) -> None:
         """Check that the zero offsets are plausible and were measured on the given rig.
 
-        Parameters
-        ----------
-        rig
-            Name of the rig on which the zero offsets will be used.
-
-        Raises
-        ------
-        InputError
-            A zero offset is NaN or too large, or the zero offsets were measured on another rig.
+        It raises InputError if an offset is NaN or too large, or was measured on another rig.
         """
         for name, value, most in (
             ("master_force", self.master_force, LARGEST_ZERO),
@@ -91,22 +83,7 @@ NO_TARE = Tare()
 
 
 def write_tare(tare: Tare, path: Path, overwrite: bool = False) -> None:
-    """Write the zero offsets to a JSON file.
-
-    Parameters
-    ----------
-    tare
-        The zero offsets.
-    path
-        Path of the file.
-    overwrite
-        Whether an existing file is replaced.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written, or it exists and `overwrite` is False.
-    """
+    """Write the zero offsets to a JSON file."""
     write_text(path, dumps(asdict(tare), indent=2) + "\n", overwrite)
 
 
@@ -115,11 +92,6 @@ def read_tare(path: Path) -> Tare:
 
     Version 0.1 of teleop did not write the name of the rig to the file. For such a file, `Tare.rig`
     is empty.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or is not a valid file of `teleop rig tare`.
     """
     from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 

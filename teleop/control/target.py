@@ -39,12 +39,6 @@ class Target:
         return self.count_in + 2.0 / self.frequency
 
     def position(self, t: float) -> float:
-        """Return the target position of the slave [m].
-
-        Parameters
-        ----------
-        t
-            Time since the drives were armed [s].
-        """
+        """Return the target position of the slave [m]."""
         angle = 2.0 * math.pi * self.frequency * max(t - self.count_in, 0.0)
         return self.depth * (TOUCH + 0.5 * (1.0 - TOUCH) * (1.0 - math.cos(angle)))

@@ -1,4 +1,4 @@
-"""Define the record of one tick (period of the control loop): all quantities that are recorded."""
+"""Define the record of one tick: all quantities that are recorded."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import NamedTuple
 from drivers import Command, Measurement
 from teleop.control.alignment import Pair
 from teleop.control.clock import Tick
-from teleop.control.estimation import Estimated
+from teleop.control.estimates import Estimated
 from teleop.safety import Event, Mode
 
 
 class Timing(NamedTuple):
-    """Times that the parts of one tick (period of the control loop) took."""
+    """Times that the parts of one tick took."""
 
     read: float
     """Time that reading the rig took [s]."""
@@ -23,7 +23,7 @@ class Timing(NamedTuple):
 
 
 class Record(NamedTuple):
-    """All quantities that are recorded at one tick (period of the control loop)."""
+    """All quantities that are recorded at one tick."""
 
     t: float
     """Time since the first tick at which the drives may be armed [s]; negative before this tick."""

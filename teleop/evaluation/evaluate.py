@@ -19,18 +19,16 @@ from estimation import (
     paper_preset,
     scaled_preset,
 )
-from estimation.conditioner_choice import make_conditioner
-from estimation.conditioning import BANDWIDTH
+from estimation.conditioning import BANDWIDTH, make_conditioner
 from estimation.excitation import dominant_frequency
 from estimation.least_squares import no_fit
 from estimation.model import KELVIN_VOIGT
 from estimation.registry import PAPER
 from teleop.errors import InputError, as_input_error
-from teleop.evaluation.batch.analysis import analyse
+from teleop.evaluation.batch.analysis import Analysis, analyse
 from teleop.evaluation.evaluation import Evaluation
 from teleop.evaluation.formats.units import SMALLEST
 from teleop.evaluation.online.conditioned import (
-    FEWEST,
     ConditionedBlocks,
     conditioned,
     kept_variance,
@@ -40,15 +38,13 @@ from teleop.evaluation.online.contact_bank import ContactBank, contact_at
 from teleop.evaluation.online.datum import find_datum, moving_part
 from teleop.evaluation.online.model_comparison import RunningComparison
 from teleop.evaluation.online.run import OnlineRun, Table
+from teleop.evaluation.online.thresholds import FEWEST_SAMPLES, RESOLUTIONS
 from teleop.evaluation.reading.force_filter import without_filter_delay
 from teleop.evaluation.reading.samples import Samples
-from teleop.evaluation.reading.sampling_gaps import closed_up
-from teleop.evaluation.reading.signals import Signals
-from teleop.evaluation.reading.smallest_step import smallest_step
+from teleop.evaluation.reading.signals import Signals, closed_up, smallest_step
+from teleop.evaluation.reason import Reason
 from teleop.evaluation.settings import EstimateSettings
 
-RESOLUTIONS = 1e-12, 1.0
-"""Range of the setting `resolution` of `EstimateSettings` [m]."""
 KEPT = 1 << 17
 """Value that the commands use for the parameter `most` of `evaluate`: largest number of estimates
 that are kept, for all estimators together."""
@@ -62,46 +58,140 @@ def evaluate(
 ) -> Evaluation:
     """Evaluate a record: estimate k and b with the online estimators, and by batch evaluation.
 
-    The datum (the position and the force that are treated as zero) is subtracted. The signals are
-    filtered. The estimators process the moving part of the record, in blocks of samples. All other
+    The online estimators process the moving part of the record, in blocks of samples. All other
     results are computed from `samples.signals`, which contains only sections of a long record.
 
-    After each gap (a time in which samples are missing), the filters start again, and samples are
-    omitted until the filters have settled. The next sample that the estimators receive has a long
-    sample period: the whole time since the last sample that they received. Therefore, the
-    estimators reduce the weight of the old samples according to the true time that has passed.
+    `most` limits the number of estimates in the result, for all estimators together: if the record
+    has more samples, those at evenly spaced samples and at the last sample are kept. `write`
+    receives the signals and estimates of each block: columns by name, and their units.
 
-    Parameters
-    ----------
-    samples
-        The record.
-    settings
-        Settings of the evaluation.
-    most
-        Approximate limit of the number of estimates in the result, for all estimators together. If
-        the record has too many samples for this limit, the result contains only the estimates at
-        evenly spaced samples and at the last sample.
-    write
-        Function that receives signals and estimates of each block, for example to write them to a
-        file. Its argument has two elements: the columns by name, and the unit of each column. None:
-        no function is called.
-
-    Raises
-    ------
-    InputError
-        A setting is out of its range, position or force is constant or its changes are too small,
-        or too few samples remain between gaps.
+    Raises InputError if a setting is out of its range, if position or force is constant or hardly
+    changes, or if too few samples move or remain between gaps.
     """
-    lag, note = settings.force_lag, None
-    if isinstance(samples, Signals):
-        samples = Samples(samples)
+    samples, lag, filter_note = with_known_lag(samples, settings.force_lag)
     signals = samples.signals
+    check_changes(signals)
+    motion = slice(None) if settings.whole else moving_part(signals.x)
+    if len(signals.dt[motion]) < FEWEST_SAMPLES:
+        raise InputError(
+            f"only {len(signals.dt[motion])} samples move: expected at least {FEWEST_SAMPLES}"
+        )
+
+    # The batch evaluation comes first: the online estimators get from it the datum, the bandwidth,
+    # and the times without contact, in which they hold their estimates.
+    with as_input_error():
+        batch = within(signals, settings.averaged)
+        analysis = analyse(batch, lag)
+    datum = find_datum(signals, settings.datum, analysis.phases)
+    frequency, highest = motion_frequencies(analysis, signals, motion)
+    bandwidth = settings.bandwidth
+    if bandwidth is None:
+        bandwidth = 10.0 * highest if settings.preset == "scaled" else BANDWIDTH
+        bandwidth = min(bandwidth, 0.5 / float(np.median(signals.dt)))
+    resolution = position_resolution(signals, settings.resolution)
+
+    # Conditioning of `samples.signals`, for the scaled preset and the least-squares fit, which need
+    # all samples at once.
+    given = settings.preset if isinstance(settings.preset, Preset) else None
+    model = settings.model or (given.model if given else KELVIN_VOIGT)
+    with as_input_error():
+        conditioner = make_conditioner(settings.conditioning, bandwidth, resolution, lag, model)
+    sampled = conditioned(conditioner, signals, datum, motion)
+    regression = sampled.regression
+    x, v, f, dt, further = regression
+    period = float(np.median(dt))
+    with as_input_error():
+        if given:
+            preset = given
+        else:
+            paper = settings.preset == "paper"
+            preset = paper_preset(settings.cube) if paper else scaled_preset(x, v, f, dt)
+            preset = replace(preset, correlation=conditioner.correlation(period))
+        preset = replace(preset, model=model, estimators=settings.estimators or preset.estimators)
+        bank = preset.bank()
+    fit = no_fit(len(x), len(model.further))
+    if analysis.has_contact:
+        fit = least_squares(x, v, f, further)
+    # A recorded trial is replayed as it was estimated: without knowledge of later samples.
+    if given is None:
+        bank = ContactBank(bank)
+
+    # The online estimators, over all samples of the record in blocks.
+    run = OnlineRun(
+        bank,
+        Misfit(bank) if given else Misfit(bank, 1.0 / frequency),
+        Excitation(frequency, resolution=10.0 * resolution),
+        comparisons(bank, regression, fit),
+        period,
+        samples.count,
+        max(1, math.ceil(samples.count * len(bank) / most)),
+        write,
+        settings.averaged,
+    )
+    if not samples.is_whole:  # the moving part is known for the sections only
+        motion = slice(None)
+    blocks = ConditionedBlocks(conditioner, datum, motion)
+    gaps = []
+    before = -math.inf
+    for block, recorded in samples.blocks():
+        part = blocks.add(block)
+        if isinstance(bank, ContactBank):
+            bank.contact = contact_at(analysis, part.t, part.regression.f + datum.f)
+        run.add(part, recorded)
+        times = np.concatenate([[before], block.t])
+        gaps += [(float(times[i]), float(times[i + 1])) for i in block.gaps]
+        before = float(block.t[-1])
+    if samples.is_whole:
+        start, stop, _ = motion.indices(samples.count)
+        begin, end = signals.t[start], signals.t[stop - 1]
+        gaps = [gap for gap in gaps if begin < gap[1] <= end]
+    online = run.result()
+
+    return Evaluation(
+        online=online,
+        sampled=sampled,
+        bank=bank,
+        least_squares=fit,
+        datum=datum,
+        preset=preset,
+        bandwidth=bandwidth,
+        rate=1.0 / period,
+        jitter=online.largest_deviation / period,
+        samples=samples.count,
+        batch_samples=len(batch.t),
+        in_sections=not samples.is_whole,
+        analysis=analysis,
+        filter_note=filter_note,
+        kept_force_variance=kept_variance(
+            signals.f, regression.f, sampled.used, bandwidth * period
+        ),
+        gaps=tuple(gap for gap in gaps if gap[0] > -math.inf),
+        averaged=settings.averaged,
+    )
+
+
+def with_known_lag(
+    samples: Samples | Signals, lag: float | None
+) -> tuple[Samples, float, Reason | None]:
+    """Return the samples, the lag of the force that is left in them [s], and a remark.
+
+    If the settings state no lag, the delay of a force filter that the file states is compensated.
+    """
+    signals = samples if isinstance(samples, Signals) else samples.signals
+    note = None
     if lag is None:
         lag, (signals, note) = 0.0, without_filter_delay(signals)
-        samples = Samples(signals) if samples.signals is not signals else samples
-    if len(signals.t) < FEWEST:
+    if isinstance(samples, Signals) or samples.signals is not signals:
+        samples = Samples(signals)
+    return samples, lag, note
+
+
+def check_changes(signals: Signals) -> None:
+    """Raise InputError if there are too few samples, or if position or force hardly changes."""
+    if len(signals.t) < FEWEST_SAMPLES:
         raise InputError(
-            f"the estimators received only {len(signals.t)} samples: expected at least {FEWEST}"
+            f"the estimators received only {len(signals.t)} samples: "
+            f"expected at least {FEWEST_SAMPLES}"
         )
     for quantity, values in (("position", signals.x), ("force", signals.f)):
         if 0.0 < np.ptp(values) < SMALLEST:
@@ -111,100 +201,29 @@ def evaluate(
             )
     if np.ptp(signals.f) == 0.0:
         raise InputError("nothing to estimate from: the force is the same in every sample")
-    motion = slice(None) if settings.whole else moving_part(signals.x)
-    if len(signals.dt[motion]) < FEWEST:
-        raise InputError(f"only {len(signals.dt[motion])} samples move: expected at least {FEWEST}")
-    with as_input_error():
-        batch = within(signals, settings.averaged)
-        analysis = analyse(batch, lag)
-    datum = find_datum(signals, settings.datum, analysis.phases)
+
+
+def motion_frequencies(analysis: Analysis, signals: Signals, motion: slice) -> tuple[float, float]:
+    """Return the central and the highest frequency at which the force follows the motion [Hz].
+
+    Without such a band, both are the dominant frequency of the position.
+    """
     band = analysis.record.band
-    frequency = band.centre
-    if band.coherence == 0.0:
-        frequency = dominant_frequency(
-            signals.x[motion], closed_up(signals.dt, signals.gaps)[motion]
-        )
-    bandwidth = settings.bandwidth
-    if bandwidth is None:
-        highest = band.high if band.coherence > 0.0 else frequency
-        bandwidth = 10.0 * highest if settings.preset == "scaled" else BANDWIDTH
-        bandwidth = min(bandwidth, 0.5 / float(np.median(signals.dt)))
-    count = settings.resolution or smallest_step(signals.x)
-    if settings.resolution and not RESOLUTIONS[0] <= count <= RESOLUTIONS[1]:
+    if band.coherence > 0.0:
+        return band.centre, band.high
+    periods = closed_up(signals.dt, signals.gaps)
+    frequency = dominant_frequency(signals.x[motion], periods[motion])
+    return frequency, frequency
+
+
+def position_resolution(signals: Signals, given: float | None) -> float:
+    """Return the resolution of the position [m]: the given one, or the smallest step."""
+    if given and not RESOLUTIONS[0] <= given <= RESOLUTIONS[1]:
         raise InputError(
-            f"resolution of the position {count:g} m: expected {RESOLUTIONS[0]:g} to "
+            f"resolution of the position {given:g} m: expected {RESOLUTIONS[0]:g} to "
             f"{RESOLUTIONS[1]:g} m"
         )
-    given = settings.preset if isinstance(settings.preset, Preset) else None
-    model = settings.model or (given.model if given else KELVIN_VOIGT)
-    with as_input_error():
-        conditioner = make_conditioner(settings.conditioning, bandwidth, count, lag, model)
-    sampled = conditioned(conditioner, signals, datum, motion)
-    regression = sampled.regression
-    x, v, f, dt, further = regression
-    with as_input_error():
-        if given:
-            preset = given
-        else:
-            paper = settings.preset == "paper"
-            preset = paper_preset(settings.cube) if paper else scaled_preset(x, v, f, dt)
-            preset = replace(preset, correlation=conditioner.correlation(float(np.median(dt))))
-        preset = replace(preset, model=model, estimators=settings.estimators or preset.estimators)
-        bank = preset.bank()
-    fit = no_fit(len(x), len(model.further))
-    if analysis.has_contact:
-        fit = least_squares(x, v, f, further)
-    period = float(np.median(dt))
-    if given is None:
-        bank = ContactBank(bank)
-    online = OnlineRun(
-        bank,
-        Misfit(bank) if given else Misfit(bank, 1.0 / frequency),
-        Excitation(frequency, resolution=10.0 * count),
-        comparisons(bank, regression, fit),
-        period,
-        samples.count,
-        max(1, math.ceil(samples.count * len(bank) / most)),
-        write,
-        settings.averaged,
-    )
-    gaps = []
-    before = -math.inf
-    begin, end = -math.inf, math.inf
-    if samples.is_whole:
-        start, stop, _ = motion.indices(samples.count)
-        begin, end = signals.t[start], signals.t[stop - 1]
-    stream = ConditionedBlocks(conditioner, datum, motion if samples.is_whole else slice(None))
-    for block, recorded in samples.blocks():
-        part = stream.add(block)
-        if isinstance(bank, ContactBank):
-            bank.contact = contact_at(analysis, part.t, part.regression.f + datum.f)
-        online.add(part, recorded)
-        times = np.concatenate([[before], block.t])
-        gaps += [(float(times[i]), float(times[i + 1])) for i in block.gaps]
-        before = float(block.t[-1])
-    found = online.result()
-    return Evaluation(
-        online=found,
-        sampled=sampled,
-        bank=bank,
-        least_squares=fit,
-        datum=datum,
-        preset=preset,
-        bandwidth=bandwidth,
-        rate=1.0 / period,
-        jitter=found.largest_deviation / period,
-        samples=samples.count,
-        batch_samples=len(batch.t),
-        in_sections=not samples.is_whole,
-        analysis=analysis,
-        filter_note=note,
-        kept_force_variance=kept_variance(
-            signals.f, regression.f, sampled.used, bandwidth * period
-        ),
-        gaps=tuple(gap for gap in gaps if gap[0] > -math.inf and begin < gap[1] <= end),
-        averaged=settings.averaged,
-    )
+    return given or smallest_step(signals.x)
 
 
 def comparisons(bank: Bank, regression: Regression, fit: Fit) -> list[RunningComparison]:
@@ -213,15 +232,6 @@ def comparisons(bank: Bank, regression: Regression, fit: Fit) -> list[RunningCom
     Each object compares the estimators of one model. The estimators of the Kelvin-Voigt model
     f = b v + k x are compared with a fit of this model. The other estimators are compared with
     `fit`. If there are no other estimators than those of the paper (`PAPER`), the result is empty.
-
-    Parameters
-    ----------
-    bank
-        The estimators.
-    regression
-        Conditioned samples of the record.
-    fit
-        Least-squares fit to these samples, with the same model as the other estimators.
     """
     if set(bank) <= set(PAPER):
         return []

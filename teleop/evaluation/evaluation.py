@@ -21,21 +21,13 @@ from estimation.batch_models import BatchFit
 from estimation.presentation import Presented
 from estimation.summary import EstimatorSummary
 from teleop.evaluation.batch.analysis import Analysis
-from teleop.evaluation.online.conditioned import Conditioned
+from teleop.evaluation.online.conditioned import ConditionedSamples
 from teleop.evaluation.online.datum import Datum
 from teleop.evaluation.online.model_comparison import cost as sample_cost
 from teleop.evaluation.online.run import OnlineResult
+from teleop.evaluation.online.thresholds import LEAST_EXCITATION, LEAST_KEPT_VARIANCE
 from teleop.evaluation.reason import Reason
 from teleop.evaluation.settings import WHOLE, AveragedPart
-
-FEWEST_KEPT = 0.9
-"""A message is reported if the conditioning keeps less than this fraction of the force variance."""
-LEAST_EXCITATION = 0.01
-"""Excitation below which a remark on b of the online estimators is reported.
-
-Below this excitation, the standard deviation of b omega is more than ten times that of k. If k is
-known to 10 %, a loss tangent b omega / k below one can then not be measured.
-"""
 
 
 @dataclass(frozen=True, repr=False)
@@ -50,7 +42,7 @@ class Evaluation(Presented):
 
     online: OnlineResult
     """The online estimates."""
-    sampled: Conditioned
+    sampled: ConditionedSamples
     """The conditioned samples of `Samples.signals`: all samples, or sections of a long record."""
     bank: Bank
     """The estimators."""
@@ -118,14 +110,7 @@ class Evaluation(Presented):
         return self.online.excitation
 
     def summary(self, cost: bool = False) -> dict[str, Any]:
-        """Return all results as a dictionary, which `teleop estimate --json` prints as JSON.
-
-        Parameters
-        ----------
-        cost
-            Whether the dictionary also contains the computing time of each estimator per sample
-            [us]. This time is measured, and is therefore different in each call.
-        """
+        """Return all results as a dictionary, which `teleop estimate --json` prints as JSON."""
         estimates = {name: one._asdict() for name, one in self.summaries().items()}
         for name, row in self.online.comparisons.items():
             estimates[name] |= row._asdict()
@@ -197,7 +182,7 @@ class Evaluation(Presented):
         if self.filter_note:
             reasons.append(self.filter_note.text)
             hints.append(self.filter_note.hint)
-        if self.kept_force_variance < FEWEST_KEPT:
+        if self.kept_force_variance < LEAST_KEPT_VARIANCE:
             reasons.append(
                 f"conditioning at {self.bandwidth:.3g} Hz keeps {self.kept_force_variance:.0%} of "
                 "the force variance: the online estimates describe that part only"

@@ -38,13 +38,7 @@ class AveragedPart(NamedTuple):
         return (t >= self.start) & (t < self.end)
 
     def indices(self, t: Floats) -> slice:
-        """Return the range of indices of the samples that are in this part, as a slice.
-
-        Parameters
-        ----------
-        t
-            Times of the samples [s], increasing, shape (n,).
-        """
+        """Return the range of indices of the samples that are in this part, as a slice."""
         start, end = np.searchsorted(t, (self.start, self.end))
         return slice(int(start), int(end))
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from estimation.model import UNITS
+from estimation.quantities import RESULTS, SIGNALS
 from teleop.live.history import History
 
 NAMES = (
@@ -34,6 +35,11 @@ NAMES = (
     "pointer_grip",
 )
 """Columns of a tick that are sent to the live page, in addition to those of the estimators."""
+QUANTITIES = {
+    symbol: {"unit": one.unit, "factor": one.factor, "decimals": one.decimals}
+    for symbol, one in (RESULTS | SIGNALS).items()
+}
+"""How the page shows the quantities, by symbol."""
 PARTS = ("k", "b", "k_std", "b_std", "held", "misfit")
 """Ends of the names of the columns that are sent to the live page for every estimator."""
 FURTHER = tuple(name for name in UNITS if name not in PARTS)

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from estimation.quantities import DAMPING, STIFFNESS
 from teleop.live.cue import LEGEND, Cue
 from teleop.live.terminal import Terminal
 
@@ -22,7 +23,7 @@ PLAIN_WIDTH = 100
 """Width of the progress line if standard error is not a terminal [characters]."""
 SHOWN = 4
 """Largest number of estimators whose estimates the line shows."""
-HEADING, SHORT_HEADING = "  k [N/m], b [N s/m], * misfit:", "  k, b:"
+HEADING, SHORT_HEADING = f"  {STIFFNESS.heading}, {DAMPING.heading}, * misfit:", "  k, b:"
 """Headings of the estimates, on a wide and on a narrow terminal."""
 K_WIDTH, B_WIDTH = 5, 5
 """Widths of an estimate of k [N/m] and of b [N s/m] with its sign [characters]. Wider values are
@@ -144,7 +145,8 @@ class Progress:
 
         If there is no estimate yet, dashes replace the values.
         """
-        values = ("-", "-") if math.isnan(k) else (f"{k:.0f}", f"{b:+.0f}")
+        signed = f"{DAMPING.shown(b):+.{max(DAMPING.decimals - 1, 0)}f}"
+        values = ("-", "-") if math.isnan(k) else (STIFFNESS.number(k), signed)
         mark = "*" if misfit > self._largest_misfit else " "
         return f"  {name} {values[0]:>{K_WIDTH}} {values[1]:>{B_WIDTH}}{mark}"
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from estimation.arrays import Floats
-from teleop.live.feed import Feed, estimator_indices, shown_columns
+from teleop.live.feed import QUANTITIES, Feed, estimator_indices, shown_columns
 from teleop.live.history import SHOWN, History, decimated, decimation
 from teleop.live.requests import BadRequest
 
@@ -75,6 +75,7 @@ class Replay(Feed):
         self._welcome = {
             "type": "welcome",
             "version": 1,
+            "quantities": QUANTITIES,
             "kind": "replay",
             "columns": [
                 known.get(name, {"name": name, "unit": "-", "meaning": ""}) for name in names

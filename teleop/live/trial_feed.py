@@ -11,7 +11,7 @@ import numpy as np
 from estimation.arrays import Floats
 from teleop.json_documents import loads
 from teleop.live.cells import ARM, END, PROCESS, STOP, CellWriter
-from teleop.live.feed import Feed, estimator_indices, shown_columns
+from teleop.live.feed import QUANTITIES, Feed, estimator_indices, shown_columns
 from teleop.live.health import Health
 from teleop.live.history import History, decimated, decimation
 from teleop.live.requests import ANSWERS, BadRequest
@@ -238,6 +238,7 @@ class TrialFeed(Feed):
         self._valid["welcome"] = {
             "type": "welcome",
             "version": 1,
+            "quantities": QUANTITIES,
             "kind": "live",
             "columns": [*columns, SENT] if columns else [],
             "estimators": estimator_indices([c["name"] for c in columns], estimators),

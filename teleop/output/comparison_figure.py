@@ -15,11 +15,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from estimation.figure_style import BLUE, common_legend, new_figure, tidy
+from estimation.quantities import DAMPING, STIFFNESS
 from teleop.evaluation.across.comparison import RESULT, Compared
 from teleop.evaluation.across.groups import Group
 from teleop.evaluation.across.means import Mean
 from teleop.evaluation.batch.kinds import BESIDES_RELAXATION, LOSS
-from teleop.evaluation.batch.result import Result
+from teleop.evaluation.batch.stiffness_result import StiffnessResult
 from teleop.output.comparison_scales import Interval, factor_of_rows, set_scale
 from teleop.output.figure_files import plain
 
@@ -32,8 +33,7 @@ CHARACTERS = 9.0
 """Largest number of characters per inch of width for which group names are written horizontally."""
 LONGEST_LEVEL = 24
 """Number of characters to which the name of a level is shortened."""
-LABELS = {"k": "stiffness $k$ [N/m]", "b": "damping $b$ [N s/m]"}
-"""Label of each quantity, by its symbol."""
+DRAWN = {one.symbol: one for one in (STIFFNESS, DAMPING)}
 OTHER_KIND = f"recording, b {BESIDES_RELAXATION} (of the others: {LOSS})"
 """Text in the legend for recordings whose b is another physical quantity than b of the others."""
 
@@ -47,7 +47,7 @@ class Place(NamedTuple):
     """Levels of the other factors, which are written below the axis."""
     means: dict[str, Mean]
     """Means of k and b of the group, by symbol."""
-    results: list[Result]
+    results: list[StiffnessResult]
     """Results of the recordings of the group. Recordings without a result are left out."""
     other: list[bool]
     """Whether b of each of these results is of the kind `BESIDES_RELAXATION`, while b of others in
@@ -58,11 +58,11 @@ class Place(NamedTuple):
 
         These are the intervals of the recordings and, for two or more recordings, of their mean.
         """
-        mean = self.means[symbol]
+        mean, shown = self.means[symbol], DRAWN[symbol].shown
         found = [result.interval(symbol) for result in self.results if result.determines(symbol)]
         if mean.recordings > 1:
             found.append((mean.value - mean.half, mean.value + mean.half))
-        return found
+        return [(shown(low), shown(high)) for low, high in found]
 
 
 def comparison_figure(
@@ -94,14 +94,14 @@ def comparison_figure(
         figure = new_figure(0.75, rows=len(levels))
         panels = figure.subplots(len(levels), 2, sharex=True, squeeze=False)
         columns = [list(column) for column in panels.T]
-    for (symbol, label), column in zip(LABELS.items(), columns, strict=True):
+    for (symbol, quantity), column in zip(DRAWN.items(), columns, strict=True):
         for axes, level in zip(column, levels, strict=True):
             shown = [place for place in places if place.row == level]
             draw_panel(axes, shown, names, symbol)
         if factor is None:
-            column[0].set_ylabel(label)
+            column[0].set_ylabel(quantity.label)
         else:
-            column[0].set_title(label, fontsize="medium")
+            column[0].set_title(quantity.label, fontsize="medium")
     if factor is not None:
         for axes, level in zip(columns[0], levels, strict=True):
             axes.set_ylabel(f"{plain(by[factor])}: {level_text(level)}")
@@ -140,7 +140,7 @@ def placed(
         for group, found in zip(groups, results, strict=True)
     ]
     factor = factor_of_rows(
-        {place.name: [place.intervals(symbol) for symbol in LABELS] for place in places}
+        {place.name: [place.intervals(symbol) for symbol in DRAWN] for place in places}
     )
     if factor is not None:
         places = [
@@ -173,7 +173,7 @@ def draw_panel(
     for place in places:
         at = names.index(place.name)
         draw_results(axes, at, place, symbol)
-        draw_mean(axes, at, place.means[symbol])
+        draw_mean(axes, at, place.means[symbol], DRAWN[symbol].factor)
         intervals += place.intervals(symbol)
     set_scale(axes, [pair for pair in intervals if all(map(math.isfinite, pair))])
     tidy(axes, "y")
@@ -237,8 +237,9 @@ def draw_results(axes: Axes, at: int, place: Place, symbol: str) -> None:
             rotation=90,
         )
         return
-    value = np.array([getattr(one, symbol) for one in place.results])
-    low, high = np.array([one.interval(symbol) for one in place.results]).T
+    factor = DRAWN[symbol].factor
+    value = np.array([getattr(one, symbol) for one in place.results]) * factor
+    low, high = np.array([one.interval(symbol) for one in place.results]).T * factor
     positions = at + np.linspace(*RECORDINGS, len(value)) if len(value) > 1 else np.array([at])
     other = np.array(place.other) if symbol == "b" else np.zeros(len(value), bool)
     for part, face, text in (
@@ -260,7 +261,7 @@ def draw_results(axes: Axes, at: int, place: Place, symbol: str) -> None:
             )
 
 
-def draw_mean(axes: Axes, place: int, mean: Mean) -> None:
+def draw_mean(axes: Axes, place: int, mean: Mean, factor: float) -> None:
     """Draw the mean of k or b of a group, if it is the mean of at least two recordings.
 
     Parameters
@@ -276,8 +277,8 @@ def draw_mean(axes: Axes, place: int, mean: Mean) -> None:
         return
     axes.errorbar(
         place + MEAN,
-        mean.value,
-        mean.half,
+        mean.value * factor,
+        mean.half * factor,
         fmt="D",
         color="#000000",
         markersize=4.5,

@@ -10,11 +10,12 @@ from math import isfinite
 from pathlib import Path
 from string import ascii_lowercase
 
-from teleop.evaluation.across.comparison import OF_RESULT, RESULT, UNITS, Compared, values_of
+from estimation.quantities import DAMPING, POSITION, RESULTS, STIFFNESS
+from teleop.evaluation.across.comparison import OF_RESULT, RESULT, Compared, values_of
 from teleop.evaluation.across.groups import Group, remark_counts, short
 from teleop.evaluation.across.means import Mean
 from teleop.evaluation.batch.kinds import MEANING
-from teleop.evaluation.batch.result import Result
+from teleop.evaluation.batch.stiffness_result import StiffnessResult
 from teleop.files import RECORDING
 from teleop.output.comparison_notes import (
     CAPTION,
@@ -30,7 +31,7 @@ from teleop.output.comparison_notes import (
     remark_texts,
 )
 from teleop.output.console import plain_console, print_table, small
-from teleop.output.result_tables import with_half
+from teleop.output.result_tables import shown_half, with_half
 from teleop.output.table_files import TextTable, shortened
 
 OTHER_KIND = "*"
@@ -65,15 +66,17 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
                 count = f"{count} {marked(notes, missing_text(method, missing))}"
             kinds_of = group.kinds[method]
             values = []
-            for symbol in UNITS:
-                value = mean_text(means[symbol]) if symbol in means else "-"
+            for symbol, quantity in RESULTS.items():
+                value = "-"
+                if symbol in means:
+                    value = mean_text(scaled(means[symbol], quantity.factor))
                 if len(different := kinds_of.get(symbol, {})) > 1:
                     value = f"{value} {marked(notes, different_text(symbol, different))}"
                 values.append(value)
             named = (", ".join(kinds_of[symbol]) or "-" for symbol in OF_RESULT)
             rows.append([*group.levels, method, *named, count, *values])
     kind_headings = (f"kind of {symbol}" for symbol in OF_RESULT)
-    units = (f"{symbol} [{unit}]" for symbol, unit in UNITS.items())
+    units = (quantity.heading for quantity in RESULTS.values())
     headings = [*by, "method", *kind_headings, "n", *units]
     return TextTable(headings, rows, len(by) + 1 + len(OF_RESULT), notes)
 
@@ -124,11 +127,11 @@ def tracking_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable | No
         for group in groups
         if group.tracking
     ]
-    headings = [*by, "n", "gain", "phase [deg]", "error rms [mm]", "frequency [Hz]"]
+    headings = [*by, "n", "gain", "phase [deg]", f"error rms [{POSITION.unit}]", "frequency [Hz]"]
     return TextTable(headings, rows, len(by), [("", TRACKING_CAPTION)]) if rows else None
 
 
-TRACKED = (("gain", 1.0), ("phase_deg", 1.0), ("rms_m", 1e3), ("frequency_hz", 1.0))
+TRACKED = (("gain", 1.0), ("phase_deg", 1.0), ("rms_m", POSITION.factor), ("frequency_hz", 1.0))
 """Tracking values that are shown, each with the factor that converts it to the unit of its
 column."""
 
@@ -166,7 +169,7 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
     print_table(
         console,
         f"{pattern}: results, with 95 % intervals" if pattern else "results, with 95 % intervals",
-        ("recording", "k [N/m]", "b [N s/m]", "force [N]", "depth [mm]"),
+        ("recording", STIFFNESS.heading, DAMPING.heading, "force [N]", f"depth [{POSITION.unit}]"),
         [
             [name, result_text(row, "k"), damping_text(row, kinds), *tangent_texts(row.result)]
             for name, row in zip(names, rows, strict=True)
@@ -283,14 +286,14 @@ def result_text(row: Compared, symbol: str) -> str:
     The text is a dash if there is no value.
     """
     value = values_of(row, RESULT).get(symbol)
-    return with_half(value.value, value.half) if value else "-"
+    return shown_half(RESULTS[symbol], value.value, value.half) if value else "-"
 
 
-def tangent_texts(result: Result) -> list[str]:
+def tangent_texts(result: StiffnessResult) -> list[str]:
     """Return the force [N] and the depth [mm] at which k (the tangent stiffness) is evaluated.
 
     Both are texts. They are dashes if the result has no k.
     """
     if result.force is None or result.depth is None:
         return ["-", "-"]
-    return [small(result.force), small(result.depth * 1e3)]
+    return [small(result.force), small(POSITION.shown(result.depth))]

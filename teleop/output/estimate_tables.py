@@ -9,6 +9,7 @@ from typing import Any
 from rich.console import Console
 
 from estimation.misfit import LARGEST_MISFIT
+from estimation.quantities import DAMPING, FORCE_ERROR, RESULTS, STIFFNESS, Quantity
 from teleop.output.console import number, plain_console, print_table, small
 from teleop.output.result_tables import print_models, print_result, with_half
 from teleop.recording.gaps import Gap, missing_text
@@ -21,7 +22,7 @@ GAPS_LISTED = 3
 MEANINGLESS = 1e6
 """An interval is shown only if the ratio of its half width to the estimate is less than this value.
 A wider interval contains no information."""
-HEADINGS = ("", "k [N/m]", "b [N s/m]", "e_f [N]", "one-step rms [N]", "rise time [s]")
+HEADINGS = ("", *(one.heading for one in RESULTS.values()), "one-step rms [N]", "rise time [s]")
 """Headings of the table of averages."""
 AVERAGES = "averages, from the first estimate of each estimator on"
 """Title of the table of averages."""
@@ -45,9 +46,9 @@ def estimate_cells(rows: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
     return [
         [
             name,
-            number(row["k"], 0),
-            number(row["b"], digits(row["b"])),
-            small(row["e_f"]),
+            STIFFNESS.number(row["k"]),
+            number(DAMPING.shown(row["b"]), digits(row["b"])),
+            small(FORCE_ERROR.shown(row["e_f"])),
             small(row["one_step_rms"]),
             number(row.get("rise_time_s", math.nan), 3),
         ]
@@ -57,17 +58,18 @@ def estimate_cells(rows: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
 
 def digits(value: float) -> int:
     """Return the number of decimals with which a damping [N s/m] is printed."""
-    return 1 if abs(value) < 1000.0 else 0
+    return DAMPING.decimals if abs(value) < 1000.0 else 0
 
 
-def with_interval(value: float, half: float, decimals: int) -> str:
-    """Return a value and the half width of its 95 % interval as text, for example "12.30 +- 0.45".
+def with_interval(quantity: Quantity, value: float, half: float, decimals: int) -> str:
+    """Return an SI value and the half width of its 95 % interval, for example "12.30 +- 0.45".
 
     The half width determines the number of decimals: it is printed with two significant digits
     (more if it is large), and the value has the same number of decimals. This number is limited. If
     the half width is not known, or is so large that the interval contains no information
     (`MEANINGLESS`), only the value is printed, with `decimals` decimals.
     """
+    value, half = quantity.shown(value), quantity.shown(half)
     if not half < MEANINGLESS * max(abs(value), 1.0):
         return number(value, decimals)
     if half > 0.0:
@@ -135,12 +137,19 @@ def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], li
     if it was measured, the computing time per sample.
     """
     timed = any("cost_us" in row for row in rows.values())
-    headings = ["", "k [N/m]", "b [N s/m]", "held", "misfit", *(["cost [us]"] if timed else [])]
+    headings = [
+        "",
+        STIFFNESS.heading,
+        DAMPING.heading,
+        "held",
+        "misfit",
+        *(["cost [us]"] if timed else []),
+    ]
     cells = [
         [
             name,
-            with_interval(row["k_end"], row["k_interval"], 0),
-            with_interval(row["b_end"], row["b_interval"], digits(row["b_end"])),
+            with_interval(STIFFNESS, row["k_end"], row["k_interval"], STIFFNESS.decimals),
+            with_interval(DAMPING, row["b_end"], row["b_interval"], digits(row["b_end"])),
             percent(row["held"]),
             percent(row["misfit"]),
             *([number(row["cost_us"], 1)] if timed else []),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from estimation.figure_style import BLUE, ORANGE, draw, new_figure, tidy
+from estimation.quantities import FORCE, POSITION
 from teleop.evaluation.teleoperation.rendering import hand
 from teleop.recording.recording import Recording
 from teleop.safety.events import ACTIVE
@@ -29,13 +30,19 @@ def feedback_figure(recording: Recording) -> Figure:
     felt = hand(active, *virtual, settings["coupling"]["scale"])
     figure = new_figure(0.5)
     left, right = figure.subplots(1, 2, sharey=True)
-    draw(left, felt.position * 1e3, felt.force, color=ORANGE, linewidth=0.7)
-    draw(right, active["slave_position"] * 1e3, active["contact_force"], color=BLUE, linewidth=0.7)
+    draw(left, felt.position * POSITION.factor, felt.force, color=ORANGE, linewidth=0.7)
+    draw(
+        right,
+        active["slave_position"] * POSITION.factor,
+        active["contact_force"],
+        color=BLUE,
+        linewidth=0.7,
+    )
     left.set_title("the hand feels", loc="left")
     right.set_title("the slave touches", loc="left")
-    left.set_ylabel("force [N]")
-    left.set_xlabel("position of the master [mm]")
-    right.set_xlabel("position of the slave [mm]")
+    left.set_ylabel(FORCE.heading)
+    left.set_xlabel(f"position of the master [{POSITION.unit}]")
+    right.set_xlabel(f"position of the slave [{POSITION.unit}]")
     for axes in (left, right):
         tidy(axes)
     return figure

@@ -24,6 +24,7 @@ from estimation.figure_style import (
     new_figure,
     tidy,
 )
+from estimation.quantities import POSITION, STIFFNESS
 from teleop.evaluation.evaluation import Evaluation
 from teleop.output.figure_files import plain
 
@@ -70,7 +71,7 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
     residual.sharex(over_t)
     every = max(1, len(record.t) // MOST_POINTS)
     fitted = evaluation.analysis.data or record
-    x, f, t = ((record.x - datum.x) * 1e3, record.raw_f - datum.f, record.t)
+    x, f, t = ((record.x - datum.x) * POSITION.factor, record.raw_f - datum.f, record.t)
     draw_phases(over_x, evaluation, x, record.f - datum.f, every)
     measured = f.copy()
     for start in record.starts[1:]:
@@ -209,12 +210,13 @@ def modulus_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     panels = figure.subplots(3, 1, sharex=True)
     ordered = sorted(rows, key=lambda row: float(row["frequency_hz"]))
     frequency = [row["frequency_hz"] for row in ordered]
-    scale, prefix = (1e-3, "kN/m") if ordered[0]["storage"] >= 1e4 else (1.0, "N/m")
+    # A larger unit only from 10 of it on, because k" is often ten times smaller than k'.
+    scale, unit = STIFFNESS.axis(0.1 * ordered[0]["storage"])
     for axes, (name, label, size, colour) in zip(
         panels,
         (
-            ("storage", f"storage k\u2032 [{prefix}]", scale, BLUE),
-            ("loss", f"loss k\u2033 [{prefix}]", scale, ORANGE),
+            ("storage", f"storage k\u2032 [{unit}]", scale, BLUE),
+            ("loss", f"loss k\u2033 [{unit}]", scale, ORANGE),
             ("tan_delta", "tan \u03b4 = k\u2033 / k\u2032", 1.0, "#000000"),
         ),
         strict=True,

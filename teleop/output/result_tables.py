@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from estimation.quantities import DAMPING, STIFFNESS, Quantity, quantity
 from teleop.evaluation.batch.kinds import UNDETERMINED
 from teleop.output.console import number, plain_console, print_table, small
 
@@ -66,19 +67,22 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
     if not result["identifiable"]:
         return ["no stiffness and no damping can be given:"]
     lines = []
-    for symbol, unit, what in (("k", "N/m", "stiffness"), ("b", "N s/m", "damping")):
-        values = [result[f"{symbol}{end}"] for end in ("_low", "", "_high")]
+    for one in (STIFFNESS, DAMPING):
+        values = [result[f"{one.symbol}{end}"] for end in ("_low", "", "_high")]
         if values[2] - values[0] < UNDETERMINED:
-            lines.append(f"{what:9} {symbol} is not determined")
+            lines.append(f"{one.name:9} {one.symbol} is not determined")
             continue
-        low, value, high = (significant(each, values[2] - values[0]) for each in values)
-        lines.append(f"{what:9} {symbol} = {value} {unit} (95 % interval {low} to {high})")
+        width = one.shown(values[2] - values[0])
+        low, value, high = (significant(one.shown(each), width) for each in values)
+        lines.append(
+            f"{one.name:9} {one.symbol} = {value} {one.unit} (95 % interval {low} to {high})"
+        )
     if (frequency := result["damping_at_hz"]) is not None:
         lines.append(f'b is the equivalent viscous damping k"/omega at {frequency:.3g} Hz')
     change = result["b_change_per_ms_of_lag"]
     ratio = change / max(abs(result["b"]), UNDETERMINED)
     times = f" ({ratio:.2g} times b)" if abs(result["b"]) > UNDETERMINED else ""
-    lines.append(f"1 ms of lag of the force changes b by {change:.3g} N s/m{times}")
+    lines.append(f"1 ms of lag of the force changes b by {DAMPING.text(change, '.3g')}{times}")
     return lines
 
 
@@ -91,7 +95,9 @@ def motion_line(summary: Mapping[str, Any]) -> str:
     motion = summary["motion"]
     travel = f"travel {motion['travel_m'] * 1e3:.3g} mm"
     if not math.isfinite(motion["frequency_hz"]):
-        from teleop.evaluation.batch.motion import FEWEST_STROKES  # imports scipy, which takes long
+        from teleop.evaluation.batch.thresholds import (
+            FEWEST_STROKES,  # imports scipy, which takes long
+        )
 
         count = motion["strokes"]
         if not count:
@@ -113,7 +119,7 @@ def tangent_lines(tangent: Mapping[str, Any]) -> list[str]:
     Parameters
     ----------
     tangent
-        The item `tangent` of the dictionary that `Result.summary` returned.
+        The item `tangent` of the dictionary that `StiffnessResult.summary` returned.
     """
     if tangent["force_n"] is None:
         return []
@@ -123,7 +129,7 @@ def tangent_lines(tangent: Mapping[str, Any]) -> list[str]:
     ]
     if tangent["secant_n_per_m"] is not None:
         lines.append(
-            f"secant there {tangent['secant_n_per_m']:.4g} N/m; it changes by "
+            f"secant there {STIFFNESS.text(tangent['secant_n_per_m'], '.4g')}; it changes by "
             f"{tangent['secant_change_per_0.1mm']:.1%} for a datum error of 0.1 mm"
         )
     return lines
@@ -197,8 +203,8 @@ def parameter_text(name: str, one: Mapping[str, Any]) -> str:
     """
     if not one["identifiable"]:
         return f"{name} not identifiable"
-    half = 0.5 * (one["high"] - one["low"])
-    return f"{name} {with_half(one['value'], half)} {one['unit']}".removesuffix(" -")
+    half, shown_as = 0.5 * (one["high"] - one["low"]), quantity(name, one["unit"])
+    return f"{name} {shown_half(shown_as, one['value'], half)} {shown_as.unit}".removesuffix(" -")
 
 
 def with_half(value: float, half: float) -> str:
@@ -210,6 +216,11 @@ def with_half(value: float, half: float) -> str:
     if not math.isfinite(half) or half <= 0.0:
         return small(value, 4)
     return f"{significant(value, half)} \u00b1 {significant(half, half)}"
+
+
+def shown_half(quantity: Quantity, value: float, half: float) -> str:
+    """Return an SI value and its half width as text in the shown unit (see `with_half`)."""
+    return with_half(quantity.shown(value), quantity.shown(half))
 
 
 def significant(value: float, width: float) -> str:
@@ -249,20 +260,23 @@ def print_together(together: Mapping[str, Any]) -> None:
     print_table(
         console,
         "least squares of Kelvin-Voigt, one by one and together",
-        ("", "k [N/m]", "b [N s/m]", "residual [N rms]"),
-        ([name, number(row["k"], 0), number(row["b"], 1), small(row["rms"])] for name, row in rows),
+        ("", STIFFNESS.heading, DAMPING.heading, "residual [N rms]"),
+        (
+            [name, STIFFNESS.number(row["k"]), DAMPING.number(row["b"]), small(row["rms"])]
+            for name, row in rows
+        ),
     )
     if together["modulus"]:
         print_table(
             console,
             "complex modulus",
-            ("", "f [Hz]", "k' [N/m]", 'k" [N/m]', "tan delta"),
+            ("", "f [Hz]", f"k' [{STIFFNESS.unit}]", f'k" [{STIFFNESS.unit}]', "tan delta"),
             (
                 [
                     Path(row["file"]).name,
                     small(row["frequency_hz"]),
-                    with_half(row["storage"], row["storage_interval"]),
-                    with_half(row["loss"], row["loss_interval"]),
+                    shown_half(STIFFNESS, row["storage"], row["storage_interval"]),
+                    shown_half(STIFFNESS, row["loss"], row["loss_interval"]),
                     f"{row['tan_delta']:.3f} \u00b1 {row['tan_delta_interval']:.1g}",
                 ]
                 for row in together["modulus"]

@@ -13,6 +13,7 @@ from rich.console import Group
 from rich.live import Live
 
 from drivers.rig import UNITS as CHANNEL_UNITS
+from estimation.quantities import SIGNALS, STIFFNESS
 from teleop.control.tare import Tare
 from teleop.output.console import TrimmedTable, fitting_tables, number, plain_console, small
 from teleop.output.next_command import print_command
@@ -23,8 +24,8 @@ if TYPE_CHECKING:
 
 Row = Mapping[str, Any]
 """Result of the check of a channel or drive: values by the name of the field."""
-SHOWN_IN = {"N": ("N", 1.0), "m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
-"""For each SI unit, the unit that is shown and the factor that converts a value to it."""
+SHOWN_IN = {one.si: one for one in SIGNALS.values()}
+"""How a channel is shown, by its SI unit."""
 
 
 def table(title: str, *headings: str) -> TrimmedTable:
@@ -67,7 +68,7 @@ def channel_tables(title: str, channels: Sequence[Row]) -> list[TrimmedTable | s
     """
     rows = []
     for c in channels:
-        unit, factor = SHOWN_IN[CHANNEL_UNITS[c["name"]]]
+        shown = SHOWN_IN[CHANNEL_UNITS[c["name"]]]
         rows.append(
             [
                 c["name"],
@@ -76,8 +77,8 @@ def channel_tables(title: str, channels: Sequence[Row]) -> list[TrimmedTable | s
                 number(c["jitter_s"] * 1e3, 2),
                 number(c["age_s"] * 1e3, 2),
                 number(c["oldest_s"] * 1e3, 1),
-                f"{number(c['mean'] * factor, 3)} {unit}",
-                f"{small(c['noise'] * factor)} {unit}",
+                f"{number(shown.shown(c['mean']), 3)} {shown.unit}",
+                f"{small(shown.shown(c['noise']))} {shown.unit}",
                 f"{c['saturated']:.0%}",
             ]
         )
@@ -209,7 +210,7 @@ def print_lag(summary: Mapping[str, Any]) -> None:
     console.print(
         f"lag {summary['lag_s'] * 1e3:.3f} ms, 95 % interval {low:.3f} to {high:.3f} ms\n"
         f"lost motion {lost}{lost_low:.1f} to {lost_high:.1f} um in either direction\n"
-        f"spring {number(summary['k'], 0)} N/m, residual {summary['rms']:.2g} N rms"
+        f"spring {STIFFNESS.text(summary['k'])}, residual {summary['rms']:.2g} N rms"
     )
     if not summary["separable"]:
         console.print(

@@ -10,6 +10,7 @@ from estimation import Estimates
 from estimation.arrays import Floats
 from estimation.figure_style import PROFILE, draw, legend, limits, line, new_figure, tidy
 from estimation.figures import START, drawn
+from estimation.quantities import STIFFNESS
 
 
 def stiffness_figure(
@@ -33,14 +34,15 @@ def stiffness_figure(
     figure = new_figure(0.29 * len(panels) + 0.08, rows=len(panels))
     axes = figure.subplots(len(panels), 1, sharex=True, sharey=same_scale)
     everything = []
+    factor, unit = STIFFNESS.axis(1e3)
     for row, (title, (t, estimates)) in zip(axes, panels.items(), strict=True):
-        shown = {name: drawn(series, 1e-3) for name, series in estimates.items()}
+        shown = {name: drawn(series, factor) for name, series in estimates.items()}
         for i, (name, one) in enumerate(shown.items()):
             draw(row, t, one.k, label=name, **line(i))
-        level = paper[title] * 1e-3
+        level = paper[title] * factor
         row.axhline(level, color=PROFILE, linewidth=0.9, label="paper, average of rls")
         row.set_title(title, loc="left", fontsize="medium")
-        row.set_ylabel("$\\hat k$ [kN/m]")
+        row.set_ylabel(f"{STIFFNESS.hat} [{unit}]")
         later = t >= t[0] + START * (t[-1] - t[0])
         own = [one.k[later] for one in shown.values()]
         everything += own
@@ -48,7 +50,7 @@ def stiffness_figure(
         tidy(row)
         row.set_xlim(t[0], t[-1])
     if same_scale:
-        limits(axes[0], everything, (0.0, *(level * 1e-3 for level in paper.values())))
+        limits(axes[0], everything, (0.0, *(level * factor for level in paper.values())))
     axes[-1].set_xlabel("time [s]")
     legend(figure, *axes[0].get_legend_handles_labels())
     return figure

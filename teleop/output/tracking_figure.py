@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from estimation.figure_style import BLUE, ORANGE, draw, is_narrow, legend, limits, new_figure, tidy
+from estimation.quantities import POSITION
 from teleop.output.trial_tables import tracking_lines
 from teleop.recording.recording import Recording
 
@@ -31,7 +32,7 @@ def tracking_figure(title: str, recording: Recording, tracking: Mapping[str, Any
     """
     t, target, position = (recording[name] for name in ("time", "target", "slave_position"))
     shown = np.isfinite(target)
-    t, target, position = t[shown], target[shown] * 1e3, position[shown] * 1e3
+    t, target, position = t[shown], *(one[shown] * POSITION.factor for one in (target, position))
     error = position - target
     figure = new_figure(0.6, rows=2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
@@ -43,8 +44,8 @@ def tracking_figure(title: str, recording: Recording, tracking: Mapping[str, Any
     width = 48 if is_narrow() else 100
     caption = textwrap.fill(", ".join(tracking_lines(tracking)), width)
     upper.set_title(f"{title}\n{caption}" if title else caption, loc="left", fontsize="medium")
-    upper.set_ylabel("position [mm]")
-    lower.set_ylabel("error [mm]")
+    upper.set_ylabel(POSITION.heading)
+    lower.set_ylabel(f"error [{POSITION.unit}]")
     lower.set_xlabel("time [s]")
     lower.set_xlim(t[0], t[-1])
     for axes in (upper, lower):

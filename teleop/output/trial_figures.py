@@ -21,6 +21,7 @@ from estimation.figure_style import (
     shade,
     tidy,
 )
+from estimation.quantities import DAMPING, FORCE, LATENESS, POSITION, STIFFNESS, VELOCITY
 from estimation.redundancy import Ambiguity
 from teleop.output.figure_files import plain
 from teleop.recording.recording import Recording
@@ -45,27 +46,26 @@ def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
     figure = new_figure(1.0, rows=4)
     rows = figure.subplots(4, 1, sharex=True)
     panels = (
-        ("force [N]", 1.0, ("contact_force", "master_force")),
-        ("position [mm]", 1e3, ("slave_position", "master_position")),
+        (FORCE, ("contact_force", "master_force")),
+        (POSITION, ("slave_position", "master_position")),
         (
-            "velocity [mm/s]",
-            1e3,
+            VELOCITY,
             ("slave_velocity", "desired_slave_velocity", "applied_slave_velocity"),
         ),
-        ("lateness [ms]", 1e3, ("lateness",)),
+        (LATENESS, ("lateness",)),
     )
     styles: tuple[dict[str, Any], ...] = (
         {"color": BLUE, "linewidth": 2.2, "alpha": 0.6},
         {"color": ORANGE, "linewidth": 1.2},
         {"color": "#000000", "linewidth": 1.0, "linestyle": (0, (4, 2))},
     )
-    for axes, (label, scale, names) in zip(rows, panels, strict=True):
+    for axes, (quantity, names) in zip(rows, panels, strict=True):
         for name, style in zip(names, styles, strict=False):
             cause = " (fault)" if fault["source"] == name else ""
-            values = recording[name][part] * scale
+            values = recording[name][part] * quantity.factor
             draw(axes, ms, values, label=f"{name.replace('_', ' ')}{cause}", **style)
         axes.axvline(0.0, color="#CC0000", linewidth=1.0)
-        axes.set_ylabel(label)
+        axes.set_ylabel(quantity.heading)
         tidy(axes)
         axes.legend(
             loc="lower right",
@@ -125,13 +125,15 @@ def ambiguity_figure(t: Floats, tied: Ambiguity) -> Figure:
     figure = new_figure(0.57, rows=2)
     upper, lower = figure.subplots(2, 1, sharex=True)
     bands = (
-        (upper, tied.k_low * 1e-3, tied.k_high * 1e-3, tied.k * 1e-3, "$\\hat k$ [kN/m]"),
-        (lower, tied.b_low, tied.b_high, tied.b, "$\\hat b$ [N s/m]"),
+        (upper, STIFFNESS, (tied.k_low, tied.k_high, tied.k)),
+        (lower, DAMPING, (tied.b_low, tied.b_high, tied.b)),
     )
-    for axes, low, high, best, label in bands:
+    for axes, quantity, values in bands:
+        factor, unit = quantity.axis(1e3)
+        low, high, best = (one * factor for one in values)
         shade(axes, t, low, high, color=BLUE, alpha=0.25, label="candidates that are as good")
         draw(axes, t, best, color="#000000", linewidth=1.0, label="best candidate")
-        axes.set_ylabel(label)
+        axes.set_ylabel(f"{quantity.hat} [{unit}]")
         limits(axes, [low, high])
         tidy(axes)
     lower.set_xlabel("time [s]")

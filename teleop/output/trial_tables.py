@@ -7,7 +7,8 @@ from typing import Any
 
 from rich.console import Console
 
-from teleop.output.console import number, plain_console, wrapped
+from estimation.quantities import DAMPING, STIFFNESS
+from teleop.output.console import plain_console, wrapped
 from teleop.output.estimate_tables import left_out_lines, print_estimated, print_estimates
 from teleop.output.next_command import print_command
 from teleop.recording.gaps import Gap, missing_text
@@ -132,9 +133,10 @@ def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
     position sensor and its tip. `truth` is the item of this name that `Trial.summary` returned.
     """
     console.print(
-        f"  true values of the simulated rig: b {truth['b']:.3g} N s/m, secant stiffness k\n"
-        f"  {number(truth['k_surface'], 0)} N/m at the surface and "
-        f"{number(truth['k_deepest'], 0)} N/m at the greatest depth; lag of the force\n"
+        f"  true values of the simulated rig: b {DAMPING.text(truth['b'], '.3g')}, "
+        "secant stiffness k\n"
+        f"  {STIFFNESS.text(truth['k_surface'])} at the surface and "
+        f"{STIFFNESS.text(truth['k_deepest'])} at the greatest depth; lag of the force\n"
         f"  channel {truth['force_lag_s'] * 1e3:g} ms; lost motion of the slave "
         f"{truth['lost_motion_m'] * 1e6:g} um.\n"
         "  Lag and lost motion make the estimate of b too low."
@@ -144,8 +146,8 @@ def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
         console.print("  These are the values in slow motion and before any change. Others:")
     for name, law in further.items():
         console.print(
-            f"    {name}: b {law['b']:.3g} N s/m, k {number(law['k_surface'], 0)} N/m at the "
-            f"surface and {number(law['k_deepest'], 0)} N/m at the greatest depth"
+            f"    {name}: b {DAMPING.text(law['b'], '.3g')}, k {STIFFNESS.text(law['k_surface'])} "
+            f"at the surface and {STIFFNESS.text(law['k_deepest'])} at the greatest depth"
         )
 
 
@@ -194,7 +196,7 @@ def print_feedback(console: Console, feedback: Mapping[str, Any] | None) -> None
     console.print(f"  feedback: {feedback['law']}{channel}")
     if feedback["law"] != "none" and feedback["rendered_k"] == feedback["rendered_k"]:
         console.print(
-            f"  the hand felt k = {feedback['rendered_k']:.0f} N/m "
+            f"  the hand felt k = {STIFFNESS.text(feedback['rendered_k'])} "
             f"({feedback['rendered_k_error']:+.1%} of that at the slave);\n"
             f"  error of the felt force {feedback['felt_force_error']:.1%} rms, lowest energy at "
             f"the hand {feedback['energy_min_j'] * 1e3 + 0.0:.1f} mJ"

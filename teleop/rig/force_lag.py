@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
+from estimation.quantities import STIFFNESS
 from estimation.stiffening import Interval, lagged
 from sim_backend import Cube, Setup, paper_setup
 from teleop.control.excitation_signals import Chirp
@@ -213,8 +214,8 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
     fit = record.fit(alone, 0.0)
     if fit.k <= 0.0:
         raise InputError(
-            f"the estimated stiffness of the spring is {fit.k:.4g} N/m: expected force and "
-            "position to be positive in compression"
+            f"the estimated stiffness of the spring is {STIFFNESS.text(fit.k, '.4g')}: "
+            "expected force and position to be positive in compression"
         )
     if not 1e-5 < alone < 0.99 * LONGEST:
         raise InputError(

@@ -1,4 +1,4 @@
-"""Check the samples of each channel (measured quantity): range, age, and rate of change.
+"""Check the samples of each channel: range, age, and rate of change.
 
 A value that remains exactly the same for too long is also detected (a frozen value).
 """
@@ -26,7 +26,7 @@ A sample that is read twice is not a sign of a frozen sensor.
 
 
 class ChannelState(NamedTuple):
-    """Data of one channel (measured quantity) that its check needs at the next tick."""
+    """Data of one channel that its check needs at the next tick."""
 
     value: float = math.nan
     """Latest value, in the channel's SI unit; NaN before the first sample."""
@@ -60,28 +60,12 @@ def check_channels(
     travels: Sequence[float],
     limits: Mapping[str, ChannelLimits],
 ) -> tuple[tuple[ChannelState, ...], list[DetectedFault]]:
-    """Check the sample of each channel (measured quantity) against the limits of the channel.
+    """Check the sample of each channel against the limits of the channel.
 
-    Parameters
-    ----------
-    states
-        State of the check of each channel after the previous tick, in the order of `CHANNELS`.
-    measurement
-        Measurement of this tick.
-    travels
-        For each channel, the magnitude of the change that the commands since the previous tick
-        should cause, in the channel's SI unit; 0 for a force. A value is frozen (a fault) if it
-        remains the same although the sum of these changes is large.
-    limits
-        Limits of each channel, by its name.
-
-    Returns
-    -------
-    states
-        State of the check of each channel after this tick. If a channel has a fault, its state
-        does not change.
-    faults
-        The faults that were detected.
+    `travels` contains, for each channel, the change that the commands since the previous tick
+    should cause, in the SI unit of the channel; 0 for a force. A value is frozen (a fault) if it
+    remains the same although the sum of these changes is large. The state of a channel with a fault
+    does not change.
     """
     now, faults = measurement.time, []
     new_states = []
@@ -122,20 +106,8 @@ def invalid_sample(
     """Return the fault of a sample that is out of range, infinite, NaN or too old.
 
     The result is None if the value is NaN, the channel is not required, and the channel has never
-    had a valid value. A rig without the sensor of this channel gives only such samples.
-
-    Parameters
-    ----------
-    name
-        Name of the channel.
-    last
-        Latest valid value of the channel; NaN if there was none.
-    value, age
-        The sample, in the channel's SI unit, and its age [s].
-    now
-        Time of this tick [s].
-    limits
-        Limits of the samples of the channel.
+    had a valid value (`last` is NaN). A rig without the sensor of this channel gives only such
+    samples.
     """
     if limits.low <= value <= limits.high:
         return DetectedFault(Fault.STALE, name, age, limits.max_age, now - age)

@@ -49,23 +49,6 @@ def check_motion(
 
     The faults that this function can return stop the drives immediately. The velocity is not first
     reduced on a ramp, even if the slave moves fast.
-
-    Parameters
-    ----------
-    measurement
-        Measurement of this tick.
-    dt
-        Time since the previous tick [s].
-    following_error
-        Following error of the slave (commanded minus measured travel) [m]; see
-        `update_following_error`.
-    skipped_fraction
-        Fraction of its periods that the loop skipped, averaged over about `AVERAGING_TIME`.
-    drift
-        Time by which the rig's clock (time of the measurements) is behind the clock of the loop
-        [s].
-    limits
-        Limits of rig and channels.
     """
     faults = check_rig(measurement)
     faults += check_loop(measurement.time, dt, skipped_fraction, drift, limits)
@@ -90,19 +73,7 @@ def check_loop(
 ) -> list[DetectedFault]:
     """Return faults of timing: overruns of the control loop, and a wrong clock of the rig.
 
-    Parameters
-    ----------
-    now
-        Time of this measurement [s].
-    dt
-        Time since the previous measurement [s].
-    skipped_fraction
-        Fraction of its periods that the loop skipped, averaged over about `AVERAGING_TIME`.
-    drift
-        Time by which the rig's clock (time of the measurements) is behind the clock of the loop
-        [s].
-    limits
-        Limits of rig and channels.
+    `drift` is the time by which the clock of the rig is behind the clock of the loop [s].
     """
     faults = []
     if not dt >= 0.0:
@@ -134,16 +105,6 @@ def check_limits(
     """Return a fault for each hard limit that the contact force or the motion of the slave exceeds.
 
     Values that are infinite or NaN are not checked here, because `check_channels` detects them.
-
-    Parameters
-    ----------
-    measurement
-        Measurement of this tick.
-    following_error
-        Following error of the slave (commanded minus measured travel) [m]; see
-        `update_following_error`.
-    limits
-        Limits of rig and channels.
     """
     faults = []
     now, x, f = measurement.time, measurement.slave_position, measurement.contact_force
@@ -175,22 +136,6 @@ def update_halting(
     a fault if the slave has not been at rest for `LONGEST_HALT` otherwise, and has moved by more
     than the limit of the following error. After the slave has come to rest, its motion is not
     checked, because a person may move it. While the position is not known, nothing is checked.
-
-    Parameters
-    ----------
-    halting
-        Motion of the slave since the stop; None if there is nothing to check.
-    measurement
-        Measurement of this tick.
-    limits
-        Limits of rig and channels.
-
-    Returns
-    -------
-    halting
-        Motion of the slave after this tick; None if the slave came to rest.
-    faults
-        The fault, if there is one.
     """
     now, x, f = measurement.time, measurement.slave_position, measurement.contact_force
     if not halting or not math.isfinite(x):
@@ -244,26 +189,15 @@ def update_following_error(
 ) -> float:
     """Return the following error of the slave after this tick [m].
 
-    The following error is the commanded travel minus the measured travel, summed over the ticks.
-    At each tick, two parts of the difference are subtracted, because they are not errors. One part
-    is the displacement of the drive by the contact force (compliance times change of force). The
-    other part is an allowed gain error of at most `GAIN_ERROR` times the commanded travel.
+    The following error is the commanded travel minus the measured travel, summed over the ticks. At
+    each tick, two parts of the difference are subtracted, because they are not errors. One part is
+    the displacement of the drive by the contact force (compliance times change of force). The other
+    part is an allowed gain error of at most `GAIN_ERROR` times the commanded travel.
 
     In the mode idle, the drives are disabled, and the slave follows no command.
 
     If `dt` is negative or larger than `Limits.max_gap`, the commanded travel is not known. The
     following error of the previous tick is then returned.
-
-    Parameters
-    ----------
-    state
-        State of the supervisor after the previous tick.
-    measurement
-        Measurement of this tick.
-    dt
-        Time since the previous tick [s].
-    limits
-        Limits of rig and channels.
     """
     before = state.position
     if before != before or state.mode is IDLE:
@@ -283,15 +217,6 @@ def update_skipped_fraction(state: Supervision, request: Request, dt: float) -> 
     """Return the fraction of its periods that the loop skipped, averaged over `AVERAGING_TIME`.
 
     The loop skips whole periods if it is late by a period or more.
-
-    Parameters
-    ----------
-    state
-        State of the supervisor after the previous tick.
-    request
-        Input of the supervisor at this tick. It contains the number of skipped periods.
-    dt
-        Time since the previous tick [s].
     """
     fraction = request.skipped / (request.skipped + 1.0)
     weight = min(max(dt, 0.0) / AVERAGING_TIME, 1.0)
@@ -304,15 +229,6 @@ def update_clock_drift(state: Supervision, request: Request, dt: float) -> float
     The rig's clock is the time of the measurements. The result depends only on about the last
     `AVERAGING_TIME` seconds. It is never negative: otherwise a forward jump of the rig's clock
     would hide for some time that the clock stops afterwards.
-
-    Parameters
-    ----------
-    state
-        State of the supervisor after the previous tick.
-    request
-        Input of the supervisor at this tick. It contains the elapsed time on the loop's clock.
-    dt
-        Time since the previous tick on the rig's clock [s].
     """
     if state.mode is DISCONNECTED:
         return 0.0

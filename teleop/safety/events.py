@@ -112,7 +112,7 @@ UNITS = {"force": "N", "position": "m", "velocity": "m/s", "": ""}
 
 
 def unit_of(source: str) -> str:
-    """Return the SI unit of a channel (measured quantity); empty if `source` is not a channel.
+    """Return the SI unit of a channel; empty if `source` is not a channel.
 
     `source` is the source of a fault: the name of a channel, or another text.
     """
@@ -120,17 +120,7 @@ def unit_of(source: str) -> str:
 
 
 def describe(fault: Fault, source: str, value: float, limit: float) -> str:
-    """Return one line of text that describes a fault.
-
-    Parameters
-    ----------
-    fault
-        Kind of fault.
-    source
-        Name of the channel (measured quantity) with the fault, or a text that describes the fault.
-    value, limit
-        Measured value and the limit that it exceeds, in SI units; NaN if the fault has none.
-    """
+    """Return one line of text that describes a fault. Value and limit are NaN if it has none."""
     name, unit = source.replace("_", " "), unit_of(source)
     if fault is Fault.NOT_A_NUMBER or fault is Fault.INFINITE:
         return f"{name} is {value}: expected a number"

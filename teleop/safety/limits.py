@@ -11,7 +11,7 @@ from drivers import CHANNELS
 
 @dataclass(frozen=True)
 class ChannelLimits:
-    """Limits of the samples of a channel (measured quantity), in the channel's SI unit.
+    """Limits of the samples of a channel, in the channel's SI unit.
 
     A sample that exceeds a limit is a fault.
 
@@ -47,16 +47,6 @@ class ChannelLimits:
         """Return the limits for samples from which a zero offset is subtracted.
 
         The range is shifted by the zero offset. The other limits do not change.
-
-        Parameters
-        ----------
-        zero
-            Zero offset of the sensor, in the channel's SI unit.
-
-        Raises
-        ------
-        ValueError
-            The zero offset is outside the range of the sensor.
         """
         if not self.low <= zero <= self.high:
             raise ValueError(
@@ -67,7 +57,7 @@ class ChannelLimits:
 
 
 def default_channel_limits() -> dict[str, ChannelLimits]:
-    """Return the default limits of each channel (measured quantity), by the name of the channel.
+    """Return the default limits of each channel, by the name of the channel.
 
     They are suitable for a rig with a linear actuator and a force sensor for large forces.
     """
@@ -168,16 +158,6 @@ class Limits:
         The range of each channel is shifted by its zero offset. The sample without subtraction is
         thus still compared with the range of the sensor. The other limits do not change, because
         they are limits of the values after subtraction.
-
-        Parameters
-        ----------
-        zeros
-            Zero offset of each channel, in the channel's SI unit, by the name of the channel.
-
-        Raises
-        ------
-        ValueError
-            A zero offset is outside the range of its sensor; the message names the channel.
         """
         channels = dict(self.channels)
         for name, zero in zeros.items():

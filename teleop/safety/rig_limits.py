@@ -9,14 +9,7 @@ from teleop.safety.limits import ChannelLimits, Limits, default_channel_limits
 
 
 def rig_limits(rig: RigSections) -> Limits:
-    """Convert the limits of a rig file to SI units.
-
-    Raises
-    ------
-    ValueError
-        A hard limit is tighter than its soft limit, or the range of a channel is empty. The
-        message names the section of the rig file.
-    """
+    """Convert the limits of a rig file to SI units."""
     given = rig.limits
     channels = {name: optional_limits(limits) for name, limits in default_channel_limits().items()}
     for name, channel in rig.channels.items():
@@ -45,7 +38,7 @@ def rig_limits(rig: RigSections) -> Limits:
 
 
 def optional_limits(limits: ChannelLimits) -> ChannelLimits:
-    """Return limits for a channel (measured quantity) that the rig does not measure.
+    """Return limits for a channel that the rig does not measure.
 
     The value of this channel may be NaN. Only the range of the given limits is kept.
     """
@@ -53,13 +46,7 @@ def optional_limits(limits: ChannelLimits) -> ChannelLimits:
 
 
 def channel_limits(channel: ForceSettings | PositionSettings | VelocitySettings) -> ChannelLimits:
-    """Convert the limits of one channel (measured quantity) of a rig file to SI units.
-
-    Raises
-    ------
-    ValueError
-        The range is empty, or another limit is not positive.
-    """
+    """Convert the limits of one channel of a rig file to SI units."""
     common: dict[str, Any] = {"max_age": channel.max_age_ms * 1e-3}
     match channel:
         case ForceSettings():

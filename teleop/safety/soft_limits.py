@@ -21,17 +21,7 @@ CONTACT = 0.1
 
 
 def ramp_down(command: Command, dt: float, limits: Limits) -> Command:
-    """Return the next command of a ramp that brings the velocities of both drives to zero.
-
-    Parameters
-    ----------
-    command
-        Command of the previous tick.
-    dt
-        Time since the previous tick [s].
-    limits
-        Limits of the rig. Only the largest accelerations of master and slave are used.
-    """
+    """Return the next command of a ramp that brings both velocities to zero."""
     return limit_acceleration(STANDSTILL, command, dt, limits)
 
 
@@ -40,17 +30,6 @@ def limit_acceleration(wanted: Command, last: Command, dt: float, limits: Limits
 
     The result is the command nearest to the wanted command whose accelerations do not exceed the
     limits of master and slave.
-
-    Parameters
-    ----------
-    wanted
-        Command before this limitation.
-    last
-        Command of the previous tick.
-    dt
-        Time since the previous tick [s].
-    limits
-        Limits of the rig. Only the largest accelerations of master and slave are used.
     """
     (master, slave), (last_master, last_slave) = wanted, last
     step = limits.max_master_acceleration * dt
@@ -83,32 +62,9 @@ def limit_command(
     the limit with the deceleration v^2 / (2 d) = a / 2, which is half of the permitted value. If
     the contact force exceeds the soft force limit, the slave does not press further.
 
-    Parameters
-    ----------
-    desired
-        Command of the control condition.
-    measurement
-        Measurement of this tick.
-    active
-        Time since the drives were armed [s]. The velocity limits increase from zero to their
-        values in the first `Limits.start_ramp` seconds.
-    dt
-        Time since the previous tick [s].
-    state
-        State of the supervisor after the previous tick.
-    limits
-        Limits of rig and channels.
-    stiffness
-        Expected stiffness of the palpated body [N/m]: increase of the contact force per increase
-        of the slave's position. None if the velocities are reduced together.
-
-    Returns
-    -------
-    command
-        Command that the soft limits allow.
-    flags
-        Sum of the flags of the soft limits that changed the command. The flags are the constants
-        `VELOCITY`, `ACCELERATION`, `POSITION` and `FORCE`.
+    The velocity limits increase from zero to their values in the first `Limits.start_ramp` seconds
+    of `active`, the time since the drives were armed [s]. The returned flags are the sum of
+    `VELOCITY`, `ACCELERATION`, `POSITION` and `FORCE`, for the limits that changed the command.
     """
     ramp = min(active / limits.start_ramp, 1.0)
     if stiffness is None:
@@ -127,24 +83,6 @@ def limit_together(
     """Reduce the velocities of master and slave by the same factor, to comply with soft limits.
 
     These are the soft limits of velocity, position and contact force, but not of acceleration.
-
-    Parameters
-    ----------
-    desired
-        Command of the control condition.
-    measurement
-        Measurement of this tick.
-    ramp
-        Factor of the velocity limits, from 0 to 1.
-    limits
-        Limits of rig and channels.
-
-    Returns
-    -------
-    command
-        Command with reduced velocities.
-    flags
-        Sum of the flags of the soft limits that reduced the velocities.
     """
     master, slave = desired
     factor, flags, speed = 1.0, 0, abs(slave)
@@ -173,29 +111,9 @@ def limit_separately(
     and force of the slave apply only to the slave. If they reduce the velocity of the slave, the
     hand feels this only through the communication channel between master and slave.
 
-    When the slave presses further into the palpated body, its speed is at most
-    (soft_force - |f|) / (stiffness T), with the contact force f and the time T = `APPROACH_TIME`.
-    The expected force then does not exceed the soft limit within the time T.
-
-    Parameters
-    ----------
-    desired
-        Command of the control condition.
-    measurement
-        Measurement of this tick.
-    ramp
-        Factor of the velocity limits, from 0 to 1.
-    stiffness
-        Expected stiffness of the palpated body [N/m].
-    limits
-        Limits of rig and channels.
-
-    Returns
-    -------
-    command
-        Command with limited velocities.
-    flags
-        Sum of the flags of the soft limits that reduced a velocity.
+    When the slave presses further into the palpated body, its speed is at most (soft_force - |f|) /
+    (stiffness T), with the contact force f and the time T = `APPROACH_TIME`. The expected force
+    then does not exceed the soft limit within the time T.
     """
     master, slave = desired
     flags, speed = 0, abs(slave)
@@ -227,15 +145,6 @@ def braking_speed(slave: float, measurement: Measurement, limits: Limits) -> flo
 
     At this speed, the slave can stop at the limit with half of the largest acceleration. The speed
     is 0 if the slave is beyond the limit.
-
-    Parameters
-    ----------
-    slave
-        Velocity of the slave [m/s]. Its sign selects the upper or the lower position limit.
-    measurement
-        Measurement of this tick.
-    limits
-        Limits of rig and channels.
     """
     low, high = limits.soft_position
     x = measurement.slave_position

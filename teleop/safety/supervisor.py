@@ -48,27 +48,9 @@ def supervise(
     request: Request,
     limits: Limits,
 ) -> Verdict:
-    """Check the measurement of a tick, and compute the command that is sent to the drives.
-
-    Parameters
-    ----------
-    state
-        State that the supervisor returned at the previous tick.
-    measurement
-        Measurement of the rig.
-    desired
-        Desired velocities of master and slave; used only in the mode active.
-    request
-        Requests of a person, and data from the loop.
-    limits
-        Limits of rig and channels.
-
-    Returns
-    -------
-    verdict
-        New state of the supervisor (with its mode), command for the drives, and events.
-    """
+    """Check the measurement of a tick, and compute the command that is sent to the drives."""
     now = measurement.time
+    # The first tick has no previous time (NaN). 0 * now is NaN if the first time itself is invalid.
     dt = now - state.time if state.time == state.time else 0.0 * now
     following_error = update_following_error(state, measurement, dt, limits)
     skipped_fraction = update_skipped_fraction(state, request, dt)
@@ -76,6 +58,8 @@ def supervise(
     position = measurement.slave_position
     enabled = state.enabled
     halting, moving = update_halting(state.halting, measurement, limits)
+    # Only a person can leave the mode fault (`rearm`). While the ramp lasts, only what requires an
+    # immediate stop is still checked.
     if state.mode is FAULT:
         state = state._replace(
             time=now,
@@ -94,6 +78,8 @@ def supervise(
         return halted(verdict, enabled, measurement)
 
     applied = state.applied
+    # The order is that of CHANNELS. Forces can be constant, so that they are never frozen by a
+    # travel.
     travels = (0.0, abs(applied[0]) * dt, abs(applied[1]) * dt, 0.0, state.velocity_change)
     channel_states, faults = check_channels(
         state.channel_states, measurement, travels, limits.channels
@@ -103,9 +89,12 @@ def supervise(
     faults += request.faults
     if state.mode is ACTIVE:
         faults += check_command(desired, now)
+    # Before the drives are armed, motion is no fault: a person may move the slave. It only delays
+    # the mode ready. A request to arm at this tick is refused with a fault.
     not_at_rest = state.mode < ACTIVE and check_rest(measurement, limits)
     if not_at_rest and request.arm:
         faults.append(not_at_rest)
+    # The faults start the ramp from the velocities that the drives have now.
     if faults:
         state = Supervision(
             FAULT,
@@ -143,13 +132,18 @@ def supervise(
         mode, text = IDLE, "not at rest"
     elif mode is IDLE and now - state.since >= limits.preflight - ROUNDING:
         mode, text = READY, "ready"
+    # The mode must have been ready at the previous tick too: a request that waited for it arms
+    # nothing.
     arm = mode is READY and state.mode is READY and request.arm and not request.halt
+    # A halt omits the ramp. In the mode ready, the drives are disabled already.
     if request.halt and mode is not READY:
         mode, command, limited, text = IDLE, STANDSTILL, 0, text or "stopped at once"
 
     events = (Event(now, mode, text),) if mode is not state.mode else ()
+    # Each motion restarts the time for which the slave must be at rest before the mode ready.
     since = state.since if mode is state.mode and not not_at_rest else now
     velocity_change = abs(command[1] - state.applied[1])
+    # new_tuple avoids the time that the constructor of a NamedTuple takes.
     values = (
         mode,
         since,
@@ -170,17 +164,8 @@ def supervise(
 
 
 def halted(verdict: Verdict, enabled: bool, measurement: Measurement) -> Verdict:
-    """Return the output of the supervisor; if it disables the drives, its state observes the halt.
-
-    Parameters
-    ----------
-    verdict
-        Output of `supervise` at this tick.
-    enabled
-        Whether the drives were enabled at the previous tick.
-    measurement
-        Measurement of this tick.
-    """
+    """Return the verdict. If it disables the drives, its state observes whether the slave halts."""
+    # Only the tick at which the drives are disabled starts the observation.
     if not enabled or verdict.enabled:
         return verdict
     now, x = measurement.time, measurement.slave_position
@@ -188,15 +173,9 @@ def halted(verdict: Verdict, enabled: bool, measurement: Measurement) -> Verdict
 
 
 def activate(verdict: Verdict) -> Verdict:
-    """Return a copy of the supervisor's output in which the mode is changed from ready to active.
+    """Change the mode from ready to active, at the tick at which all drives are in operation.
 
-    Call this function at the tick at which all drives have gone into operation. The command of
-    this tick is zero velocity.
-
-    Parameters
-    ----------
-    verdict
-        Output of `supervise` at this tick. Its attribute `arm` is True.
+    The command of this tick is zero velocity.
     """
     now = verdict.state.time
     state = verdict.state._replace(mode=ACTIVE, since=now, following_error=0.0, halting=None)
@@ -212,19 +191,6 @@ def stop_for_faults(
     requires an immediate stop, or if `dt` is negative. Each kind of fault is stored and reported
     only once. Faults that are detected at the same tick are ordered by severity, the most severe
     first.
-
-    Parameters
-    ----------
-    state
-        State of the supervisor, in mode fault.
-    faults
-        Faults that were detected at this tick.
-    dt
-        Time since the previous tick [s].
-    halt
-        Whether a stop without a ramp was requested.
-    limits
-        Limits of rig and channels.
     """
     known = {cause.fault for cause in state.causes}
     events: list[Event] = []
@@ -234,26 +200,16 @@ def stop_for_faults(
             text = describe(detected.fault, detected.source, detected.value, detected.limit)
             events.append(Event(state.time, FAULT, text, *detected))
             state = state._replace(causes=(*state.causes, detected))
+    # With a negative dt, the clock is wrong, so that a ramp would have no known duration.
     ramp = dt >= 0.0 and not halt and not state.immediate
     command = ramp_down(state.applied, dt, limits) if ramp else STANDSTILL
     return Verdict(state._replace(applied=command), command, events=tuple(events))
 
 
 def rearm(state: Supervision) -> Supervision:
-    """Return the initial state of the supervisor, so that it leaves the mode fault.
+    """Return the initial state, to leave the mode fault if a person wants to arm again.
 
-    Call this function only if a person wants to arm the drives again after a fault. The supervisor
-    then repeats all checks that it makes before arming.
-
-    Parameters
-    ----------
-    state
-        State of the supervisor, in the mode fault.
-
-    Raises
-    ------
-    ValueError
-        The mode is not fault.
+    The supervisor then repeats all checks that it makes before arming.
     """
     if state.mode is not FAULT:
         raise ValueError(

@@ -45,16 +45,6 @@ class TightenedLimits:
         """Return the limits that are valid in the trial.
 
         A limit of this object that is not None replaces the same limit of the rig.
-
-        Parameters
-        ----------
-        limits
-            All limits of the rig.
-
-        Raises
-        ------
-        ValueError
-            The returned limits would not be consistent, see `Limits`.
         """
         return replace(limits, **self.stated)
 
@@ -63,11 +53,6 @@ class TightenedLimits:
 
         Each item consists of the name of the limit, its value in this object, and its value for the
         rig.
-
-        Parameters
-        ----------
-        limits
-            All limits of the rig.
         """
         for name, value in self.stated.items():
             present = getattr(limits, name)

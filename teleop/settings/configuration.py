@@ -8,25 +8,20 @@ from __future__ import annotations
 import contextlib
 import textwrap
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from drivers.input_file import read_input
 from drivers.problems import syntax_problem
 from estimation import MODELS
-from estimation.model import model_named
-from teleop.control.tare import read_tare
 from teleop.errors import InputError
 from teleop.files import RECORDING, unreadable
 from teleop.recording.recording import load
-from teleop.settings.checks import SettingsError
-from teleop.settings.documents import DERIVED, adapter, from_document, to_document
+from teleop.settings.documents import checked, to_document
 from teleop.settings.feedback_checks import check_feedback
-from teleop.settings.keys import NAMES
-from teleop.settings.rig_loading import load_rig_file
-from teleop.settings.trial_settings import TrialSettings
+from teleop.settings.problems import DERIVED
+from teleop.settings.trial_settings import KEYS, TrialSettings, schema
 
 if TYPE_CHECKING:
     from tomlkit.items import Table
@@ -69,13 +64,7 @@ def read_configuration(path: Path, complete: bool = False) -> TrialSettings:
 
 
 def recorded_document(path: Path) -> dict[str, Any]:
-    """Return the settings in a recording, as a dictionary for `settings_from`.
-
-    Raises
-    ------
-    InputError
-        The recording cannot be read, is not complete, or contains no settings.
-    """
+    """Return the settings in a recording, as a dictionary for `settings_from`."""
     if settings := load(path, "time".__eq__).settings:
         return as_recorded_now(settings)
     raise InputError(f"{path}: the recording contains no settings: expected those of a trial")
@@ -87,13 +76,8 @@ def as_recorded_now(document: Mapping[str, Any]) -> dict[str, Any]:
     Values that were computed from other settings are removed. Two settings are removed if they had
     no effect in the recorded trial: `cube` (the simulated body) on a hardware rig, and `signal`
     (the excitation signal) in the condition `mimic` before version 0.2.
-
-    Parameters
-    ----------
-    document
-        Recorded settings: values by key.
     """
-    ignored = document.get("condition") == "mimic" and NAMES["count_in"] not in document
+    ignored = document.get("condition") == "mimic" and KEYS["count_in"] not in document
     removed = {
         *DERIVED,
         *(["signal"] if ignored else []),
@@ -103,13 +87,7 @@ def as_recorded_now(document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the contents of a TOML file as a dictionary.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or is not a TOML file.
-    """
+    """Return the contents of a TOML file as a dictionary."""
     text = ""
     try:
         text = read_input(path).decode()
@@ -121,64 +99,21 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
-    """Return the settings for the contents of a configuration file.
-
-    Parameters
-    ----------
-    document
-        Contents of the file: values by key.
-    folder
-        Folder to which paths in the file are relative.
-
-    Raises
-    ------
-    InputError
-        A setting is unknown or invalid, or the rig file or tare file cannot be read.
-    """
-    problems = [f"{key}: unknown setting{hint}" for key, hint in DERIVED.items() if key in document]
+    """Return the settings in a configuration file. Paths in it are relative to `folder`."""
+    problems = []
     if document.get("rig") and "cube" in document:
         problems.append("cube: belongs to the simulated rig: expected no cube beside a rig")
-    named = dict(document)
-    readers: dict[str, Callable[[str], object]] = {
-        "rig": lambda name: load_rig_file(folder / name),
-        "tare": lambda name: read_tare(folder / name),
-        "model": model_named,
-    }
-    for key, read in readers.items():
-        if isinstance(named.get(key), str):
-            try:
-                named[key] = read(named[key])
-            except (InputError, ValueError) as error:
-                problems += str(error).splitlines()
-                del named[key]
     with raised_together(problems):
-        try:
-            return from_document(named)
-        except SettingsError as error:
-            raise error.known(document.keys() - named.keys()) from error
+        return checked(document, folder)
 
 
 def complete_settings(
     document: Mapping[str, Any], folder: Path, place: str = "the file"
 ) -> TrialSettings:
-    """Return the settings in a configuration file, and check that no required setting is missing.
+    """Return the settings in a configuration file, and check that a trial can use them.
 
-    Parameters
-    ----------
-    document
-        Contents of the file: values by key.
-    folder
-        Folder to which paths in the file are relative.
-    place
-        Where the user can add a missing setting, such as "the file". The text is part of the error
-        message.
-
-    Raises
-    ------
-    InputError
-        A setting is invalid, the specimen or the depth is missing in a trial on a hardware rig, or
-        the force feedback may not be used (see `check_feedback`). The message has one line for
-        each problem.
+    No setting that a hardware rig needs may be missing (`place` states where the user can add it),
+    and the force feedback must be permitted (`check_feedback`).
     """
     problems = [
         f"{key}: is missing: expected {what} in {place}, for a trial on a hardware rig"
@@ -193,16 +128,7 @@ def complete_settings(
 
 @contextlib.contextmanager
 def raised_together(problems: list[str]) -> Iterator[None]:
-    """Return a context manager that raises several problems as one InputError.
-
-    The error is raised at the end of the `with` block, unless there is no problem.
-
-    Parameters
-    ----------
-    problems
-        Messages of the problems that are known before the block. If the block raises an
-        InputError, the lines of its message are appended to this list.
-    """
+    """Raise the problems, and those of an InputError within the block, as one InputError."""
     try:
         yield
     except InputError as error:
@@ -212,40 +138,36 @@ def raised_together(problems: list[str]) -> Iterator[None]:
 
 
 def write_configuration(settings: TrialSettings) -> str:
-    """Return the text of a configuration file with the settings and a comment for each setting.
-
-    The function does not write a file.
-    """
+    """Return the text of a configuration file with the settings and a comment for each setting."""
     import tomlkit
 
     document = without_none(to_document(settings))
     if MODELS.get(settings.model.name) == settings.model:
         document["model"] = settings.model.name
-    schema = configuration_schema()
+    described = schema()
     file = tomlkit.document()
     file.add(tomlkit.comment("Configuration of a trial: teleop run --config FILE"))
     file.add(tomlkit.comment("Quantities are in SI units. A key that is left out has its default."))
-    names = {NAMES.get(field.name, field.name): field.name for field in fields(TrialSettings)}
+    names = {key: name for name, key in KEYS.items()}
     is_table = {key: isinstance(document.get(key), Mapping) for key in names}
     for key in sorted(names, key=is_table.__getitem__):  # TOML has its tables last
         file.add(tomlkit.nl())
-        for line in textwrap.wrap(schema["properties"][key]["description"], 88):
+        for line in textwrap.wrap(described["properties"][key]["description"], 88):
             file.add(tomlkit.comment(line))
         if document.get(key) is None:
             file.add(tomlkit.comment(f"{key} ="))
         elif is_table[key]:
             kind = type(getattr(settings, names[key])).__name__
-            file.add(key, table(document[key], schema["$defs"].get(kind, {}).get("properties", {})))
+            file.add(
+                key, table(document[key], described["$defs"].get(kind, {}).get("properties", {}))
+            )
         else:
             file.add(key, document[key])
     return tomlkit.dumps(file)
 
 
 def without_none(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a copy of a mapping without the keys whose value is None, also in inner mappings.
-
-    Keys with the value None are removed because TOML has no such value.
-    """
+    """Return a copy without the keys whose value is None, because TOML has no such value."""
     return {
         key: without_none(value) if isinstance(value, Mapping) else value
         for key, value in values.items()
@@ -256,14 +178,7 @@ def without_none(values: Mapping[str, Any]) -> dict[str, Any]:
 def table(values: Mapping[str, Any], properties: Mapping[str, Any]) -> Table:
     """Return a TOML table with values, and with the description of each key as a comment.
 
-    A key of `properties` that has no value is written as a comment only.
-
-    Parameters
-    ----------
-    values
-        Values by key.
-    properties
-        JSON schema of each value, by key. It contains the description of the key.
+    A key of `properties` (JSON schemas) that has no value is written as a comment only.
     """
     import tomlkit
 
@@ -278,16 +193,3 @@ def table(values: Mapping[str, Any], properties: Mapping[str, Any]) -> Table:
             item.comment(description)
         found.add(key, item)
     return found
-
-
-def configuration_schema() -> dict[str, Any]:
-    """Return the JSON schema of configuration files. Text editors use it to check such a file."""
-    schema = adapter().json_schema()
-    properties = schema["properties"]
-    for key, given in {
-        "rig": [{"type": "string"}, {"type": "object"}],
-        "tare": [{"type": "string"}, {"$ref": "#/$defs/Tare"}],
-        "model": [{"enum": list(MODELS)}, {"$ref": "#/$defs/Model"}],
-    }.items():
-        properties[key] = {"anyOf": given, "description": properties[key]["description"]}
-    return {**schema, "title": "Configuration of a trial"}

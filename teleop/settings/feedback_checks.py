@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from estimation.arrays import Floats
+from estimation.quantities import STIFFNESS
 from sim_backend.plant import UNATTENDED
 from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.law import STIFF_PRIOR
@@ -17,14 +18,6 @@ from teleop.settings.trial_settings import TrialSettings
 LOOP_DELAY = 1.5
 """Delay of the control loop in periods. A sample is at most one period old. A command is held for
 one period, which is a mean delay of half a period."""
-PASSIVITY_OFFERED = {"soft": (0.05, 0.5)}
-"""Shortest and longest delay of a round trip through the communication channel [s], for which the
-force-feedback law `passivity` is permitted, by the cube of the simulated rig.
-
-In the benchmark, all trials on this cube with a delay in this range were stable. They were made
-with 20 seeds, with arms of 150, 400 and 1500 N/m, and with operators who reverse their motion at a
-force or at a depth (`benchmarks/results/feedback-passivity.csv`).
-"""
 
 
 def check_feedback(settings: TrialSettings) -> str:
@@ -34,15 +27,12 @@ def check_feedback(settings: TrialSettings) -> str:
     force feedback is stable.
     """
     law, trip = settings.feedback.law, round_trip(settings)
-    if law == "passivity":
-        check_offered(settings, trip)
-    if law != "position-force":
+    if not settings.feedback.law_type.displays_measured_force:
         return ""
     warning = ""
     if unknown := unknown_values(settings):
         warning = (
-            "feedback position-force: whether it is stable is not known: expected "
-            f"{' and '.join(unknown)}"
+            f"feedback {law}: whether it is stable is not known: expected {' and '.join(unknown)}"
         )
     if settings.rig and settings.feedback.stiffness is None:
         return warning
@@ -51,7 +41,7 @@ def check_feedback(settings: TrialSettings) -> str:
     if delay < loop.safe_delay:
         return warning
     raise InputError(
-        f"feedback position-force: unstable with k = {loop.k:.0f} N/m and a delay of "
+        f"feedback {law}: unstable with k = {STIFFNESS.text(loop.k)} and a delay of "
         f"{delay * 1e3:.1f} ms, of which {trip * 1e3:.1f} ms are the round trip: expected a delay "
         f"below {loop.safe_delay * 1e3:.1f} ms, or feedback model-mediated"
     )
@@ -177,23 +167,3 @@ def present_stiffness(settings: TrialSettings) -> float:
         deepest = brentq(lambda x: setup.force(x) - aim, 0.0, deepest)
     step = 1e-3 * deepest
     return (setup.force(deepest) - setup.force(deepest - step)) / step
-
-
-def check_offered(settings: TrialSettings, trip: float) -> None:
-    """Check that a trial may use the force-feedback law `passivity`.
-
-    `PASSIVITY_OFFERED` contains the cubes and the delays for which this law is permitted. On a
-    hardware rig, it is not permitted.
-    """
-    shortest, longest = PASSIVITY_OFFERED.get("" if settings.rig else settings.cube, (1.0, 0.0))
-    if shortest <= trip <= longest:
-        return
-    offered = " or ".join(
-        f"the {cube} cube of the simulated rig with a round trip of {low * 1e3:g} to "
-        f"{high * 1e3:g} ms"
-        for cube, (low, high) in PASSIVITY_OFFERED.items()
-    )
-    raise InputError(
-        f"feedback passivity: not stable in all tests with a round trip of {trip * 1e3:g} ms on "
-        f"the {settings.palpated}: expected {offered}, or feedback model-mediated"
-    )

@@ -20,11 +20,3 @@ RATE = 1000.0
 """Rate of the control loop [Hz], if neither the settings nor a rig file state it."""
 COUNT_IN = 3.0
 """Time at the start of a trial in which a target does not move, on a hardware rig [s]."""
-
-
-def longest_duration(rate: float) -> float:
-    """Return the longest permitted duration of a trial [s] for a rate of the loop [Hz].
-
-    If the rate is out of its range, the nearest permitted rate is used.
-    """
-    return MOST_TICKS / min(max(rate, RATES[0]), RATES[1])

@@ -1,19 +1,31 @@
-"""Define the settings of a trial. They are checked when a `TrialSettings` is created."""
+"""The settings of a trial. They are checked when a `TrialSettings` is created."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Annotated
+from dataclasses import field, replace
+from functools import cache
+from typing import Annotated, Any, Self
 
-from pydantic import Discriminator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    ModelWrapValidatorHandler,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
+from pydantic.dataclasses import dataclass
+from pydantic.fields import FieldInfo
 
 from drivers.rig_file import RigFile
 from estimation import Preset, paper_preset
-from estimation.conditioner_choice import make_conditioner
-from estimation.conditioning import BANDWIDTH, Conditioner
+from estimation.conditioning import BANDWIDTH, Conditioner, make_conditioner
+from estimation.method_settings import OwnSettings
 from estimation.model import KELVIN_VOIGT, Model
-from estimation.own_settings import OwnSettings
 from estimation.registry import PAPER
 from sim_backend import DEPTH, OperatorModel, PlantParameters, Sensors, Setup, paper_setup
 from teleop.control.admittance import AdmittanceParameters
@@ -32,9 +44,24 @@ from teleop.settings import ranges
 from teleop.settings.checks import check_settings
 from teleop.settings.custom_class import CustomClass
 from teleop.settings.palpation_limits import palpation_limits
+from teleop.settings.problems import all_problems
+from teleop.settings.values import (
+    Hertz,
+    Metres,
+    ModelName,
+    Seconds,
+    model_of,
+    one_line,
+    rig_of,
+    tare_of,
+    without_zero,
+)
+
+CONFIG = ConfigDict(extra="forbid", use_attribute_docstrings=True, validate_by_name=True)
+"""The dataclasses of the settings have the same configuration, because they have no own one."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=CONFIG)
 class TrialSettings:
     """Settings of a trial.
 
@@ -51,26 +78,28 @@ class TrialSettings:
     """Control condition: free, mimic or autonomous."""
     cube: CubeName = "soft"
     """Cube of the simulated rig: soft, medium or hard. Not used on a hardware rig."""
-    specimen: str = ""
+    specimen: Annotated[str, AfterValidator(one_line)] = ""
     """Name of the specimen; empty for the cube of the simulated rig."""
-    operator: str = ""
+    operator: Annotated[str, AfterValidator(one_line)] = ""
     """Name of the operator."""
-    notes: str = ""
+    notes: Annotated[str, Field(max_length=ranges.NOTES), AfterValidator(without_zero)] = ""
     """Notes on the trial."""
     live: bool = False
     """Whether to show the trial on the live page in a browser."""
-    duration: float = 10.0
+    duration: Annotated[Seconds, Field(alias="duration_s", gt=0.0)] = 10.0
     """Duration of the trial [s]."""
     clock: ClockName = "real"
     """Clock of the control loop: real or virtual time."""
-    rate: float | None = None
+    rate: Annotated[
+        Hertz | None, Field(alias="rate_hz", ge=ranges.RATES[0], le=ranges.RATES[1])
+    ] = None
     """Ticks per second [Hz]. Default: the rate in the rig file, or 1000 Hz (`loop_rate`)."""
     seed: int = 0
     """Seed of the simulated operator and of the sensor noise."""
     signal: Annotated[AnySignal, Discriminator("kind")] | None = None
     """Excitation signal of the autonomous condition. In mimic, the sine that the operator follows.
     Default: a sine of 1 Hz in mimic and of 2 Hz otherwise."""
-    count_in: float | None = None
+    count_in: Annotated[Seconds | None, Field(alias="count_in_s", ge=0.0, le=60.0)] = None
     """Time at the start of a mimic trial in which the target does not move [s]. Default: 3 s on a
     hardware rig and 0 on the simulated rig."""
     admittance: AdmittanceParameters = field(default_factory=AdmittanceParameters)
@@ -83,17 +112,17 @@ class TrialSettings:
     """Communication channel between master and slave. Default: no channel and no delay."""
     conditioning: ConditioningName = "matched"
     """Signal conditioning before the estimators."""
-    bandwidth: float = BANDWIDTH
+    bandwidth: Annotated[Hertz, Field(alias="bandwidth_hz")] = BANDWIDTH
     """Bandwidth of the filter in the signal conditioning [Hz]."""
-    force_lag: float = 0.0
+    force_lag: Annotated[Seconds, Field(alias="force_lag_s")] = 0.0
     """Lag of the force channel [s], which matched conditioning compensates."""
-    preset: Preset | None = None
+    preset: Annotated[Preset | None, Field(alias="custom_preset")] = None
     """All settings of the estimators. Default: those of the paper, with the adaptation gain for the
     cube. On a hardware rig, this gain is that for the soft cube times (d / depth)^2, where d is the
     palpation depth for the soft cube."""
     estimators: tuple[str, ...] = PAPER
     """Names of the estimators. Not used with a custom preset."""
-    model: Model = KELVIN_VOIGT
+    model: Annotated[Model, BeforeValidator(model_of, ModelName | Model)] = KELVIN_VOIGT
     """Model for the estimators that can use any model. Not used with a custom preset."""
     estimator_parameters: Mapping[str, OwnSettings] = field(default_factory=dict)
     """Settings of individual estimators, such as forgetting, by the name of the estimator."""
@@ -108,11 +137,11 @@ class TrialSettings:
     """Imperfections of the simulated sensors."""
     operator_model: OperatorModel = field(default_factory=OperatorModel)
     """Arm and intended motion of the operator of the simulated rig."""
-    tare: Tare = NO_TARE
+    tare: Annotated[Tare, BeforeValidator(tare_of, str | Tare)] = NO_TARE
     """Zero offsets of force and position, which are subtracted from the measurements."""
-    rig: RigFile | None = None
+    rig: Annotated[RigFile | None, BeforeValidator(rig_of, str | dict[str, str])] = None
     """The hardware rig. Default: the simulated rig."""
-    depth: float | None = None
+    depth: Annotated[Metres | None, Field(alias="depth_m", gt=0.0, le=ranges.DEEPEST)] = None
     """Depth of palpation [m], required on a hardware rig. Default: the depth in the paper."""
     custom_condition: CustomClass | None = None
     """Class that computed the force in place of `condition`. Set by `run_trial(condition=...)`."""
@@ -122,6 +151,18 @@ class TrialSettings:
 
     def __post_init__(self) -> None:
         check_settings(self)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def check_values(cls, values: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """Report the problems of all settings at once.
+
+        pydantic ends with the invalid values of single settings, before `check_settings`.
+        """
+        try:
+            return handler(values)
+        except ValidationError as error:
+            raise all_problems(error, values, handler, KEYS, schema()) from error
 
     @property
     def setup(self) -> Setup:
@@ -144,7 +185,7 @@ class TrialSettings:
     @property
     def named_condition(self) -> type[Condition]:
         """Class of the condition with the name `condition`. It selects the simulated operator."""
-        return CONDITIONS.get(self.condition, Condition)  # a wrong name is found by the checks
+        return CONDITIONS[self.condition]
 
     @property
     def condition_type(self) -> type[Condition]:
@@ -198,11 +239,7 @@ class TrialSettings:
 
     @property
     def palpated(self) -> str:
-        """Name of the palpated body.
-
-        This is the setting `specimen`. If `specimen` is empty, it is the name of the rig or, on the
-        simulated rig, the name of the cube.
-        """
+        """Name of the palpated body: `specimen`, or else the name of the rig or of the cube."""
         return self.specimen or (f"{self.cube} cube" if self.is_simulated else self.rig_name)
 
     @property
@@ -212,27 +249,20 @@ class TrialSettings:
 
     @property
     def limits(self) -> Limits:
-        """Limits with which the safety supervisor checks the measurements after taring.
+        """Limits of the safety supervisor for measurements after taring.
 
-        Taring subtracts the zero offsets `tare` from the measurements. The same offsets are
-        subtracted from the ranges of the sensors. All other limits are those of `raw_limits`.
+        The zero offsets are also subtracted from the ranges of the sensors.
         """
         return self.raw_limits.shifted(self.tare.zeros)
 
     @property
     def raw_limits(self) -> Limits:
-        """Limits of the safety supervisor if no zero offsets are subtracted from the measurements.
-
-        They are the limits of the rig, except those that `tightened_limits` replaces.
-        """
+        """Limits of the safety supervisor for measurements before taring."""
         return self.tightened_limits.applied(self.untightened_limits)
 
     @property
     def untightened_limits(self) -> Limits:
-        """Limits of the safety supervisor for this rig, without the setting `tightened_limits`.
-
-        `tightened_limits` are limits of this trial that are tighter than those of the rig.
-        """
+        """Limits of the safety supervisor for this rig, without the setting `tightened_limits`."""
         if self.custom_limits:
             return self.custom_limits
         if self.rig:
@@ -261,11 +291,7 @@ class TrialSettings:
         return self.sensors.encoder_resolution
 
     def make_conditioner(self) -> Conditioner:
-        """Return a new signal conditioner, which computes the input of the estimators.
-
-        A signal conditioner is a filter. It computes displacement, velocity and force from the
-        measured position and force.
-        """
+        """Return a new signal conditioner, which computes the input of the estimators."""
         return make_conditioner(
             self.conditioning,
             self.bandwidth,
@@ -276,11 +302,7 @@ class TrialSettings:
 
     @property
     def estimation_preset(self) -> Preset:
-        """Settings of the estimators.
-
-        These are the settings in `preset`. If `preset` is None, they are the settings of the paper
-        (Yamamoto et al., BioRob 2008), adapted to the other settings of this trial.
-        """
+        """Settings of the estimators: `preset`, or those of the paper adapted to this trial."""
         if self.preset:
             return self.preset
         preset = paper_preset("soft" if self.rig else self.cube)
@@ -293,3 +315,20 @@ class TrialSettings:
             correlation=self.make_conditioner().correlation(1.0 / self.loop_rate),
             own=self.estimator_parameters,
         )
+
+
+FIELDS: Mapping[str, FieldInfo] = TrialSettings.__pydantic_fields__  # type: ignore[attr-defined]
+KEYS = {name: field.alias or name for name, field in FIELDS.items()}
+"""Key in a document of each setting, by its name. The keys of quantities end with their unit."""
+
+
+@cache
+def adapter() -> TypeAdapter[TrialSettings]:
+    """Return the pydantic object that checks a document and converts it to `TrialSettings`."""
+    return TypeAdapter(TrialSettings)
+
+
+@cache
+def schema() -> dict[str, Any]:
+    """Return the JSON schema of configuration files. Text editors use it to check such a file."""
+    return {**adapter().json_schema(), "title": "Configuration of a trial"}

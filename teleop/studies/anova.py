@@ -23,6 +23,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from teleop.errors import InputError
+from teleop.evaluation.across.comparison import SUBJECT, Compared
+from teleop.studies.depth_differences import depth_note
 
 ESTIMATOR = "estimator"
 """Name of the factor `estimator`, which varies within a trial."""
@@ -316,3 +318,45 @@ def repeated_measures(frame: Any, factors: Sequence[str]) -> Tests:
         )
         for effect, row in table.iterrows()
     }
+
+
+def effects_of(
+    rows: Sequence[Compared], factors: Sequence[str], planned: Sequence[str], response: str
+) -> tuple[list[dict[str, Any]], str]:
+    """Analysis of variance of one result (`response`) of the estimators in compared recordings.
+
+    The fixed factors are `factors` and the estimator. The subject is a random factor if there are
+    several subjects. `planned` are all factors of the series to which the recordings belong.
+
+    Returns
+    -------
+    effects
+        One dictionary for each factor and each interaction of factors, see `Effect`.
+    design
+        States which factor is random, and against which variance the effects are tested, and may
+        warn about different depths of palpation.
+    """
+    table = [
+        {
+            **dict(zip(factors, row.levels(factors), strict=True)),
+            SUBJECT: row.factors.get(SUBJECT),
+            "file": row.file,
+            ESTIMATOR: name,
+            response: getattr(one, response),
+        }
+        for row in rows
+        for name, one in row.estimates.items()
+    ]
+    subjects = {row.factors.get(SUBJECT) for row in rows}
+    random = SUBJECT if len(subjects) > 1 and None not in subjects else None
+    between = [name for name in factors if name != SUBJECT]
+    found = analysis_of_variance(table, response, between, "file", random)
+    pooled = [
+        name
+        for name in planned
+        if name not in (*factors, random) and len({row.factors.get(name) for row in rows}) > 1
+    ]
+    notes = [design_text(found, pooled, random)]
+    if response in ("k", "b") and (note := depth_note(rows, between)):
+        notes.append(note)
+    return [effect._asdict() for effect in found], " ".join(notes)

@@ -21,7 +21,8 @@ from teleop.control.channel import ChannelSettings
 from teleop.control.clock import Clock, RealClock, VirtualClock
 from teleop.control.conditions import Condition
 from teleop.control.controller import Controller
-from teleop.control.estimation import Estimation
+from teleop.control.estimates import Estimation
+from teleop.control.feedback.law import LawInputs
 from teleop.control.link import DirectLink, Link
 from teleop.errors import InputError
 from teleop.recording.message import Layout
@@ -128,7 +129,8 @@ def make_link(settings: TrialSettings) -> Link:
     if glued is None:
         glued = settings.setup.cube.glued if settings.rig is None else True
     stiffness = expected_stiffness(settings)
-    halves = feedback.halves(admittance, coupling, settings.force_lag, glued, stiffness)
+    given = LawInputs(admittance, coupling, feedback.gain, settings.force_lag, glued, stiffness)
+    halves = feedback.law_type.halves(given)
     channel = settings.channel or ChannelSettings()
     closed = feedback.law != "none"
     return BilateralLink(admittance, coupling, *halves, channel, settings.seed, closed)

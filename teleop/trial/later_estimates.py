@@ -13,7 +13,7 @@ import numpy as np
 
 from estimation import Bank, Conditioner
 from teleop.control.alignment import Pair
-from teleop.control.estimation import Estimated, Estimation
+from teleop.control.estimates import Estimated, Estimation
 from teleop.control.failures import failure
 from teleop.recording.message import Layout
 from teleop.recording.sinks import Outcome, Sink

@@ -9,13 +9,11 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from teleop.errors import InputError
 from teleop.recording.message import DROPPED, POINTER
 from teleop.recording.recording import Recording
 from teleop.recording.tick_columns import COLUMNS
-from teleop.settings.documents import from_document
 from teleop.settings.trial_settings import TrialSettings
-from teleop.trial.true_values import recorded_truth, truth
+from teleop.trial.recorded_trial import recorded_truth, trial_settings, truth
 
 MEANINGS = {column.name: column.meaning for column in COLUMNS} | {
     column.name: column.meaning for column in (DROPPED, *POINTER)
@@ -94,12 +92,11 @@ def recorded_document(recording: Recording) -> dict[str, Any]:
 
     The result is an empty dictionary if the settings in the recording are not valid.
     """
-    try:
-        document = trial_document(from_document(recording.settings))
-    except InputError:
+    settings = trial_settings(recording)
+    if not settings:
         return {}
     true = recorded_truth(recording)
-    return document | {"truth": true and shown_truth(true)}
+    return trial_document(settings) | {"truth": true and shown_truth(true)}
 
 
 def shown_truth(true: dict[str, Any]) -> dict[str, float]:

@@ -18,9 +18,8 @@ from teleop.recording.sinks import Outcome
 from teleop.safety.events import Fault, time_text
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.metadata import estimated_channels
-from teleop.trial.tracked import tracked_ticks, tracking_of
+from teleop.trial.recorded_trial import recorded_truth, tracked_ticks, tracking_of, truth
 from teleop.trial.trial_statistics import TrialStatistics
-from teleop.trial.true_values import recorded_truth, truth
 
 if TYPE_CHECKING:
     import pandas

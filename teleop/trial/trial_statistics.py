@@ -10,8 +10,9 @@ import numpy as np
 
 from estimation import Bank
 from estimation.presets import GATE
-from teleop.control.feedback.law import STIFF_PRIOR
-from teleop.evaluation.online.averages import RunningAverages
+from teleop.control.feedback.law import STIFF_PRIOR, MasterHalf
+from teleop.control.feedback.settings import LAWS
+from teleop.evaluation.online.run import RunningAverages
 from teleop.evaluation.teleoperation.rendering import RunningHand, RunningRendering
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
@@ -20,7 +21,7 @@ from teleop.safety.events import ACTIVE, STOPPING
 from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
 from teleop.settings.feedback_checks import arm_damping
 from teleop.settings.trial_settings import TrialSettings
-from teleop.trial.averaged import averaged_part
+from teleop.trial.recorded_trial import averaged_part
 
 LIMITS = {
     "velocity": VELOCITY,
@@ -167,5 +168,6 @@ def rendering_of(ticks: Recording | RecordingFile, settings: TrialSettings) -> R
     hand = RunningHand(admittance.mass, admittance.damping, admittance.stiffness, scale)
     arm = None if settings.rig else partial(arm_damping, settings)
     gain = settings.feedback.gain
-    prior = gain * scale * STIFF_PRIOR if settings.feedback.law == "model-mediated" else None
+    law = LAWS.get(settings.feedback.law, MasterHalf)  # a recording can have a law of before
+    prior = gain * scale * STIFF_PRIOR if law.displays_prior else None
     return RunningRendering(hand, scale, gain, end, arm, prior)

@@ -19,8 +19,7 @@ from estimation import (
     RecursiveLeastSquares,
     paper_preset,
 )
-from estimation.compiled import CompilationChoice
-from estimation.records import numbers
+from estimation.compiled import CompilationChoice, numbers
 from estimation.step import State
 from estimation.testing import CHECKS, check_compiled_equals_interpreted, check_estimator
 

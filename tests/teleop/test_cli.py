@@ -235,6 +235,20 @@ def test_the_help_has_groups_names_and_a_text_for_each_option(command, capsys, m
         assert text.strip()[:1] not in ("", "["), option
 
 
+def test_commands_that_evaluate_a_file_have_the_same_options_of_estimation():
+    def options(command):
+        arguments = app.resolved_commands()[command].assemble_argument_collection()
+        return {
+            one.name for one in arguments if "Estimation" in [g.name for g in one.parameter.group]
+        }
+
+    shared = {"*", "--estimators", "--model", "--conditioning", "--bandwidth", "--force-lag"}
+    assert options("run") == shared
+    shared |= {"--preset", "--cube", "--whole"}
+    assert options("compare") == options("report") == shared
+    assert options("estimate") == shared | {"--cost"}
+
+
 def test_a_script_completes_commands_and_options_in_a_shell():
     script = app.generate_completion(shell="bash")
     for word in ("compare", "--estimators", "autonomous"):

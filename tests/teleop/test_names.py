@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from typing import get_args
 
-from estimation.conditioner_choice import CONDITIONERS
+from estimation.conditioning import CONDITIONERS
 from estimation.model import MODELS
-from estimation.registry import named_estimators
 from sim_backend import CUBES
-from teleop.commands.choices import make_coupling, make_signal
+from teleop.commands.trial_options import make_coupling, make_signal
 from teleop.control.conditions import CONDITIONS
 from teleop.names import (
-    ESTIMATOR_NAMES,
     ConditioningName,
     ConditionName,
     CouplingName,
@@ -28,7 +26,3 @@ def test_each_name_of_an_option_chooses_a_part_and_each_part_has_a_name():
     assert get_args(ModelName) == tuple(MODELS)
     assert [make_signal(name, 1.0).kind for name in get_args(SignalName)] == [*get_args(SignalName)]
     assert len({make_coupling(name) for name in get_args(CouplingName)}) == 2
-
-
-def test_the_help_names_each_estimator_of_this_package():
-    assert named_estimators("all") == ESTIMATOR_NAMES

@@ -23,17 +23,7 @@ class EnergyTank:
 
     The model is the model of the environment that the hand feels.
 
-    Parameters
-    ----------
-    start
-        Energy in the tank at the start [J].
-    capacity
-        Largest energy in the tank [J].
-
-    Raises
-    ------
-    ValueError
-        `start` is negative, or larger than `capacity`.
+    `start` is the energy at the start [J], and `capacity` the largest energy [J].
     """
 
     def __init__(self, start: float = TANK_START, capacity: float = TANK_MAX) -> None:
@@ -44,45 +34,18 @@ class EnergyTank:
         """Energy in the tank [J]."""
 
     def fill(self, energy: float) -> None:
-        """Add energy to the tank, up to its capacity.
-
-        Parameters
-        ----------
-        energy
-            Energy that the damping has dissipated [J], >= 0. Energy above the capacity is not
-            stored.
-        """
+        """Add energy to the tank, up to its capacity."""
         energy += self.energy
         self.energy = energy if energy < self._capacity else self._capacity
 
     def affordable(self, cost: float) -> float:
-        """Return the largest fraction of a model change for which the tank has enough energy.
-
-        Parameters
-        ----------
-        cost
-            Energy that the whole change adds to the model [J]; negative if the change removes
-            energy.
-
-        Returns
-        -------
-        fraction
-            Fraction, 0 to 1. It is 1 if the tank contains at least `cost`.
-        """
+        """Return the largest fraction of a model change for which the tank has enough energy."""
         return 1.0 if cost <= self.energy else self.energy / cost
 
     def pay(self, cost: float) -> None:
         """Take from the tank the energy that a change of the model needs.
 
-        Parameters
-        ----------
-        cost
-            Energy that is taken [J]. If it is negative, the energy in the tank stays the same.
-
-        Raises
-        ------
-        ValueError
-            `cost` is larger than the energy in the tank. A difference due to rounding is accepted.
+        A negative cost changes nothing.
         """
         if cost > self.energy * (1.0 + 1e-9) + 1e-15:
             raise ValueError(f"a tank with {self.energy:g} J cannot pay {cost:g} J")

@@ -2,15 +2,15 @@
 
 A force-feedback law computes the displayed force, which is the force that the hand feels from the
 environment. The law consists of a master half and a slave half, which share no variable. At each
-tick (period of the control loop):
+tick:
 
 - The slave half computes a `Report` from the measurements and sends it to the master half.
 - The master half computes the motion of the virtual mass from the force of the hand and the newest
-  `Report`. It sends this motion to the slave half as a `Motion`.
-- The slave half computes the desired velocity of the slave from the newest `Motion`.
+  `Report`. It sends this motion to the slave half as a `MasterMotion`.
+- The slave half computes the desired velocity of the slave from the newest `MasterMotion`.
 
-The classes `Master` and `Slave` are also the law `none`, for which the displayed force is zero. The
-hand then feels only the virtual mass.
+The classes `MasterHalf` and `SlaveHalf` are also the law `none`, for which the displayed force is
+zero. The hand then feels only the virtual mass.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Report(NamedTuple):
     """Energy that the environment has given to the channel since the drives were armed [J]."""
 
 
-class Motion(NamedTuple):
+class MasterMotion(NamedTuple):
     """Packet that the master half of a force-feedback law sends to the slave half."""
 
     position: float
@@ -59,6 +59,22 @@ class Motion(NamedTuple):
     """Velocity of the virtual mass [m/s]."""
     energy: float = 0.0
     """Energy that the hand has given to the channel since the drives were armed [J]."""
+
+
+class LawInputs(NamedTuple):
+    """Parts and settings of a trial from which the two halves of a law are created."""
+
+    admittance: Admittance
+    """Virtual mass, whose velocity is the desired velocity of the master."""
+    coupling: Coupling
+    gain: float
+    """Ratio of the displayed force to the contact force."""
+    force_lag: float
+    """Lag of the signal of the contact force sensor [s]."""
+    glued: bool
+    """Whether the specimen is glued to the slave, so that it also pulls."""
+    stiffness: float
+    """Expected slope of the contact force over the position of the slave [N/m]."""
 
 
 class MasterState(NamedTuple):
@@ -73,24 +89,26 @@ class MasterState(NamedTuple):
     """Energy in the energy tank [J]; NaN if the law has no energy tank."""
 
 
-class Master:
+class MasterHalf:
     """Base class of the part of a force-feedback law that runs at the master.
 
-    The class is also the master half of the law `none`, for which the displayed force is zero. The
-    displayed force is the force that the hand feels from the environment.
-
-    Parameters
-    ----------
-    admittance
-        Virtual mass, whose velocity is the desired velocity of the master.
-    scale
-        Ratio of the motion of the slave to the motion of the master.
-    gain
-        Ratio alpha of the displayed force to the contact force.
+    It is also the master half of the law `none`, for which the displayed force is zero. `scale` is
+    the ratio of the motion of the slave to that of the master, and `gain` the ratio alpha of the
+    displayed force to the contact force.
     """
 
     allowance = PASSIVE
     """Energy [J] that the displayed environment may generate before the drives are stopped."""
+    displays_measured_force = False
+    """Whether the hand feels the measured force, so that a delay can make the loop unstable."""
+    displays_prior = False
+    """Whether the hand feels the stiff prior until an estimate of the environment is accepted."""
+
+    @classmethod
+    def halves(cls, given: LawInputs) -> tuple[MasterHalf, SlaveHalf]:
+        """Create the two halves of the law, for the master and for the slave."""
+        master = cls(given.admittance, given.coupling.scale, given.gain)
+        return master, SlaveHalf(given.coupling, given.stiffness)
 
     def __init__(self, admittance: Admittance, scale: float = 1.0, gain: float = 1.0) -> None:
         self.admittance = admittance
@@ -106,55 +124,30 @@ class Master:
         """Reset the law to its initial state. This is done each time the drives are armed."""
         self.state = MasterState()
 
-    def step(self, force: float, report: Report, dt: float) -> Motion:
+    def step(self, force: float, report: Report, dt: float) -> MasterMotion:
         """Move the virtual mass under the force of the hand minus the displayed force.
 
-        Parameters
-        ----------
-        force
-            Force of the hand [N].
-        report
-            Newest packet that has arrived from the slave half.
-        dt
-            Duration for which the force acts: the time since the previous tick [s].
-
-        Returns
-        -------
-        motion
-            Packet for the slave half, with the motion of the virtual mass.
+        `dt` is the time since the previous tick, for which the force acts.
         """
         displayed = self.started = self.display(report, dt)
         self.admittance.step(force - displayed, dt)
         self.state = new_tuple(MasterState, (displayed, NO_BODY, math.nan))
-        return new_tuple(Motion, (self.admittance.position, self.admittance.velocity, 0.0))
+        return new_tuple(MasterMotion, (self.admittance.position, self.admittance.velocity, 0.0))
 
     def display(self, report: Report, dt: float) -> float:
         """Return the displayed force [N]: the force that the hand feels from the environment.
 
         It is subtracted from the force of the hand on the virtual mass. In this class, it is zero.
-
-        Parameters
-        ----------
-        report
-            Newest packet that has arrived from the slave half.
-        dt
-            Time since the previous tick [s].
         """
         return 0.0
 
 
-class Slave:
+class SlaveHalf:
     """Base class of the part of a force-feedback law that runs at the slave.
 
-    The class is also the slave half of the law `none`, without force feedback.
-
-    Parameters
-    ----------
-    coupling
-        Computes the desired velocity of the slave from the motion of the virtual mass.
-    stiffness
-        Expected slope of the contact force over the position of the slave [N/m]. The safety
-        supervisor uses it to limit the speed of the slave.
+    It is also the slave half of the law `none`. `stiffness` is the expected slope of the contact
+    force over the position of the slave [N/m]. The supervisor uses it to limit the speed of the
+    slave.
     """
 
     def __init__(self, coupling: Coupling, stiffness: float = STIFF_PRIOR) -> None:
@@ -175,37 +168,16 @@ class Slave:
         """
 
     def report(self, measurement: Measurement, dt: float) -> Report:
-        """Return the packet that the slave half sends to the master half at this tick.
-
-        Parameters
-        ----------
-        measurement
-            Measurement of this tick.
-        dt
-            Time since the previous tick [s].
-        """
+        """Return the packet that the slave half sends to the master half at this tick."""
         return new_tuple(Report, (measurement.contact_force, PRIOR, 0.0))
 
-    def velocity(self, motion: Motion, measurement: Measurement, dt: float) -> float:
-        """Return the desired velocity of the slave [m/s].
-
-        Parameters
-        ----------
-        motion
-            Newest packet that has arrived from the master half.
-        measurement
-            Measurement of this tick.
-        dt
-            Time since the previous tick [s].
-        """
+    def velocity(self, motion: MasterMotion, measurement: Measurement, dt: float) -> float:
+        """Return the desired velocity of the slave [m/s]."""
         return self._coupling.slave_velocity(motion, measurement)
 
     def stiffness(self, position: float) -> float:
         """Return the expected slope of the contact force over the position of the slave [N/m].
 
-        Parameters
-        ----------
-        position
-            Position of the slave [m]. In this class, the slope does not depend on it.
+        In this class, the slope does not depend on the position.
         """
         return self._stiffness

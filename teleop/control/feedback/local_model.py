@@ -27,7 +27,7 @@ from estimation.model import STIFFENING
 from teleop.control.admittance import Environment
 from teleop.control.alignment import Pair
 from teleop.control.coupling import Coupling
-from teleop.control.feedback.law import STIFF_PRIOR, Report, Slave
+from teleop.control.feedback.law import STIFF_PRIOR, Report, SlaveHalf
 
 WIDEST = 0.1
 """Largest half width of the 95 % interval of the predicted force for which an estimate is accepted,
@@ -66,12 +66,8 @@ DOUBT = 1.25
 class LocalModel:
     """Estimates the parameters of the environment (the specimen) from data of the slave.
 
-    Parameters
-    ----------
-    force_lag
-        Lag of the signal of the contact force sensor [s], which is compensated.
-    glued
-        Whether the specimen is glued to the slave, so that the model also pulls.
+    The lag of the contact force sensor [s] is compensated. If the specimen is glued, the model also
+    pulls.
     """
 
     def __init__(self, force_lag: float = 0.0, glued: bool = True) -> None:
@@ -126,13 +122,6 @@ class LocalModel:
         In an accepted estimate, a negative parameter is replaced by 0. If k is negative, k3 is also
         changed, so that the elastic force at the deepest recent position stays the same. If k3 is
         negative, k is changed for the same reason.
-
-        Parameters
-        ----------
-        estimate
-            Newest estimate of b, k and k3.
-        misfit
-            Misfit of the estimate: the systematic part of the force error.
         """
         x, k, k3 = self._reach, estimate.k, estimate.further[0]
         if misfit > WORST_MISFIT:
@@ -157,16 +146,8 @@ class LocalModel:
         return LEVEL_95 * math.sqrt(max(self._noise_gain * state.noise * variance, 0.0))
 
 
-class ModelMediatedSlave(Slave):
-    """Slave half of model-mediated feedback: estimates the environment and sends the estimate.
-
-    Parameters
-    ----------
-    coupling
-        Computes the desired velocity of the slave from the motion of the virtual mass.
-    model
-        The estimator of the environment.
-    """
+class ModelMediatedSlave(SlaveHalf):
+    """Slave half of model-mediated feedback: estimates the environment and sends the estimate."""
 
     def __init__(self, coupling: Coupling, model: LocalModel) -> None:
         super().__init__(coupling)
@@ -183,11 +164,6 @@ class ModelMediatedSlave(Slave):
 
         The model is confirmed if the measured force is large enough, and is not much larger than
         the predicted force. `stiffness` uses the result of this check.
-
-        Parameters
-        ----------
-        pair
-            Slave position and contact force at the same time.
         """
         local = self._local
         local.update(pair)
@@ -197,15 +173,7 @@ class ModelMediatedSlave(Slave):
         )
 
     def report(self, measurement: Measurement, dt: float) -> Report:
-        """Return the packet for the master half: contact force and model of the environment.
-
-        Parameters
-        ----------
-        measurement
-            Measurement of this tick.
-        dt
-            Time since the previous tick [s]. It is not used.
-        """
+        """Return the packet for the master half: contact force and model of the environment."""
         return new_tuple(Report, (measurement.contact_force, self._local.model, 0.0))
 
     def stiffness(self, position: float) -> float:
@@ -215,11 +183,6 @@ class ModelMediatedSlave(Slave):
         stiffness) while the measured contact force is below `CONFIRMED`, for example at the
         beginning of a contact, or is more than `DOUBT` times the predicted force. In both cases,
         the specimen may be stiffer than the model.
-
-        Parameters
-        ----------
-        position
-            Position x of the slave [m].
         """
         k, k3, _, _ = self._local.model
         tangent = k + 3.0 * k3 * position * position

@@ -18,7 +18,7 @@ that the damping d dissipates fills the tank. A change to a stiffer model needs 
 to a softer model does not. For this reason, the model begins with a large stiffness, the stiff
 prior.
 
-At each tick (period of the control loop), the parameters change by a fraction of the difference
+At each tick, the parameters change by a fraction of the difference
 between the estimated parameters and the parameters of the model. The fraction is limited for two
 reasons: dU must not exceed the energy in the tank, and the displayed force must not change too
 fast. The limits are easy to compute, because dU and the change of the force,
@@ -34,26 +34,31 @@ from __future__ import annotations
 from drivers import new_tuple
 from teleop.control.admittance import Admittance, Environment
 from teleop.control.feedback.energy_tank import EnergyTank
-from teleop.control.feedback.law import STIFF_PRIOR, Master, MasterState, Motion, Report
+from teleop.control.feedback.law import (
+    STIFF_PRIOR,
+    LawInputs,
+    MasterHalf,
+    MasterMotion,
+    MasterState,
+    Report,
+    SlaveHalf,
+)
+from teleop.control.feedback.local_model import LocalModel, ModelMediatedSlave
 
 FORCE_RATE = 50.0
 """Largest rate at which changes of the model may change the displayed force [N/s]."""
 
 
-class ModelMediatedMaster(Master):
-    """Master half of model-mediated feedback: the hand feels a model of the environment.
+class ModelMediatedMaster(MasterHalf):
+    """Master half of model-mediated feedback: the hand feels a model of the environment."""
 
-    Parameters
-    ----------
-    admittance
-        Virtual mass, whose velocity is the desired velocity of the master.
-    scale
-        Ratio of the motion of the slave to the motion of the master.
-    gain
-        Ratio of the force that the hand feels to the force of the environment.
-    glued
-        Whether the specimen is glued to the slave, so that the model also pulls.
-    """
+    displays_prior = True
+
+    @classmethod
+    def halves(cls, given: LawInputs) -> tuple[MasterHalf, SlaveHalf]:
+        """Create the two halves of the law. The slave half estimates the stiffness."""
+        master = cls(given.admittance, given.coupling.scale, given.gain, given.glued)
+        return master, ModelMediatedSlave(given.coupling, LocalModel(given.force_lag, given.glued))
 
     def __init__(
         self, admittance: Admittance, scale: float = 1.0, gain: float = 1.0, glued: bool = True
@@ -76,24 +81,10 @@ class ModelMediatedMaster(Master):
         self._model = Environment(self.gain * self.scale * STIFF_PRIOR, 0.0, 0.0, self._glued)
         self.state = MasterState(0.0, self._model, self._tank.energy)
 
-    def step(self, force: float, report: Report, dt: float) -> Motion:
+    def step(self, force: float, report: Report, dt: float) -> MasterMotion:
         """Change the model towards the estimate of the slave, and move the virtual mass.
 
         The force of the hand and the force of the model act on the virtual mass.
-
-        Parameters
-        ----------
-        force
-            Force of the hand [N].
-        report
-            Newest packet that has arrived from the slave half. It contains the estimate.
-        dt
-            Duration for which the forces act: the time since the previous tick [s].
-
-        Returns
-        -------
-        motion
-            Packet for the slave half, with the motion of the virtual mass.
         """
         admittance = self.admittance
         start, before = admittance.position, admittance.velocity
@@ -111,7 +102,7 @@ class ModelMediatedMaster(Master):
         self.reserve = tank = self._tank.energy
         displayed = model.force(position, velocity)
         self.state = new_tuple(MasterState, (displayed, model, tank))
-        return new_tuple(Motion, (position, velocity, 0.0))
+        return new_tuple(MasterMotion, (position, velocity, 0.0))
 
     def _approach(self, estimate: Environment, x: float, dt: float) -> None:
         """Change the model that the hand feels towards the estimate of the slave.

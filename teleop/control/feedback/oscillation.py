@@ -121,14 +121,8 @@ class Band:
         The loop sustains the motion if the mean of (f + c v) v is negative. f is the force of the
         hand, v is the velocity of the virtual mass, and c is `LEAST_DAMPING`.
 
-        Parameters
-        ----------
-        motion
-            Next sample, after the filter for this band. The real part of this complex number is v
-            [m/s], and the imaginary part is f [N].
-        weight
-            Weight of the newest value in an exponential average. (f + c v) v is averaged twice: the
-            result of a first average is averaged again.
+        The filtered sample `motion` has the real part v [m/s] and the imaginary part f [N]. The
+        product (f + c v) v is averaged exponentially twice, with the weight `weight`.
         """
         velocity = motion.real
         first, power = self._first, self._power
@@ -145,13 +139,7 @@ class Oscillation:
         self.reset(0.0)
 
     def reset(self, position: float) -> None:
-        """Discard all samples.
-
-        Parameters
-        ----------
-        position
-            Present position of the virtual mass [m].
-        """
+        """Discard all samples. `position` is that of the virtual mass [m]."""
         self.share = 0.0
         """Mean square velocity that the loop sustains, divided by that of the whole motion, 0 to
         about 1."""
@@ -163,20 +151,11 @@ class Oscillation:
         self._sustained = self._motion = 0.0
 
     def update(self, force: float, position: float, dt: float) -> float:
-        """Process the motion of one tick (period of the control loop), and return `share`.
+        """Process the motion of one tick, and return `share`.
 
         `share` is the mean square velocity of the motion that the loop sustains, divided by the
         mean square velocity of the whole motion. It is 0 in the first `MEMORY` seconds, and if the
         oscillation is small (see `LEAST_SPEED`).
-
-        Parameters
-        ----------
-        force
-            Force of the hand during the motion [N].
-        position
-            Position of the virtual mass at the end of the motion [m].
-        dt
-            Duration of the motion [s].
         """
         self._impulse += force * dt
         self._span = span = self._span + dt
@@ -195,17 +174,7 @@ class Oscillation:
         self._weight, self._slow_weight = dt / (AVERAGING + dt), dt / (MEMORY + dt)
 
     def _sample(self, force: float, velocity: float, dt: float) -> None:
-        """Filter one sample of the motion, and update `share`.
-
-        Parameters
-        ----------
-        force
-            Mean force of the hand during the last `dt` seconds [N].
-        velocity
-            Mean velocity of the virtual mass during the last `dt` seconds [m/s].
-        dt
-            Time since the previous sample [s].
-        """
+        """Filter the means of force and velocity over the last `dt` seconds, and update `share`."""
         if abs(dt - self._dt) > ROUNDING:
             self._tune(dt)
         motion, _ = self._high_pass.update(complex(velocity, force))

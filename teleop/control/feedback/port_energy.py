@@ -72,19 +72,10 @@ class PortEnergy:
     def update(self, start: float, end: float, dt: float, tank: float = 0.0) -> float:
         """Add the energy of the last motion, and return the energy from the hand [J].
 
-        The motion is that of the virtual mass since the last call of this method. The result
-        is limited to an upper bound of the stored energy (see the module docstring).
+        The motion is that of the virtual mass since the last call of this method. The result is
+        limited to an upper bound of the stored energy (see the module docstring).
 
-        Parameters
-        ----------
-        start
-            Force that the hand feels from the environment at the start of the motion [N].
-        end
-            The same force at the end of the motion [N].
-        dt
-            Duration of the motion [s].
-        tank
-            Energy in the energy tank of the force-feedback law [J].
+        `start` and `end` are the displayed forces at the start and at the end of the motion [N].
         """
         x, v = self._admittance.position, self._admittance.velocity
         half_mass = self._half_mass

@@ -10,26 +10,18 @@ of the environment. See `stability`.
 from __future__ import annotations
 
 from teleop.control.feedback.energy_tank import TANK_MAX
-from teleop.control.feedback.law import Master, Report
+from teleop.control.feedback.law import MasterHalf, Report
 
 
-class PositionForceMaster(Master):
+class PositionForceMaster(MasterHalf):
     """Master half of position-force feedback: the hand feels the delayed contact force."""
 
     allowance = TANK_MAX
     """Energy [J] that the displayed environment may generate before the drives are stopped. It is
     larger than for a passive law, because this law is not passive."""
 
+    displays_measured_force = True
+
     def display(self, report: Report, dt: float) -> float:
-        """Return the displayed force alpha f_e [N], which the hand feels.
-
-        alpha is the force gain. f_e is the newest contact force that has arrived at the master.
-
-        Parameters
-        ----------
-        report
-            Newest packet that has arrived from the slave half. It contains f_e.
-        dt
-            Time since the previous tick [s]. It is not used.
-        """
+        """Return the displayed force alpha f_e [N]; f_e is the newest that has arrived."""
         return self.gain * report.force

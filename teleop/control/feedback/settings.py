@@ -1,7 +1,4 @@
-"""Settings of the force feedback, from which the two halves of the force-feedback law are created.
-
-One half of the law runs at the master, and the other half at the slave.
-"""
+"""Force-feedback laws by name, and the settings of the force feedback."""
 
 from __future__ import annotations
 
@@ -10,15 +7,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from drivers.rig_file import RigFile
-from teleop.control.admittance import Admittance
 from teleop.control.conditions import BY_HAND
-from teleop.control.coupling import Coupling
-from teleop.control.feedback.law import STIFF_PRIOR, Master, Slave
-from teleop.control.feedback.local_model import LocalModel, ModelMediatedSlave
+from teleop.control.feedback.law import MasterHalf
 from teleop.control.feedback.model_mediated import ModelMediatedMaster
-from teleop.control.feedback.passivity import PassivityMaster, PassivitySlave
 from teleop.control.feedback.position_force import PositionForceMaster
-from teleop.names import ConditionName, FeedbackName
+from teleop.errors import InputError
+from teleop.names import ConditionName, FeedbackName, RemovedFeedbackName
+
+LAWS: dict[str, type[MasterHalf]] = {
+    "none": MasterHalf,
+    "position-force": PositionForceMaster,
+    "model-mediated": ModelMediatedMaster,
+}
+"""Master half of each force-feedback law, by the name in the settings."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +32,8 @@ class FeedbackSettings:
         `stiffness` or `gain` is not positive and finite.
     """
 
-    law: FeedbackName = "none"
-    """Name of the force-feedback law: none, position-force, model-mediated or passivity."""
+    law: FeedbackName | RemovedFeedbackName = "none"
+    """Name of the force-feedback law: none, position-force or model-mediated."""
     gain: float = 1.0
     """Ratio of the force that the hand feels to the contact force, > 0."""
     glued: bool | None = None
@@ -54,12 +55,7 @@ class FeedbackSettings:
     def problems(self, condition: ConditionName, rig: RigFile | None) -> Iterator[str]:
         """Yield a message for each reason why a trial cannot use these feedback settings.
 
-        Parameters
-        ----------
-        condition
-            Control condition of the trial.
-        rig
-            Content of the rig file of the hardware rig; None for the simulated rig.
+        `rig` is None on the simulated rig.
         """
         if self.law != "none" and condition not in BY_HAND:
             yield (
@@ -72,47 +68,11 @@ class FeedbackSettings:
                 "expected a rig file with [drives.master]"
             )
 
-    def halves(
-        self,
-        admittance: Admittance,
-        coupling: Coupling,
-        force_lag: float,
-        glued: bool,
-        stiffness: float = STIFF_PRIOR,
-    ) -> tuple[Master, Slave]:
-        """Create the two halves of the force-feedback law, for the master and for the slave.
-
-        Parameters
-        ----------
-        admittance
-            Virtual mass, whose velocity is the desired velocity of the master.
-        coupling
-            Computes the desired velocity of the slave from the motion of the virtual mass.
-        force_lag
-            Lag of the signal of the contact force sensor [s]. Only the law model-mediated uses it,
-            to correct the estimate of the damping.
-        glued
-            Whether the specimen is glued, so that it also pulls the slave. Only the law
-            model-mediated uses it.
-        stiffness
-            Expected slope of the contact force over the position of the slave [N/m]. The law
-            model-mediated does not use it, because it estimates the stiffness.
-
-        Returns
-        -------
-        master, slave
-            The two halves of the law.
-        """
-        master = admittance, coupling.scale, self.gain
-        match self.law:
-            case "none":
-                return Master(*master), Slave(coupling, stiffness)
-            case "position-force":
-                return PositionForceMaster(*master), Slave(coupling, stiffness)
-            case "passivity":
-                return PassivityMaster(*master), PassivitySlave(coupling, stiffness, self.gain)
-            case "model-mediated":
-                return (
-                    ModelMediatedMaster(*master, glued),
-                    ModelMediatedSlave(coupling, LocalModel(force_lag, glued)),
-                )
+    @property
+    def law_type(self) -> type[MasterHalf]:
+        """Master half of the law, which states the properties of the law."""
+        if self.law in LAWS:
+            return LAWS[self.law]
+        raise InputError(
+            f"feedback {self.law}: is not in this version: expected one of {', '.join(LAWS)}"
+        )

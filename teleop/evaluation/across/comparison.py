@@ -7,11 +7,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from estimation.quantities import RESULTS
 from estimation.summary import EstimatorSummary
 from teleop.errors import InputError
 from teleop.evaluation.across.means import Value
 from teleop.evaluation.batch.kinds import kinds_of_estimates
-from teleop.evaluation.batch.result import Result
+from teleop.evaluation.batch.stiffness_result import StiffnessResult
 from teleop.evaluation.evaluation import Evaluation
 from teleop.evaluation.teleoperation.tracking import COLUMNS, Tracking
 
@@ -19,8 +20,6 @@ NO_LEVEL = "-"
 """Level of a factor (see `Compared.factors`) that is not known for a recording."""
 RESULT = "result"
 """Name of the method that gives the batch result. The other methods are the estimators."""
-UNITS = {"k": "N/m", "b": "N s/m", "e_f": "N"}
-"""Unit of each quantity that is compared, by its symbol."""
 OF_RESULT = ("k", "b")
 """Symbols of the quantities of a result."""
 NEVER_UPDATED = "the estimator was never updated: no contact or no motion"
@@ -37,7 +36,7 @@ class Compared:
     factors: dict[str, str]
     """Level of each factor that is known for the recording, by the name of the factor. A factor is
     a property in which recordings differ, for example `condition` with the level `mimic`."""
-    result: Result
+    result: StiffnessResult
     """Stiffness and damping with their intervals, or the reasons why there are none."""
     estimates: dict[str, EstimatorSummary]
     """Averages of the estimates over the record, by the name of the estimator."""
@@ -62,19 +61,7 @@ def compared(
     evaluation: Evaluation,
     tracking: Tracking | None = None,
 ) -> Compared:
-    """Return the results of one recording in the form that comparisons need.
-
-    Parameters
-    ----------
-    file
-        Name of the file of the recording.
-    factors
-        Values of the properties in which recordings differ, by name, such as `condition`: `mimic`.
-    evaluation
-        The evaluation of the recording.
-    tracking
-        Gain, phase and error of the slave relative to the target of `mimic`; None without a target.
-    """
+    """Return the results of one recording in the form that comparisons need."""
     analysis = evaluation.analysis
     lag = analysis.record.force_lag
     return Compared(file, dict(factors), analysis.result, evaluation.summaries(), tracking, lag)
@@ -85,13 +72,6 @@ def values_of(row: Compared, method: str) -> dict[str, Value]:
 
     k is the stiffness, b the damping, and e_f the force error. e_f exists for estimators only. A
     quantity that the data of the recording do not determine is left out.
-
-    Parameters
-    ----------
-    row
-        The results of the recording.
-    method
-        `RESULT` for the batch evaluation, or the name of an online estimator.
     """
     if method != RESULT:
         one = row.estimates.get(method)
@@ -117,11 +97,6 @@ def check_factors(rows: Sequence[Compared], by: Sequence[str]) -> None:
     """Check that each factor in `by` is known for at least one recording.
 
     A factor is a property in which recordings differ, for example `condition`.
-
-    Raises
-    ------
-    InputError
-        A factor is not known for any of the recordings.
     """
     known = dict.fromkeys(name for row in rows for name in row.factors)
     for name in by:
@@ -135,18 +110,6 @@ def tidy_rows(rows: Iterable[Compared], factors: Sequence[str]) -> list[dict[str
     A method is the batch evaluation, with the name `RESULT`, or an online estimator. The row of the
     batch evaluation contains k and b with their 95 % intervals. The row of an estimator contains
     the averages of its estimates over the record.
-
-    Parameters
-    ----------
-    rows
-        Results of the recordings.
-    factors
-        Names of the factors that have a column. A factor is a property in which recordings differ,
-        for example `condition`.
-
-    Returns
-    -------
-    One dictionary for each row, from the heading of each column to its value.
     """
     found = []
     for row in rows:
@@ -165,11 +128,11 @@ def tidy_rows(rows: Iterable[Compared], factors: Sequence[str]) -> list[dict[str
             cells["depth from"] = r.depth_from if batch and r.depth is not None else None
             cells["b at frequency [Hz]"] = r.damping_at_hz if batch else None
             cells["compensated force lag [s]"] = row.force_lag
-            for symbol, unit in UNITS.items():
-                cells[f"{symbol} [{unit}]"] = values[symbol].value if symbol in values else None
+            for symbol, quantity in RESULTS.items():
+                cells[quantity.column] = values[symbol].value if symbol in values else None
                 for end in ("low", "high") if symbol != "e_f" else ():
                     value = getattr(r, f"{symbol}_{end}") if batch and symbol in values else None
-                    cells[f"{symbol} {end} [{unit}]"] = value
+                    cells[f"{symbol} {end} [{quantity.si}]"] = value
             reasons = r.reasons if batch else () if values else (NEVER_UPDATED,)
             found.append({**start, **cells, "reasons": "; ".join(reasons), **tracking})
     return found

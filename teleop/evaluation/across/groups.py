@@ -13,18 +13,18 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from estimation.quantities import RESULTS
 from teleop.evaluation.across.comparison import (
     NEVER_UPDATED,
     NO_LEVEL,
     OF_RESULT,
     RESULT,
     SUBJECT,
-    UNITS,
     Compared,
     values_of,
 )
 from teleop.evaluation.across.means import Mean, mean_of, mean_tracking
-from teleop.evaluation.batch.result import Result
+from teleop.evaluation.batch.stiffness_result import StiffnessResult
 
 IN_PARENTHESES = re.compile(r" \([^()]*\d[^()]*\)")
 """Pattern of a part in parentheses that contains a number."""
@@ -42,14 +42,14 @@ def short(remark: str) -> str:
     return FROM_FIRST_NUMBER.sub("", IN_PARENTHESES.sub("", remark))
 
 
-def remark_counts(results: Iterable[Result]) -> dict[str, int]:
+def remark_counts(results: Iterable[StiffnessResult]) -> dict[str, int]:
     """Return the number of results with each remark, by the remark without its numbers."""
     return dict(Counter(text for one in results for text in dict.fromkeys(map(short, one.reasons))))
 
 
 HOLDING = {"force_n": "force", "depth_m": "depth", "damping_at_hz": "damping_at_hz"}
-"""Attributes of `Result` that contain the force and the depth at which k holds, and the frequency
-at which b holds. The keys are the names in reports, which contain the unit."""
+"""Attributes of `StiffnessResult` that contain the force and the depth at which k holds, and the
+frequency at which b holds. The keys are the names in reports, which contain the unit."""
 
 
 @dataclass(frozen=True)
@@ -96,16 +96,6 @@ def grouped(
     A factor is a property in which recordings differ, for example `condition`. Its level is the
     value for one recording, for example `mimic`. The groups are sorted by the levels of the first
     factor, then by those of the second factor, and so on (see `ranks_of`).
-
-    Parameters
-    ----------
-    rows
-        The recordings.
-    by
-        Names of the factors by which the recordings are grouped. If a factor is not known for a
-        recording, its level is `NO_LEVEL`.
-    planned
-        Levels of the factors of a series in the order of its plan, by the name of the factor.
     """
     members: dict[tuple[str, ...], list[Compared]] = {}
     for row in rows:
@@ -126,16 +116,7 @@ def group_of(
 ) -> Group:
     """Return the mean results and estimates of the recordings of one group, see `Group`.
 
-    Parameters
-    ----------
-    levels
-        Level of each factor by which the recordings are grouped. All recordings of the group have
-        these levels. A factor is a property in which recordings differ, such as the condition.
-    rows
-        The recordings of the group.
-    planned
-        Names of all factors of the series of trials. If such a factor has several levels within the
-        group, the means are averages over these levels, and the result contains its name.
+    `planned` are all factors of the series of trials.
     """
     missing: dict[str, dict[str, str]] = {}
     for row in rows:
@@ -157,7 +138,7 @@ def group_of(
     kinds: dict[str, dict[str, dict[str, int]]] = {}
     for method in dict.fromkeys([RESULT, *(name for row in rows for name in row.estimates)]):
         found = [values_of(row, method) for row in rows]
-        symbols = OF_RESULT if method == RESULT else UNITS
+        symbols = OF_RESULT if method == RESULT else RESULTS
         values = {symbol: [one[symbol] for one in found if symbol in one] for symbol in symbols}
         means[method] = {symbol: mean_of(each) for symbol, each in values.items()}
         kinds[method] = {
@@ -179,7 +160,7 @@ def group_of(
     )
 
 
-def ranges(results: Sequence[Result]) -> dict[str, tuple[float, float]]:
+def ranges(results: Sequence[StiffnessResult]) -> dict[str, tuple[float, float]]:
     """Return the range of the forces, depths and frequencies at which the results hold.
 
     The result contains the smallest and the largest value of each quantity, by the names in
@@ -201,13 +182,6 @@ def ranks_of(planned: Sequence[str], occurring: Iterable[str]) -> dict[str, int]
     The planned levels are first. Then follow the levels that are not planned. If all of these are
     numbers, they are sorted by their values, and `NO_LEVEL` (level not known) is last. Otherwise,
     they keep the order in `occurring`.
-
-    Parameters
-    ----------
-    planned
-        Levels in the plan of the series, in the order of the plan.
-    occurring
-        Levels of the recordings. A level can be repeated.
     """
     others = [level for level in dict.fromkeys(occurring) if level not in planned]
     with contextlib.suppress(ValueError):

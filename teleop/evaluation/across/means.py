@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
-from teleop.evaluation.teleoperation.tracking import EARLIEST, Tracking
+from teleop.evaluation.teleoperation.thresholds import LARGEST_LEAD
+from teleop.evaluation.teleoperation.tracking import Tracking
 
 TURN = 360.0
 """Full turn of a phase [deg]."""
@@ -53,11 +54,6 @@ def mean_of(values: Sequence[Value]) -> Mean:
 
     If the intervals of all recordings contain zero, the interval of the mean contains zero too,
     because of m. If neither part can be used, the half width is NaN.
-
-    Parameters
-    ----------
-    values
-        One value for each recording.
     """
     if len({one.kind for one in values}) != 1:
         return Mean(math.nan, math.nan, 0)
@@ -84,11 +80,6 @@ def mean_tracking(tracked: Sequence[Tracking]) -> dict[str, Mean]:
 
     - for the phase, if the half width is 180 degrees or more;
     - for the other quantities, which are positive, if the lower end of the interval is negative.
-
-    Parameters
-    ----------
-    tracked
-        Tracking values of each recording.
     """
     if not tracked:
         return {}
@@ -100,6 +91,6 @@ def mean_tracking(tracked: Sequence[Tracking]) -> dict[str, Mean]:
     centre = math.degrees(np.angle(np.mean(np.exp(1j * np.radians(phases)))))
     near = centre + (phases - centre + TURN / 2.0) % TURN - TURN / 2.0
     mean = mean_of([Value(float(phase), math.nan, "") for phase in near])
-    value = (centre / TURN - EARLIEST) % -1.0 + EARLIEST
+    value = (centre / TURN - LARGEST_LEAD) % -1.0 + LARGEST_LEAD
     half = mean.half if mean.half < TURN / 2.0 else math.nan
     return {**found, "phase_deg": Mean(TURN * value, half, len(tracked))}

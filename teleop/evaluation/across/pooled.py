@@ -51,11 +51,6 @@ def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
     The values of k and b of the recordings are compared, and a Kelvin-Voigt model is fitted to all
     recordings together. The result is a dictionary for JSON, with the comparison, the fits and
     sentences for the user (`reasons`).
-
-    Parameters
-    ----------
-    evaluations
-        Evaluations of at least two recordings, by the name of the file.
     """
     regressions = [e.sampled.regression for e in evaluations.values()]
     x, v, f = (np.concatenate([r[channel] for r in regressions]) for channel in range(3))
@@ -127,17 +122,9 @@ def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
 def compare_values(values: Floats, std: Floats) -> dict[str, float]:
     """Test whether the values of one parameter from several recordings are equal.
 
-    Parameters
-    ----------
-    values, std
-        Values of the parameter and their standard deviations, one for each recording.
-
-    Returns
-    -------
-    Dictionary with these keys: `ratio` is the ratio of the largest to the smallest value, and `low`
-    and `high` are the ends of its 95 % interval; all three are NaN if the smallest value is not
-    positive. `p_value` is the p-value of Cochran's test. `detectable` is the smallest ratio that
-    the test would detect with a probability of 80 %.
+    `ratio` is the largest by the smallest value, with its 95 % interval from `low` to `high`; NaN
+    if the smallest value is not positive. `p_value` is that of Cochran's test. `detectable` is the
+    smallest ratio that the test detects with a probability of 80 %.
     """
     weights = 1.0 / std**2
     mean = float(weights @ values / weights.sum())

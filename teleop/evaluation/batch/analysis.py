@@ -6,45 +6,87 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from estimation.baseline import baseline
+from estimation.baseline import baseline, without_baseline
 from estimation.batch_models import BatchData, BatchFit, compare_models
 from estimation.batch_models.prony import Relaxation, fit_prony
 from estimation.robust_error import robust_fit
 from estimation.smoothing import CORNER
 from teleop.evaluation.batch.contact_rows import Rows
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, local_stiffness
-from teleop.evaluation.batch.motion import motion_of
 from teleop.evaluation.batch.phases import Phase, Phases, find_phases
-from teleop.evaluation.batch.prepared import Prepared, resample, smoothed_record
-from teleop.evaluation.batch.result import Result, publishable
+from teleop.evaluation.batch.smoothed_record import SmoothedRecord, resample, smoothed_record
+from teleop.evaluation.batch.stiffness_result import StiffnessResult, stiffness_result
+from teleop.evaluation.batch.strokes import cycle_frequency, least_stroke, turning_points
+from teleop.evaluation.batch.thresholds import (
+    FEWEST_FIT_SAMPLES,
+    FEWEST_STROKES,
+    LEAST_STROKE_NOISE,
+    WIDEST_KERNEL,
+)
 from teleop.evaluation.reading.signals import Signals
 
-RAMP = 0.04
-"""Largest width of the smoothing kernel, as a fraction of the median duration of a loading
-phase."""
+
+class MotionSummary(NamedTuple):
+    """Frequency, amplitude, travel and shape of the motion in a record.
+
+    The values describe the position. A stroke is the motion from one reversal to the next.
+    """
+
+    frequency_hz: float
+    """Mean frequency of the cycles [Hz]; NaN if there are fewer than `FEWEST_STROKES` strokes."""
+    amplitude_m: float
+    """Half of the median travel of the strokes [m]; NaN if `frequency_hz` is NaN."""
+    travel_m: float
+    """Largest minus smallest position [m]."""
+    strokes: int
+    """Number of whole strokes; 0 if their median travel is not clearly larger than the noise."""
+    fundamental_share: float
+    """Share of the fundamental frequency in the power of the velocity: 1 for a sine, NaN for a
+    motion with too few cycles
+    (`teleop.evaluation.batch.smoothed_record.SmoothedRecord.fundamental_share`)."""
+
+
+def motion_of(record: SmoothedRecord) -> MotionSummary:
+    """Return frequency, amplitude, travel and shape of the motion in a record.
+
+    They are computed from the smoothed position. Smoothing makes the amplitude smaller. This effect
+    is nearly compensated (`SmoothedRecord.sharpened`).
+    """
+    x = record.sharpened(record.x)
+    travel = float(np.ptp(x))
+    palpation = without_baseline(x, record.order)
+    turns = turning_points(palpation, least_stroke(palpation))[1:-1]
+    strokes = np.abs(np.diff(palpation[turns]))
+    frequency = cycle_frequency(record.palpation, record.period)
+    found = len(strokes)
+    if not found or float(np.median(strokes)) < LEAST_STROKE_NOISE * record.x_noise:
+        found = 0
+    if frequency is None or found < FEWEST_STROKES:
+        return MotionSummary(math.nan, math.nan, travel, found, record.fundamental_share)
+    half = 0.5 * float(np.median(strokes))
+    return MotionSummary(frequency, half, travel, found, record.fundamental_share)
+
+
 WIDER_BAND = 1.6
 """Ratio of a second smoothing bandwidth to the first. The change of k between the two bandwidths
 widens the interval of k."""
-FEWEST_HOLD = 10
-"""Smallest number of independent samples for a fit: in contact for a model, and in a hold for the
-relaxation."""
 
 
 @dataclass(frozen=True)
 class Analysis:
     """The batch evaluation of a record: all samples are evaluated together."""
 
-    record: Prepared
+    record: SmoothedRecord
     """The record, resampled to a constant period and smoothed."""
     phases: Phases
     """Free motion, loading, hold and unloading, and the contact point."""
     local: LocalStiffness | None
     """Stiffness and damping of the fitted models; None without contact, or with too few samples."""
-    result: Result
+    result: StiffnessResult
     """k and b with 95 % intervals, or the reasons why they are not identifiable."""
 
     @property
@@ -57,7 +99,7 @@ class Analysis:
         """Samples to which the models are fitted; None if too few samples are in contact."""
         record, phases = self.record, self.phases
         rows = Rows(record, phases)
-        if len(rows.rows) < FEWEST_HOLD:
+        if len(rows.rows) < FEWEST_FIT_SAMPLES:
             return None
         f, slow, regressors = record.f, np.zeros(len(record.f)), None
         if rows.order and self.local:
@@ -88,11 +130,6 @@ class Analysis:
         The datum is the point at which displacement and force are zero. The models use displacement
         and force relative to the datum. The result is empty if there is no contact, or if there are
         too few samples in contact.
-
-        Parameters
-        ----------
-        x, f
-            Position [m] and force [N] of the datum, in the coordinates of the record.
         """
         data = self.data
         if data is None or not self.has_contact:
@@ -152,7 +189,7 @@ class Analysis:
             fit = robust_fit(np.column_stack([np.ones(len(t[every])), x[every]]), f[every])
             row["k"] = float(fit.theta[1])
             row["k_std"] = fit.deviation(np.array([0.0, 1.0]))
-        if phase.name == "hold" and len(t[every]) >= FEWEST_HOLD:
+        if phase.name == "hold" and len(t[every]) >= FEWEST_FIT_SAMPLES:
             found = fit_prony(t[every] - t[0], f[every])
             row["relaxation"] = relaxation_row(found) if found else None
         return row
@@ -220,15 +257,7 @@ def relaxation_row(found: Relaxation) -> dict[str, Any]:
 
 
 def analyse(signals: Signals, force_lag: float = 0.0) -> Analysis:
-    """Evaluate all samples of a record together, without online estimators.
-
-    Parameters
-    ----------
-    signals
-        The record as measured.
-    force_lag
-        Lag of the measured force (time constant of the force channel) [s]. The lag is compensated.
-    """
+    """Evaluate all samples of a record together, without online estimators."""
     resampled = resample(signals, force_lag)
     record = smoothed_record(resampled)
     phases = find_phases(record)
@@ -237,7 +266,7 @@ def analyse(signals: Signals, force_lag: float = 0.0) -> Analysis:
         for phase in phases.phases
         if phase.name == "loading"
     ]
-    widest = RAMP * float(np.median(durations)) if durations else record.width
+    widest = WIDEST_KERNEL * float(np.median(durations)) if durations else record.width
     bandwidth = CORNER / record.width
     if widest < 0.8 * record.width:
         bandwidth = CORNER / max(widest, resampled.period)
@@ -249,4 +278,4 @@ def analyse(signals: Signals, force_lag: float = 0.0) -> Analysis:
     if local is not None:
         finer = smoothed_record(resampled, WIDER_BAND * bandwidth)
         other = local_stiffness(finer, find_phases(finer))
-    return Analysis(record, phases, local, publishable(record, phases, local, other))
+    return Analysis(record, phases, local, stiffness_result(record, phases, local, other))

@@ -15,25 +15,13 @@ from numpy.typing import NDArray
 from estimation.arrays import Floats
 from estimation.robust_error import bayesian_criterion
 from teleop.evaluation.batch.contact_rows import Rows
-from teleop.evaluation.batch.prepared import Prepared
-
-BAND = 0.08
-"""Samples are used for the slope if the distance of their force from half of the force range is
-less than this fraction of the range."""
-SLOPE_SAMPLES = 3
-"""Smallest average number of samples for the slope in one pass through half of the force range. If
-there are fewer, the neighbouring samples are used in addition (`with_neighbours`)."""
-SLOPE_NOISE = 50.0
-"""Smallest distance between two positions from which a slope is computed (`surroundings`), in
-standard deviations of the noise of the smoothed position."""
-
-FINEST = 0.0005
-"""Relative standard deviation of k due to smoothing and resampling, for models with relaxing parts.
-
-This value is the median error of k for synthetic records without noise
-(`estimation.testing_records`). For a model without relaxing parts the error is zero, because such a
-model holds exactly for the smoothed signals.
-"""
+from teleop.evaluation.batch.smoothed_record import SmoothedRecord
+from teleop.evaluation.batch.thresholds import (
+    FEWEST_SLOPE_SAMPLES,
+    LEAST_SLOPE_STEP_NOISE,
+    SLOPE_BAND,
+    SMOOTHING_ERROR,
+)
 
 
 class Candidate(NamedTuple):
@@ -69,7 +57,7 @@ class Candidate(NamedTuple):
     position, relaxing parts."""
 
 
-def evaluate(
+def fit_candidate(
     rows: Rows,
     degree: int,
     times: tuple[float, ...],
@@ -80,125 +68,119 @@ def evaluate(
 
     The model is f = baseline + P(x) + b v + sum_j c_j z_j. The signals z_j are the relaxing parts
     of the force, which decay with the time constants tau_j
-    (`teleop.evaluation.batch.local_stiffness`).
-
-    Parameters
-    ----------
-    rows
-        Samples that are fitted.
-    degree
-        Degree of the polynomial P.
-    times
-        The time constants tau_j [s]; empty for a model without relaxing parts.
-    relaxing
-        The signals z_j after smoothing: one array of shape (n,) for each time constant.
-    cornered
-        The same signals, but with the values before the smoothing at sharp corners of z_j (see
-        `with_corners`).
+    (`teleop.evaluation.batch.local_stiffness`). `relaxing` are the z_j after smoothing, each of
+    shape (n,); `cornered` are the same, but not smoothed at their sharp corners (`with_corners`).
     """
     fit = rows.fit(degree, relaxing)
     theta, first = fit.theta, rows.v_column + 1
     m = len(theta)
-    index, sharp_x = rows.fine, rows.sharp_x
     powers = np.arange(1, degree + 1)
     coefficients = theta[first : first + degree]
-    without = rows.fine_powers[:, :degree] @ coefficients
+
+    # The elastic force P(x) + sum_j c_j z_j at the samples in contact, without b v and baseline.
+    # Sharp corners are kept, because smoothing would make the force range too small.
+    index = rows.fine
+    elastic = rows.fine_powers[:, :degree] @ coefficients
     for c, z in zip(theta[first + degree :], cornered, strict=True):
-        without = without + c * z[index]
-    constant = float(rows.basis.mean(axis=0) @ theta[: rows.v_column])
-    low, high = float(without.min()), float(without.max())
-    top, bottom = int(np.argmax(without)), int(np.argmin(without))
+        elastic = elastic + c * z[index]
 
     def effect(i: int) -> Floats:
-        """Return the derivative of the elastic force at one sample with respect to each parameter.
-
-        The elastic force consists of the polynomial P and the relaxing parts. The sample is
-        `rows.fine[i]`. The result has the shape (m,), where m is the number of parameters.
-        """
+        """Derivative of the elastic force at the sample `rows.fine[i]` to each parameter, (m,)."""
         found = np.zeros(m)
         found[first:] = [*rows.fine_powers[i, :degree], *(z[index[i]] for z in cornered)]
         return found
 
+    # Half of the force range, and its derivative to each parameter. If the force out of contact is
+    # known, the range begins there: at this measured force minus the constant of the baseline,
+    # which is the parameter 0.
+    constant = float(rows.basis.mean(axis=0) @ theta[: rows.v_column])
+    low, high = float(elastic.min()), float(elastic.max())
+    top, bottom = int(np.argmax(elastic)), int(np.argmin(elastic))
     force_effect = 0.5 * (effect(top) + effect(bottom))
     if rows.phases.free_force is not None and rows.order == 0:
         low = min(rows.phases.free_force - constant, high)
         force_effect = 0.5 * effect(top)
         force_effect[0] = -0.5
     force = 0.5 * (low + high)
-    distance = np.abs(without - force)
-    near = with_neighbours(rows.loading & (distance < BAND * (high - low)), index)
+
+    # The samples in loading near this force, and the position at which the elastic force has it.
+    distance = np.abs(elastic - force)
+    near = with_neighbours(rows.loading & (distance < SLOPE_BAND * (high - low)), index)
     if len(near) < 6:
         order = np.argsort(np.where(rows.loading, distance, np.inf))
         near = np.sort(order[: min(6, int(rows.loading.sum()))])
     x, v = rows.fine_x[near], rows.fine_v[near]
-    position = middle_position(x, without[near], force)
-    gradient = np.zeros(m)
+    position = middle_position(x, elastic[near], force)
     s = (position - rows.origin) / rows.scale
+
+    # k is linear in the parameters, k = gradient' theta: P'(x) at the position, and the slope of
+    # each relaxing part against the position. This slope depends on the path of the motion. It is
+    # computed in two ways, over all passes and at the nearest sample, and the difference is one of
+    # the errors of k.
+    gradient = np.zeros(m)
     gradient[first : first + degree] = powers * s ** (powers - 1) / rows.scale
+    along_path = gradient.copy()
     breaks = np.diff(index[near], prepend=index[near[0]]) > 1
     pass_of = np.cumsum(breaks, dtype=np.int_)
-    along = gradient.copy()
     nearest = near[int(np.argmin(distance[near]))]
-    before, after = surroundings(sharp_x, int(index[nearest]), len(near), rows.record)
-    for j, z in enumerate(relaxing):
-        gradient[first + degree + j] = loading_slope(x, v, z[index[near]], pass_of)
-        step = sharp_x[after] - sharp_x[before]
-        along[first + degree + j] = (z[after] - z[before]) / step if step else 0.0
-    path_doubt = abs(float((along - gradient) @ theta)) / 1.5
-    damping = np.zeros(m)
-    damping[rows.v_column] = 1.0
-    curvature = float(coefficients[1:] @ (powers[1:] * (powers[1:] - 1) * s ** (powers[1:] - 2)))
+    before, after = surroundings(rows.sharp_x, int(index[nearest]), len(near), rows.record)
+    step = rows.sharp_x[after] - rows.sharp_x[before]
+    for j, z in enumerate(relaxing, first + degree):
+        gradient[j] = loading_slope(x, v, z[index[near]], pass_of)
+        along_path[j] = (z[after] - z[before]) / step if step else 0.0
     k = float(gradient @ theta)
+    path_error = abs(float((along_path - gradient) @ theta)) / 1.5
+
+    # The parameters also change k through the position at which it is the slope: the position
+    # moves by (change of the force level - change of the elastic force) / k, and k changes with
+    # the position by P''(x).
+    curvature = float(coefficients[1:] @ (powers[1:] * (powers[1:] - 1) * s ** (powers[1:] - 2)))
     curvature /= rows.scale**2
-    elastic = effect(nearest)
-    elastic[first : first + degree] = s**powers
-    total = gradient + curvature / (k or 1e-300) * (force_effect - elastic)
-    slopes = rows.scaled_powers[:, :degree] * powers @ coefficients / rows.scale
-    rounding = rows.rounding_error(np.vstack([total, damping]) @ fit.inverse, slopes)
+    elastic_effect = effect(nearest)
+    elastic_effect[first : first + degree] = s**powers
+    k_effect = gradient + curvature / (k or 1e-300) * (force_effect - elastic_effect)
+    b_effect = np.zeros(m)
+    b_effect[rows.v_column] = 1.0
+
+    # The ends of the force range have errors that the fit does not contain: the resolution of the
+    # position at the highest force, and the noise of the force out of contact.
     s_top = (rows.fine_x[top] - rows.origin) / rows.scale
     top_slope = float(powers * s_top ** (powers - 1) @ coefficients) / rows.scale
     force_std = 0.5 * math.hypot(
         top_slope * rows.record.count / math.sqrt(12.0), rows.phases.free_error
     )
-    range_doubt = force_std * curvature / (k or 1e-300)
-    smoothing = FINEST * k if times else 0.0
+    range_error = force_std * curvature / (k or 1e-300)
+
+    slopes = rows.scaled_powers[:, :degree] * powers @ coefficients / rows.scale
+    k_rounding, b_rounding = rows.rounding_error(
+        np.vstack([k_effect, b_effect]) @ fit.inverse, slopes
+    )
+    smoothing_error = SMOOTHING_ERROR * k if times else 0.0
+    k_fit_error, b_fit_error = (fit.deviation(e, rows.cycles) for e in (k_effect, b_effect))
     return Candidate(
-        degree,
-        times,
-        bayesian_criterion(fit.residual, m + len(times)),
-        k,
-        math.hypot(
-            fit.deviation(total, rows.cycles), range_doubt, path_doubt, rounding[0], smoothing
-        ),
-        float(theta[rows.v_column]),
-        math.hypot(fit.deviation(damping, rows.cycles), rounding[1]),
-        float(np.sqrt(np.mean(fit.residual**2))),
-        position,
-        force + constant,
-        theta,
+        degree=degree,
+        times=times,
+        bic=bayesian_criterion(fit.residual, m + len(times)),
+        k=k,
+        k_std=math.hypot(k_fit_error, range_error, path_error, k_rounding, smoothing_error),
+        b=float(theta[rows.v_column]),
+        b_std=math.hypot(b_fit_error, b_rounding),
+        rms=float(np.sqrt(np.mean(fit.residual**2))),
+        position=position,
+        force=force + constant,
+        theta=theta,
     )
 
 
-def surroundings(x: Floats, at: int, most: int, record: Prepared) -> tuple[int, int]:
+def surroundings(x: Floats, at: int, most: int, record: SmoothedRecord) -> tuple[int, int]:
     """Return the indices of two samples, before and after the sample `at`, to compute a slope.
 
     The slope is that of any signal against the position x. For an accurate slope, the positions of
     the two samples must differ by much more than the noise. Therefore, the two samples are first
     the direct neighbours of the sample `at`. Then their distance is doubled, until their positions
     differ enough, or until a further doubling would exceed `most`.
-
-    Parameters
-    ----------
-    x
-        Position [m], shape (n,).
-    at
-        Index of the sample at which the slope is computed.
-    most
-        Largest difference of the two indices.
-    record
-        The prepared record.
     """
-    least = SLOPE_NOISE * record.x_noise * record.noise_gain
+    least = LEAST_SLOPE_STEP_NOISE * record.x_noise * record.noise_gain
     half = 1
     while True:
         before, after = max(at - half, 0), min(at + half, len(x) - 1)
@@ -212,24 +194,13 @@ def with_neighbours(mask: NDArray[np.bool_], index: NDArray[np.intp]) -> NDArray
 
     The mask selects samples near half of the force range. Each time the force passes this value,
     the selected samples form a run of successive samples. To compute a slope, a run must have at
-    least `SLOPE_SAMPLES` samples. In fast motions, the runs are shorter. If the mean length of the
-    runs is less than `SLOPE_SAMPLES`, the samples directly before and after each run are added.
-
-    Parameters
-    ----------
-    mask
-        True for each selected sample, shape (n,).
-    index
-        Index of each sample in the record, shape (n,), increasing. If the indices of two samples
-        differ by more than 1, the samples are not in the same run.
-
-    Returns
-    -------
-    Indices of samples in `mask`, increasing.
+    least `FEWEST_SLOPE_SAMPLES` samples. In fast motions, the runs are shorter. If the mean length
+    of the runs is less than `FEWEST_SLOPE_SAMPLES`, the samples directly before and after each run
+    are added.
     """
     chosen = np.flatnonzero(mask)
     passes = np.count_nonzero(np.diff(index[chosen]) > 1) + 1
-    if len(chosen) >= SLOPE_SAMPLES * passes:
+    if len(chosen) >= FEWEST_SLOPE_SAMPLES * passes:
         return chosen
     joined = np.diff(index) == 1
     wider = mask.copy()
@@ -243,13 +214,6 @@ def middle_position(x: Floats, f: Floats, force: float) -> float:
 
     The position is modelled as a polynomial of degree 2 in the force. If the samples are too few,
     or if their force is constant, the result is their mean position.
-
-    Parameters
-    ----------
-    x, f
-        Position [m] and force [N] of samples near this force, shape (n,).
-    force
-        Force at which the position is computed [N].
     """
     if np.ptp(f) == 0.0 or len(x) < 4:
         return float(x.mean())
@@ -266,14 +230,6 @@ def loading_slope(x: Floats, v: Floats, z: Floats, pass_of: NDArray[np.int_]) ->
     is called a pass. The fit is z = a x + c_i, where a is the slope, and c_i is a constant that is
     different for each pass i. If the velocity v varies enough, the fit is z = a x + d v + c_i. Then
     a part of z that is proportional to v does not change the slope.
-
-    Parameters
-    ----------
-    x, v, z
-        Position [m], velocity [m/s] and signal of the samples, each of shape (n,). The signal is a
-        relaxing part of the force.
-    pass_of
-        Number i of the pass of each sample, from 0, shape (n,).
     """
     spread = float(np.std(v) / np.mean(np.abs(v)))
     x, v, z = (values - pass_means(values, pass_of) for values in (x, v, z))
@@ -287,12 +243,5 @@ def pass_means(values: Floats, pass_of: NDArray[np.int_]) -> Floats:
     """Return for each sample the mean of the values in its pass, shape (n,).
 
     A pass consists of successive samples near half of the force range.
-
-    Parameters
-    ----------
-    values
-        Value of each sample, shape (n,).
-    pass_of
-        Number of the pass of each sample, from 0, shape (n,).
     """
     return np.asarray((np.bincount(pass_of, values) / np.bincount(pass_of))[pass_of])

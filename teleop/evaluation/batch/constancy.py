@@ -9,34 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.arrays import Floats
+from estimation.quantities import STIFFNESS
 from teleop.evaluation.batch.masks import runs
 from teleop.evaluation.batch.phases import Phases
-from teleop.evaluation.batch.prepared import Prepared
-
-STILL = 0.02
-"""Largest speed at rest, relative to the 95 % quantile of the speed."""
-SETTLED = 0.2
-"""Part of a rest that is not used, at its start and at its end, as a fraction of the rest."""
-LONG = 0.03
-"""Shortest used part of a rest, as a fraction of the record."""
-RISE = 0.01
-"""Smallest rise of the force at rest that counts as a drift, as a fraction of the force range."""
-RISE_NOISE = 6.0
-"""Smallest rise of the force that counts as a drift, in standard deviations of the noise of the
-smoothed force."""
-STIFFEST = 3.0
-"""Assumed largest stiffness at the position of a rest, divided by the mean stiffness."""
-FEWEST_CYCLES, FEWEST_SAMPLES = 6, 8
-"""Smallest number of cycles, and of samples in a cycle, to detect a change of the stiffness."""
-SMALL = 0.25
-"""Least travel of a cycle, relative to the largest travel of a cycle. A smaller cycle is tremor."""
-CHANGE = 0.15
-"""Smallest relative change of the stiffness that is reported."""
-SCATTER = 5.0
-"""Smallest change of the stiffness that is reported, in standard errors."""
-FREQUENCIES = 1.5
-"""If the ratio of the frequencies of the first and last cycles is larger, a change of the stiffness
-is attributed to the frequency."""
+from teleop.evaluation.batch.smoothed_record import SmoothedRecord
+from teleop.evaluation.batch.thresholds import (
+    CHANGE_SCATTER,
+    DRIFT_NOISE,
+    FEWEST_COMPARED_CYCLES,
+    FEWEST_CYCLE_SAMPLES,
+    FREQUENCY_CHANGE,
+    LEAST_CHANGE,
+    LEAST_DRIFT,
+    REST_SPEED,
+    SHORTEST_REST,
+    STIFFEST_AT_REST,
+    TREMOR_TRAVEL,
+    UNUSED_REST,
+)
 
 
 class Change(NamedTuple):
@@ -53,24 +43,26 @@ class Change(NamedTuple):
 
         The change of the frequency may then be the cause of the change of the stiffness.
         """
-        return max(self.frequency) > FREQUENCIES * min(self.frequency)
+        return max(self.frequency) > FREQUENCY_CHANGE * min(self.frequency)
 
     @property
     def text(self) -> str:
         """Sentence for the user that describes the change of the stiffness."""
         (first, last), (begin, end) = self
+        start, final = (STIFFNESS.text(k, ".4g") for k in (first, last))
         if self.with_frequency:
             return (
-                f"the stiffness changes with the frequency, from {first:.4g} N/m at {begin:.3g} Hz "
-                f"to {last:.4g} N/m at {end:.3g} Hz: expected a recording at one frequency"
+                f"the stiffness changes with the frequency, from {start} at {begin:.3g} Hz "
+                f"to {final} at {end:.3g} Hz: expected a recording at one frequency"
             )
         return (
-            f"the stiffness changes over the cycles, from {first:.4g} to {last:.4g} N/m (medians "
+            f"the stiffness changes over the cycles, from "
+            f"{STIFFNESS.shown(first):.4g} to {final} (medians "
             "of the first and of the last cycles)"
         )
 
 
-def rise_at_rest(record: Prepared) -> tuple[float, float] | None:
+def rise_at_rest(record: SmoothedRecord) -> tuple[float, float] | None:
     """Return the rise of the force in a rest [N] and its duration [s]; None if there is no rise.
 
     In a rest, the position is constant. After loading, the force of a passive body then decreases.
@@ -81,52 +73,55 @@ def rise_at_rest(record: Prepared) -> tuple[float, float] | None:
     if record.order:
         return None
     span = float(np.ptp(record.f))
-    stiffness = STIFFEST * span / max(float(np.ptp(record.x)), 1e-300)
+    stiffness = STIFFEST_AT_REST * span / max(float(np.ptp(record.x)), 1e-300)
     speed = float(np.percentile(np.abs(record.v), 95))
-    moving = np.abs(record.v) > STILL * speed
+    moving = np.abs(record.v) > REST_SPEED * speed
     for start, end in runs(~moving):
         before = np.flatnonzero(moving[:start])
         if len(before) and record.v[before[-1]] < 0.0:
             continue
-        guard = int(SETTLED * (end - start))
+        guard = int(UNUSED_REST * (end - start))
         f, x = record.f[start + guard : end - guard], record.x[start + guard : end - guard]
-        if len(f) < LONG * len(record.f):
+        if len(f) < SHORTEST_REST * len(record.f):
             continue
         edge = max(1, len(f) // 10)
         rise = float(np.median(f[-edge:]) - np.median(f[:edge]))
-        noise = RISE_NOISE * record.f_noise_smoothed
-        if rise > max(RISE * span, noise, 2.0 * stiffness * float(np.ptp(x))):
+        noise = DRIFT_NOISE * record.f_noise_smoothed
+        if rise > max(LEAST_DRIFT * span, noise, 2.0 * stiffness * float(np.ptp(x))):
             return rise, len(f) * record.period
     return None
 
 
-def change_over_cycles(record: Prepared, phases: Phases) -> Change | None:
+def change_over_cycles(record: SmoothedRecord, phases: Phases) -> Change | None:
     """Return the change of the stiffness from the first to the last cycles; None for no change.
 
     The median stiffness of the first cycles is compared with the median stiffness of the last
     cycles. The difference of the two medians counts as a change if it satisfies two conditions. It
-    is at least the fraction `CHANGE` of the smaller median. It is also at least `SCATTER` standard
-    errors, which are computed from the differences between successive cycles. The result is also
-    None if there are fewer than `FEWEST_CYCLES` cycles.
+    is at least the fraction `LEAST_CHANGE` of the smaller median. It is also at least
+    `CHANGE_SCATTER` standard errors, which are computed from the differences between successive
+    cycles. The result is also None if there are fewer than `FEWEST_COMPARED_CYCLES` cycles.
     """
     begins = [phase.start for phase in phases.phases if phase.name == "loading"]
     parts = [start + np.flatnonzero(phases.usable[start:end]) for start, end in pairwise(begins)]
     travel = [float(np.ptp(record.x[part])) if len(part) else 0.0 for part in parts]
-    smallest = SMALL * max(travel, default=0.0)
+    smallest = TREMOR_TRAVEL * max(travel, default=0.0)
     k, seconds = [], []
     for i, (start, end) in enumerate(pairwise(begins)):
         part = parts[i]
-        if len(part) >= FEWEST_SAMPLES and travel[i] >= smallest:
+        if len(part) >= FEWEST_CYCLE_SAMPLES and travel[i] >= smallest:
             k.append(slope_in_cycle(record, part))
             seconds.append((end - start) * record.period)
-    if len(k) < FEWEST_CYCLES:
+    if len(k) < FEWEST_COMPARED_CYCLES:
         return None
-    count = max(FEWEST_CYCLES // 2, len(k) // 10)
+    count = max(FEWEST_COMPARED_CYCLES // 2, len(k) // 10)
     slopes = np.array(k)
     first, last = float(np.median(slopes[:count])), float(np.median(slopes[-count:]))
     scatter = 1.4826 * float(np.median(np.abs(np.diff(slopes)))) / np.sqrt(count)
     difference = abs(last - first)
-    if difference < CHANGE * min(abs(first), abs(last)) or difference < SCATTER * scatter:
+    if (
+        difference < LEAST_CHANGE * min(abs(first), abs(last))
+        or difference < CHANGE_SCATTER * scatter
+    ):
         return None
     return Change(
         (first, last),
@@ -134,19 +129,12 @@ def change_over_cycles(record: Prepared, phases: Phases) -> Change | None:
     )
 
 
-def slope_in_cycle(record: Prepared, part: NDArray[np.intp]) -> float:
+def slope_in_cycle(record: SmoothedRecord, part: NDArray[np.intp]) -> float:
     """Return the stiffness in one cycle [N/m]: the slope of the force against the position.
 
     The slope is the coefficient of the position in a least-squares fit of the force. The other
     regressors are a constant, the velocity and the time. Damping and drift of the force therefore
     do not change the slope.
-
-    Parameters
-    ----------
-    record
-        The prepared record.
-    part
-        Indices of the samples of the cycle.
     """
     columns: Floats = np.column_stack(
         [np.ones(len(part)), record.clock[part], record.v[part], record.x[part]]

@@ -18,21 +18,20 @@ from estimation.baseline_fit import BaselineFits
 from estimation.robust_error import RobustFit
 from teleop.evaluation.batch.masks import runs
 from teleop.evaluation.batch.phases import Phases
-from teleop.evaluation.batch.prepared import Prepared
+from teleop.evaluation.batch.smoothed_record import SmoothedRecord
+from teleop.evaluation.batch.thresholds import (
+    LEAST_SPEED_NOISE,
+    SHARP_CORNER_NOISE,
+    SPARE_SAMPLES,
+    STEADY_FREE_FORCE,
+)
 
 
-def levels(values: Floats, count: float) -> NDArray[np.intp] | None:
+def digital_values(values: Floats, count: float) -> NDArray[np.intp] | None:
     """Return the level (digital value) of each measured value, as a number from 0, shape (n,).
 
-    Values have the same level if they are equal after rounding to multiples of `count`.
-
-    Parameters
-    ----------
-    values
-        Measured values, shape (n,).
-    count
-        Resolution (smallest step) of the measured values, in their unit. If it is 0, the values are
-        not rounded, and the result is None.
+    Values have the same level if they are equal after rounding to multiples of `count`, the
+    resolution. If `count` is 0, the values are not rounded, and the result is None.
     """
     if count == 0.0:
         return None
@@ -43,22 +42,11 @@ def summed_by_level(sensitivity: Floats, level: NDArray[np.intp] | None) -> Floa
     """Return the sensitivity of fitted parameters to the rounding of measured values.
 
     The result, multiplied by the standard deviation of the rounding error, is the standard
-    deviation of each parameter. All samples with the same rounded value have the same rounding
+    deviation of each of m parameters. `sensitivity` is the derivative of the parameters to n
+    values, shape (m, n). All samples with the same rounded value have the same rounding
     error. Their derivatives are therefore added. This gives one sum for each rounded value. The
     errors of different rounded values are independent. The result is therefore the root of the sum
     of the squares of these sums.
-
-    Parameters
-    ----------
-    sensitivity
-        Derivative of m parameters with respect to each of n values, shape (m, n).
-    level
-        Number of the rounded value of each measured value, shape (n,), from `levels`. If it is
-        None, the values are not rounded, and the result is 0.
-
-    Returns
-    -------
-    Array of shape (m,).
     """
     if level is None:
         return np.zeros(len(sensitivity))
@@ -68,22 +56,12 @@ def summed_by_level(sensitivity: Floats, level: NDArray[np.intp] | None) -> Floa
 
 DEGREES = (1, 2, 3, 4, 5)
 """Degrees of the polynomial P(x) of the candidate models."""
-STEADY = 0.01
-"""Largest standard deviation of the force out of contact, as a fraction of the force range, for
-which this force counts as steady."""
 MOST_ROWS = 20_000
 """Approximate largest number of samples in a fit. The samples are evenly spaced.
 
 This number limits memory and computing time for a record of more than about ten minutes. The
 intervals of such a record are narrow, even with this number of samples.
 """
-CORNER = 5.0
-"""Smallest difference between measured and smoothed values that indicates a sharp corner of the
-signal, in standard deviations of the noise."""
-SPEED_NOISE = 4.0
-"""Least speed in loading, in standard deviations of the noise of the smoothed velocity."""
-SPARE = 6
-"""Smallest difference between number of samples and number of parameters."""
 
 
 class Rows:
@@ -93,16 +71,11 @@ class Rows:
     force. P(x) is a polynomial in the position. The relaxing parts decay with time constants. The
     class is called `Rows`, because each sample is a row of the regression matrix.
 
-    Parameters
-    ----------
-    record, phases
-        The prepared record and its phases.
-    baseline
-        True if the baseline may contain slow cosines and a constant; False if the baseline must be
-        a constant. If the force out of contact is steady, the baseline is always a constant.
+    With `baseline`, the baseline may contain slow cosines besides a constant. If the force out of
+    contact is steady, it is always a constant.
     """
 
-    def __init__(self, record: Prepared, phases: Phases, baseline: bool = True) -> None:
+    def __init__(self, record: SmoothedRecord, phases: Phases, baseline: bool = True) -> None:
         self.record, self.phases = record, phases
         rows = []
         count = int(phases.usable.sum()) // record.stride
@@ -111,7 +84,9 @@ class Rows:
             offset = ((end - start - 1) % stride) // 2
             rows.append(np.arange(start + offset, end, stride))
         self.rows: NDArray[np.intp] = np.concatenate(rows) if rows else np.zeros(0, dtype=np.intp)
-        level = phases.free_force is not None and phases.free_spread < STEADY * np.ptp(record.f)
+        level = phases.free_force is not None and phases.free_spread < STEADY_FREE_FORCE * np.ptp(
+            record.f
+        )
         self.order = record.order if baseline and not level else 0
         x = record.x[self.rows] if len(self.rows) else np.zeros(1)
         self.origin = 0.5 * float(x.min() + x.max())
@@ -135,18 +110,7 @@ class Rows:
         return (x - self.origin) / self.scale
 
     def polynomial(self, theta: Floats) -> Floats:
-        """Return the value of the polynomial P(x) of a fitted model at each measured position [N].
-
-        Parameters
-        ----------
-        theta
-            Parameters of the model in this order: baseline, velocity, polynomial. The parameters of
-            the relaxing parts are left out.
-
-        Returns
-        -------
-        Array of shape (n,), for all n samples of the record.
-        """
+        """Return the polynomial P(x) of a fitted model at each measured position [N]."""
         first = self.v_column + 1
         degree = len(theta) - first
         return np.asarray(
@@ -157,11 +121,6 @@ class Rows:
         """Return a signal with a constant value out of contact: its value at the contact point.
 
         If there is no contact point, the signal is returned unchanged.
-
-        Parameters
-        ----------
-        y
-            The signal at all samples of the record, shape (n,).
         """
         point = self.phases.contact_point
         if point is None:
@@ -170,15 +129,8 @@ class Rows:
         return np.where(self.record.raw_x < point.value, y[near], y)
 
     def allow(self, terms: int) -> bool:
-        """Return whether there are enough samples to fit a model of the force.
-
-        Parameters
-        ----------
-        terms
-            Number of terms of the elastic force in the model: powers of the position, and relaxing
-            parts.
-        """
-        return len(self.f) >= self.v_column + 1 + terms + SPARE
+        """Return whether there are enough samples for a model whose elastic force has `terms`."""
+        return len(self.f) >= self.v_column + 1 + terms + SPARE_SAMPLES
 
     @property
     def cycles(self) -> float:
@@ -221,18 +173,8 @@ class Rows:
 
         All samples at which a sensor has the same digital value have the same rounding error, for
         example all samples of a hold. An average over these samples does not reduce the error.
-
-        Parameters
-        ----------
-        to_force
-            Derivative of m fitted parameters with respect to the measured force at each of n
-            samples, shape (m, n).
-        slopes
-            Derivative of the force with respect to the position at each sample [N/m], shape (n,).
-
-        Returns
-        -------
-        Standard deviation of each parameter, shape (m,).
+        `to_force` is the derivative of m parameters to the measured force, shape (m, n), and
+        `slopes` that of the force to the position [N/m], shape (n,).
         """
         record = self.record
         x_level, f_level = self.levels
@@ -245,8 +187,8 @@ class Rows:
         """Levels (digital values) of position and force at the n fitted samples."""
         record = self.record
         return (
-            levels(record.raw_x[self.rows], record.count),
-            levels(record.raw_f[self.rows], record.f_count),
+            digital_values(record.raw_x[self.rows], record.count),
+            digital_values(record.raw_f[self.rows], record.f_count),
         )
 
     @cached_property
@@ -258,15 +200,7 @@ class Rows:
         return BaselineFits(self.basis, self.f)
 
     def fit(self, degree: int, relaxing: list[Floats]) -> RobustFit:
-        """Fit the force by a baseline, the velocity, powers of the position, and relaxing parts.
-
-        Parameters
-        ----------
-        degree
-            Largest power of the position.
-        relaxing
-            Signals that decay with a time constant (relaxation), each at all samples of the record.
-        """
+        """Fit the force by a baseline, the velocity, powers of the position, and relaxing parts."""
         columns = [self.record.v[self.rows], *self.powers[:degree]]
         return self.fits.fit(np.column_stack([*columns, *(z[self.rows] for z in relaxing)]))
 
@@ -279,7 +213,9 @@ class Rows:
         """
         record = self.record
         noise = record.x_noise * record.noise_gain / (math.sqrt(2.0) * record.width)
-        slowest = max(0.1 * float(np.percentile(np.abs(self.fine_v), 95)), SPEED_NOISE * noise)
+        slowest = max(
+            0.1 * float(np.percentile(np.abs(self.fine_v), 95)), LEAST_SPEED_NOISE * noise
+        )
         moving = self.fine_v > slowest
         return moving if moving.sum() >= 4 else np.abs(self.fine_v) > 0.0
 
@@ -294,15 +230,9 @@ def with_corners(raw: Floats, smoothed: Floats, noise: float, largest: float) ->
 
     Smoothing rounds a corner. For example, it reduces the peaks of a triangle wave. A sample is at
     a corner if the difference between its measured and its smoothed value is too large for noise.
-
-    Parameters
-    ----------
-    raw, smoothed
-        Measured and smoothed values, shape (n,).
-    noise
-        Standard deviation of the noise of the measured values.
-    largest
-        Largest difference that smoothing can cause. A larger difference is an outlier.
+    A difference above `largest`, which smoothing cannot cause, is an outlier.
     """
     difference = np.abs(raw - smoothed)
-    return np.where((difference > CORNER * noise) & (difference < largest), raw, smoothed)
+    return np.where(
+        (difference > SHARP_CORNER_NOISE * noise) & (difference < largest), raw, smoothed
+    )

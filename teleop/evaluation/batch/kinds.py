@@ -46,15 +46,6 @@ def kinds_of_estimates(further: Iterable[str]) -> dict[str, str]:
     Values with different labels are different physical quantities and must not be compared. The
     label of k and b depends on the model of the estimator. The label of the force error e_f is the
     empty text for all estimators.
-
-    Parameters
-    ----------
-    further
-        Names of the parameters in the model of the estimator besides b and k, such as `k3`.
-
-    Returns
-    -------
-    The label of each quantity, by its symbol: `k`, `b` and `e_f`.
     """
     names = ", ".join(further)
     kind = f"{WITH}{names}" if names else AVERAGE

@@ -37,32 +37,27 @@ Wald confidence intervals", Computational Statistics & Data Analysis 56(9), 2012
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
-from teleop.evaluation.batch.candidate import Candidate, evaluate
+from teleop.evaluation.batch.candidate import Candidate, fit_candidate
 from teleop.evaluation.batch.contact_rows import DEGREES, Rows
 from teleop.evaluation.batch.phases import Phases
-from teleop.evaluation.batch.prepared import Prepared
 from teleop.evaluation.batch.relaxation_search import with_relaxation
+from teleop.evaluation.batch.smoothed_record import SmoothedRecord
+from teleop.evaluation.batch.thresholds import (
+    FRICTION_RESIDUAL,
+    LEAST_R2_FOR_RELAXATION,
+    SAME_TIME_RATIO,
+)
 
-EXPLAINED = 0.9
-"""If the baseline contains cosines, relaxing parts are fitted only if R^2 without them exceeds this
-value. A larger misfit is not caused by relaxation: the baseline describes slow relaxation."""
 LARGEST_SCORE = 10.0
 """Distance from the mean beyond which a normal density is taken as 0 [standard deviations]."""
-FRICTION = 0.5
-"""Friction is reported if the residual with Coulomb friction is less than this fraction of the
-residual of the best candidate."""
-SAME_TIME = 1.5
-"""Ratio of two time constants below which they are reported as one."""
-HALVINGS = 60
-"""Number of bisection steps. With this number, only rounding errors remain."""
 
 
 @dataclass(frozen=True)
@@ -94,23 +89,15 @@ class LocalStiffness:
 
 
 def local_stiffness(
-    record: Prepared, phases: Phases, baseline: bool = True
+    record: SmoothedRecord, phases: Phases, baseline: bool = True
 ) -> LocalStiffness | None:
-    """Return stiffness and damping in contact; None if there are too few samples.
-
-    Parameters
-    ----------
-    record, phases
-        The prepared record, and its phases, such as loading and unloading.
-    baseline
-        Whether the baseline (slow part of the force) may contain cosines besides the constant.
-    """
+    """Return stiffness and damping in contact; None if there are too few samples."""
     rows = Rows(record, phases, baseline)
-    found = [evaluate(rows, degree, (), [], []) for degree in DEGREES if rows.allow(degree)]
+    found = [fit_candidate(rows, degree, (), [], []) for degree in DEGREES if rows.allow(degree)]
     if not found:
         return None
     plain = found[0]
-    if rows.relaxation and (rows.order == 0 or explained(rows, found) > EXPLAINED):
+    if rows.relaxation and (rows.order == 0 or explained(rows, found) > LEAST_R2_FOR_RELAXATION):
         position = rows.normalised(record.raw_x)
         best = min(found, key=lambda one: one.bic)
         found += with_relaxation(rows, position, DEGREES[:3], best.bic)
@@ -154,20 +141,20 @@ def has_friction(rows: Rows, best: Candidate) -> bool:
 
     For this test, the damping b v and the relaxing parts of the best model (`best`) are replaced by
     a friction force proportional to sign(v), and this model is fitted. The result is True if the
-    residual is less than `FRICTION` times that of the best model.
+    residual is less than `FRICTION_RESIDUAL` times that of the best model.
     """
     record = rows.record
     sign = record.smoothed(np.sign(record.v))[rows.rows]
     columns = np.column_stack([sign, *rows.powers[: best.degree]])
-    return bool(np.std(rows.fits.fit(columns).residual) < FRICTION * best.rms)
+    return bool(np.std(rows.fits.fit(columns).residual) < FRICTION_RESIDUAL * best.rms)
 
 
-def merged(times: tuple[float, ...]) -> tuple[float, ...]:
+def reported_times(times: tuple[float, ...]) -> tuple[float, ...]:
     """Return the time constants of the relaxing parts [s] in the form in which they are reported.
 
-    If there are two and their ratio is below `SAME_TIME`, the result is their geometric mean.
+    If there are two and their ratio is below `SAME_TIME_RATIO`, the result is their geometric mean.
     """
-    if len(times) == 2 and max(times) < SAME_TIME * min(times):
+    if len(times) == 2 and max(times) < SAME_TIME_RATIO * min(times):
         return (math.sqrt(times[0] * times[1]),)
     return times
 
@@ -194,13 +181,6 @@ def averaged(weights: Floats, values: list[tuple[float, float]]) -> tuple[float,
 
     The spread is h / 1.96, where 95 % of the mixture is within the distance h from the median. For
     a single normal distribution, the spread is the standard deviation.
-
-    Parameters
-    ----------
-    weights
-        Weights of the distributions, which sum to 1, shape (m,).
-    values
-        Mean and standard deviation of each distribution.
     """
     value, std = np.array(values).T
     std = np.maximum(std, 1e-12 * np.max(np.abs(value)) + 1e-300)
@@ -210,17 +190,9 @@ def averaged(weights: Floats, values: list[tuple[float, float]]) -> tuple[float,
         return float(weights @ ndtr((x - value) / std))
 
     span = float(np.ptp(value)) + LARGEST_SCORE * float(std.max())
-    median = crossing(share, 0.5, float(value.min()) - span, float(value.max()) + span)
-    half = crossing(lambda h: share(median + h) - share(median - h), 0.95, 0.0, 2.0 * span)
-    return median, half / LEVEL_95
-
-
-def crossing(function: Callable[[float], float], level: float, low: float, high: float) -> float:
-    """Return the argument between `low` and `high` at which an increasing function is `level`."""
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        if function(middle) < level:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
+    # No absolute tolerance, because b can have any size, and be 0.
+    exact = {"xtol": 1e-300, "rtol": 4.0 * np.finfo(float).eps}
+    low, high = float(value.min()) - span, float(value.max()) + span
+    median = float(brentq(lambda x: share(x) - 0.5, low, high, **exact))
+    half = brentq(lambda h: share(median + h) - share(median - h) - 0.95, 0.0, 2.0 * span, **exact)
+    return median, float(half) / LEVEL_95

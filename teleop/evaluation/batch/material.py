@@ -38,20 +38,14 @@ from typing import Any, Literal
 import numpy as np
 
 from teleop.errors import InputError
-from teleop.evaluation.batch.result import Result
+from teleop.evaluation.batch.stiffness_result import StiffnessResult
 
 IndenterName = Literal["flat", "sphere", "cone"]
 
 
 @dataclass(frozen=True)
 class Indenter:
-    """Shape and size of the tip, and thickness and Poisson's ratio of the specimen.
-
-    Raises
-    ------
-    InputError
-        A dimension that the shape needs is missing, or a value is out of range.
-    """
+    """Shape and size of the tip, and thickness and Poisson's ratio of the specimen."""
 
     shape: IndenterName
     """Shape of the tip: flat punch, sphere or cone."""
@@ -91,16 +85,8 @@ def hayes_factor(aspect: float, poisson: float, nodes: int = 48) -> float:
     """Return Hayes' factor: the stiffness of a layer divided by the stiffness of a half-space.
 
     The layer is bonded to a rigid base, and a flat punch presses on it. The half-space is of the
-    same material. The factor is larger than 1.
-
-    Parameters
-    ----------
-    aspect
-        Radius of the contact area divided by the thickness of the layer.
-    poisson
-        Poisson's ratio of the layer.
-    nodes
-        Number of nodes of the Gauss-Legendre quadrature with which the integral equation is solved.
+    same material. The factor is larger than 1. `aspect` is the contact radius divided by the
+    thickness. The integral equation is solved at `nodes` nodes of the Gauss-Legendre quadrature.
     """
     kolosov = 3.0 - 4.0 * poisson
     m = np.linspace(0.0, 30.0, 3001)
@@ -123,13 +109,6 @@ def modulus_per_stiffness(indenter: Indenter, depth: float) -> float:
     """Return the ratio of the elastic modulus to the stiffness at an indentation depth [1/m].
 
     The modulus is the product of this ratio and the tangent stiffness.
-
-    Parameters
-    ----------
-    indenter
-        Shape and size of the tip, and thickness and Poisson's ratio of the specimen.
-    depth
-        Indentation depth [m]; not used for a flat punch.
     """
     a = indenter.contact_radius(depth)
     layer = indenter.thickness
@@ -137,27 +116,15 @@ def modulus_per_stiffness(indenter: Indenter, depth: float) -> float:
     return (1.0 - indenter.poisson**2) / (2.0 * a * factor)
 
 
-def elastic_modulus(result: Result, indenter: Indenter, depth_known: bool) -> dict[str, Any]:
+def elastic_modulus(
+    result: StiffnessResult, indenter: Indenter, depth_known: bool
+) -> dict[str, Any]:
     """Return the elastic modulus [Pa] with its 95 % interval, as a dictionary for JSON.
 
     The interval includes the errors of the stiffness and of the contact point, combined as
-    independent errors. It does not include errors of the dimensions of the tip.
-
-    Parameters
-    ----------
-    result
-        Result of the evaluation of a record, with stiffness and depth.
-    indenter
-        Shape and size of the tip, and thickness and Poisson's ratio of the specimen.
-    depth_known
-        Whether `result.depth` is measured from the contact point. This is necessary for a sphere or
-        a cone, because their contact radius depends on the depth.
-
-    Raises
-    ------
-    InputError
-        The stiffness is not identifiable. For a sphere or a cone: the depth is not known, or is not
-        larger than its error.
+    independent errors. It does not include errors of the dimensions of the tip. For a sphere or a
+    cone, the depth must be measured from the contact point (`depth_known`), because the contact
+    radius depends on it.
     """
     if result.k is None or result.k_low is None or result.k_high is None:
         raise InputError("elastic modulus: no stiffness is identifiable from the record")

@@ -8,8 +8,8 @@ times larger than w / k. Travel directly after a reversal is not counted, becaus
 (backlash) also keeps the force constant there. The method needs no zero of position or force, and
 also works if the surface drifts. If there is no free motion, the record is either in contact
 throughout or never in contact. It is never in contact if the force does not follow the displacement
-(`teleop.evaluation.batch.result`). If the force stays near its highest value while the position
-changes, the force sensor is saturated, or the specimen slips or yields.
+(`teleop.evaluation.batch.stiffness_result`). If the force stays near its highest value while the
+position changes, the force sensor is saturated, or the specimen slips or yields.
 
 **Contact point.** An approach is a motion from free motion into contact. Its model is
 
@@ -26,12 +26,12 @@ Student's t.
 
 **Phases.** In contact, loading and unloading are the monotone parts between turning points. A
 reversal counts as a turning point if two conditions hold: the following motion in the opposite
-direction is larger than the fraction `TURN` of the whole travel, and the force changes with this
-motion. At the beginning and at the end of a monotone part, the position can be nearly constant. It
-counts as nearly constant while its distance from the first or the last position of the part is less
-than the fraction `STILL` of the travel in the part. The remaining time of the part is its motion. A
-time with nearly constant position is a hold if it is longer than `HOLD` times the median duration
-of the motions.
+direction is larger than the fraction `LEAST_TURN` of the whole travel, and the force changes with
+this motion. At the beginning and at the end of a monotone part, the position can be nearly
+constant. It counts as nearly constant while its distance from the first or the last position of the
+part is less than the fraction `LARGEST_HOLD_MOTION` of the travel in the part. The remaining time
+of the part is its motion. A time with nearly constant position is a hold if it is longer than
+`SHORTEST_HOLD` times the median duration of the motions.
 """
 
 from __future__ import annotations
@@ -45,33 +45,31 @@ from numpy.typing import NDArray
 from scipy.special import chdtri, stdtrit
 
 from estimation.arrays import Floats
+from estimation.baseline import without_baseline
 from estimation.stiffening import Interval
-from teleop.evaluation.batch.force_levels import clipped, levels
 from teleop.evaluation.batch.masks import eroded, hysteresis, runs, without_short
-from teleop.evaluation.batch.prepared import Prepared
-from teleop.evaluation.batch.turning_points import turning_points, without_lost_motion
+from teleop.evaluation.batch.smoothed_record import SmoothedRecord
+from teleop.evaluation.batch.strokes import turning_points, without_lost_motion
+from teleop.evaluation.batch.thresholds import (
+    FEWEST_CLIPPED,
+    FREE_TRAVEL,
+    GUARD_WIDTHS,
+    LAG_FACTOR,
+    LARGEST_HOLD_MOTION,
+    LEAST_LEVEL_WIDTH,
+    LEAST_MOVED,
+    LEAST_PEAK,
+    LEAST_TURN,
+    LEVEL_WIDTH_NOISE,
+    LONG_RECORD_GUARDS,
+    SHORTEST_CLIPPING,
+    SHORTEST_HOLD,
+)
+from teleop.evaluation.reading.signals import smallest_step
 
-LEVEL = 0.015
-"""Smallest value of `level_width`, as a fraction of the force range."""
-NOISE = 6.0
-"""Smallest value of `level_width`, in standard deviations of the noise of the smoothed force."""
-TURN = 0.05
-"""Smallest reversal of the motion that separates loading from unloading, as a fraction of the
-travel."""
-STILL = 0.02
-"""Largest change of the position in a hold, as a fraction of the range of the monotone part."""
-HOLD = 0.33
-"""Shortest hold, as a fraction of the median duration of the motion in the monotone parts."""
 APPROACHES, MOST_POINTS = 10, 300
 """Approximate largest number of approaches in which the contact point is fitted, and of samples
 that are used in each approach. An approach is a motion from free motion into contact."""
-SHORT = 4
-"""Samples near the start and the end of a record (nearer than `GUARD`) are not fitted if the record
-is long. The record is long if it has more than `SHORT` times this number of samples in contact for
-each start, gap and end."""
-GUARD = 3.5
-"""Samples nearer than this distance to the beginning or end of a contact are not fitted. The unit
-is the standard deviation of the smoothing kernel."""
 
 
 class Phase(NamedTuple):
@@ -80,7 +78,7 @@ class Phase(NamedTuple):
     name: str
     """`free`, `loading`, `hold` or `unloading`."""
     start: int
-    """Index of the first sample of the phase, in the arrays of the prepared record."""
+    """Index of the first sample of the phase, in the arrays of the smoothed record."""
     end: int
     """Index of the last sample of the phase, plus 1."""
 
@@ -116,7 +114,7 @@ class Phases:
     """The phases in the order of time."""
 
 
-def find_phases(record: Prepared) -> Phases:
+def find_phases(record: SmoothedRecord) -> Phases:
     """Divide a prepared record into phases of motion, and find the contact point.
 
     The phases are free motion, loading, holds and unloading. The contact point is the position at
@@ -124,9 +122,9 @@ def find_phases(record: Prepared) -> Phases:
     """
     x, f = record.x, record.f
     width = level_width(record)
-    free, saturated = levels(record, width)
+    free, saturated = free_and_saturated(record, width)
     saturated = saturated or clipped(record)
-    guard = max(1, round(GUARD * record.width / record.period))
+    guard = max(1, round(GUARD_WIDTHS * record.width / record.period))
     contact = np.ones(len(x), dtype=np.bool_)
     free_force = point = None
     spread = error = 0.0
@@ -140,37 +138,28 @@ def find_phases(record: Prepared) -> Phases:
     inner = eroded(contact, guard) if free is not None else contact
     usable = inner.copy()
     ends = [*record.starts, len(usable)]
-    for end in ends if usable.sum() > SHORT * guard * len(ends) else ends[1:-1]:
+    for end in ends if usable.sum() > LONG_RECORD_GUARDS * guard * len(ends) else ends[1:-1]:
         usable[max(0, end - guard) : end + guard] = False
     parts = split(record, contact)
     return Phases(contact, inner, usable, free_force, spread, error, point, saturated, parts)
 
 
-def level_width(record: Prepared) -> float:
+def level_width(record: SmoothedRecord) -> float:
     """Return the difference of force below which the force counts as unchanged [N].
 
     Contact begins when the force exceeds the force out of contact by more than this difference.
     """
     low, high = record.force_range
-    return max(NOISE * record.f_noise_smoothed, LEVEL * (high - low))
+    return max(LEVEL_WIDTH_NOISE * record.f_noise_smoothed, LEAST_LEVEL_WIDTH * (high - low))
 
 
 def contact_point(
-    record: Prepared, contact: NDArray[np.bool_], free_force: float
+    record: SmoothedRecord, contact: NDArray[np.bool_], free_force: float
 ) -> Interval | None:
     """Return the position at which contact begins, with its 95 % interval [m].
 
     The result is None if the record has no approach (motion from free motion into contact) with
     enough samples.
-
-    Parameters
-    ----------
-    record
-        The prepared record.
-    contact
-        Whether there is contact at each of the n samples, shape (n,).
-    free_force
-        Force out of contact [N].
     """
     found = []
     approaches = [(start, end) for start, end in runs(contact) if start > 0]
@@ -201,13 +190,7 @@ def contact_point(
 def onset(x: Floats, v: Floats, f: Floats, noise: float) -> Interval | None:
     """Return the position at which the force begins to increase, with its 95 % interval [m].
 
-    Parameters
-    ----------
-    x, v, f
-        Position [m], velocity [m/s] and measured force [N] of one motion from free motion into
-        contact, shape (n,).
-    noise
-        Standard deviation of the noise of the force [N].
+    The samples are those of one approach. `noise` is the standard deviation of the force [N].
     """
     points = np.linspace(float(x.min()), float(x.max()), 82)[1:-1]
     squares = np.empty(len(points))
@@ -223,18 +206,11 @@ def onset(x: Floats, v: Floats, f: Floats, noise: float) -> Interval | None:
     return Interval(float(points[best]), float(allowed[0] - step), float(allowed[-1] + step))
 
 
-def split(record: Prepared, contact: NDArray[np.bool_]) -> tuple[Phase, ...]:
+def split(record: SmoothedRecord, contact: NDArray[np.bool_]) -> tuple[Phase, ...]:
     """Divide a record into phases of motion, and return the phases in the order of time.
 
     Each part out of contact is one phase with the name `free`. The parts in contact are divided
     into loading, holds and unloading.
-
-    Parameters
-    ----------
-    record
-        The prepared record of n samples.
-    contact
-        Whether there is contact at each sample, shape (n,).
     """
     bounds = sorted({0, len(contact), *record.starts, *np.flatnonzero(np.diff(contact) != 0) + 1})
     whole = float(np.ptp(record.palpation))
@@ -245,7 +221,7 @@ def split(record: Prepared, contact: NDArray[np.bool_]) -> tuple[Phase, ...]:
             found.append(Phase("free", int(start), int(end)))
             continue
         x, f = record.palpation[start:end], record.f[start:end]
-        turns = without_lost_motion(turning_points(x, TURN * whole), x, f)
+        turns = without_lost_motion(turning_points(x, LEAST_TURN * whole), x, f)
         parts += [(start + a, start + b) for a, b in pairwise(turns)]
     monotone = [(int(start), int(end)) for start, end in parts]
     cores = []
@@ -253,15 +229,16 @@ def split(record: Prepared, contact: NDArray[np.bool_]) -> tuple[Phase, ...]:
         x = record.x[start:end]
         range_ = max(float(np.ptp(x)), 1e-300)
         moving = np.flatnonzero(
-            (np.abs(x - x[0]) > STILL * range_) & (np.abs(x - x[-1]) > STILL * range_)
+            (np.abs(x - x[0]) > LARGEST_HOLD_MOTION * range_)
+            & (np.abs(x - x[-1]) > LARGEST_HOLD_MOTION * range_)
         )
         a, b = (int(moving[0]), int(moving[-1]) + 1) if len(moving) else (0, end - start)
         cores.append((start, start + a, start + b, end))
     typical = float(np.median([b - a for _, a, b, _ in cores])) if cores else 0.0
     for start, a, b, end in cores:
         name = "loading" if record.x[end - 1] > record.x[start] else "unloading"
-        a = a if a - start > HOLD * typical else start
-        b = b if end - b > HOLD * typical else end
+        a = a if a - start > SHORTEST_HOLD * typical else start
+        b = b if end - b > SHORTEST_HOLD * typical else end
         for label, first, last in (("hold", start, a), (name, a, b), ("hold", b, end)):
             if last > first:
                 found.append(Phase(label, first, last))
@@ -280,3 +257,105 @@ def merged(phases: list[Phase]) -> list[Phase]:
         else:
             joined.append(phase)
     return joined
+
+
+def free_and_saturated(
+    record: SmoothedRecord, width: float
+) -> tuple[NDArray[np.bool_] | None, bool]:
+    """Return a mask of the samples in free motion, and whether the force sensor is saturated.
+
+    In free motion, the force stays within `width` [N] of its minimum while the position changes. If
+    the sensor is saturated, it stays within `width` of its maximum. Without free motion, the mask
+    is None.
+    """
+    x, f = record.palpation, record.f
+    low, high = record.force_range
+    if width > 0.2 * (high - low):
+        return None, False
+
+    # A force that lags behind the position by the phase delta stays near its peak while the
+    # position moves on. For a sine, the force is within `width` of its peak over the phase `turn`
+    # on both sides of it, and the position then travels by ptp(x) sin(delta) turn.
+    v = np.gradient(x, record.period)
+    elastic = without_baseline(f, record.order)
+    b, k, _ = np.linalg.lstsq(np.column_stack([v, x, np.ones(len(x))]), elastic, rcond=None)[0]
+    tan_delta = min(1.0, abs(b) * float(np.std(v)) / max(abs(k) * float(np.std(x)), 1e-300))
+    turn = float(np.arccos(1.0 - min(1.0, 2.0 * width / (high - low))))
+    lag = float(np.ptp(x)) * np.sin(np.arctan(tan_delta)) * turn
+
+    fast = np.abs(v) > 0.1 * np.percentile(np.abs(v), 95)
+    rate = np.gradient(elastic, record.period)
+    margin = round(record.width / record.period)
+
+    def constant(level: NDArray[np.bool_], half: NDArray[np.bool_], top: bool) -> NDArray[np.bool_]:
+        """Mask of the runs of `level` in which the position travels too far for contact."""
+        found = np.zeros(len(f), dtype=np.bool_)
+        # The stiffness next to the level, because the specimen can be much stiffer elsewhere.
+        beside = fast & ~level & half
+        if beside.sum() < 3:
+            beside = fast & ~level
+        if beside.sum() < 3:
+            return found
+        stiffness = float(np.median(rate[beside] / v[beside]))
+        allowed = FREE_TRAVEL * width / max(stiffness, 1e-300)
+        if not top or b > 0.0:  # the peak of a force that lags is not earlier
+            allowed += LAG_FACTOR * lag
+        for start, end in runs(level):
+            is_peak = top and peak_height(f[start:end]) > LEAST_PEAK * width
+            travel, moved = (continued(one, start, end, top, margin) for one in (x, record.x))
+            if not is_peak and travel > allowed and moved > LEAST_MOVED * allowed:
+                found[start:end] = True
+        return found
+
+    middle = 0.5 * (low + high)
+    free = constant(f < low + width, f < middle, top=False)
+    saturated = constant(f > high - width, f > middle, top=True)
+    return (free if free.any() else None), bool(saturated.any())
+
+
+def peak_height(f: Floats) -> float:
+    """Return a measure of the height of a peak of the force [N].
+
+    The samples are divided into three parts of equal length. The result is the mean of the middle
+    part minus the mean of the two outer parts. For a peak that is a parabola, the result is 4/9 of
+    its height. For a constant force, the result is nearly zero.
+    """
+    third = len(f) // 3
+    if third == 0:
+        return 0.0
+    return float(f[third:-third].mean() - np.concatenate([f[:third], f[-third:]]).mean())
+
+
+def continued(x: Floats, start: int, end: int, inwards: bool, margin: int = 0) -> float:
+    """Return how far the motion continues in its direction while the force is constant [m].
+
+    After a reversal of the motion, the force also stays constant for a short travel, because of
+    lost motion (backlash) between the position sensor and the tip. This travel, in the opposite
+    direction, is not counted. If the constant force is at the start or at the end of the record, a
+    reversal cannot be detected. Then the whole travel is counted.
+    """
+    part = x[start:end] if inwards else -x[start:end]
+    if start <= margin or end >= len(x) - margin:
+        return float(np.ptp(part))
+    return float(part.max() - part[0])
+
+
+def clipped(record: SmoothedRecord) -> bool:
+    """Return whether the force sensor is saturated.
+
+    At many samples, the force of a saturated sensor is exactly equal to its maximum, while the
+    position changes. Without saturation, the force can also be constant during a small travel, if
+    it changes by less than the resolution of the sensor. Therefore, saturation requires a travel
+    that is several times larger (`FREE_TRAVEL`).
+    """
+    f, x = record.raw_f, record.raw_x
+    count = smallest_step(f)
+    least = FREE_TRAVEL * count * float(np.std(record.palpation)) / max(float(np.std(f)), 1e-300)
+    least = max(least, 20.0 * record.x_noise)
+    at_rest = 0
+    for start, end in runs(f == f.max()):
+        if end - start >= SHORTEST_CLIPPING and continued(x, start, end, True) > least:
+            around = np.concatenate([f[max(0, 2 * start - end) : start], f[end : 2 * end - start]])
+            if len(around) and f.max() - around.min() > 0.02 * np.ptp(f):
+                at_rest += end - start
+    return at_rest >= FEWEST_CLIPPED

@@ -3,26 +3,176 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import median_filter
 
+from estimation.arrays import Floats
 from estimation.baseline import BELOW
-from teleop.evaluation.batch.constancy import Change
-from teleop.evaluation.batch.local_stiffness import LocalStiffness, merged
+from estimation.quantities import STIFFNESS
+from teleop.evaluation.batch.constancy import Change, rise_at_rest
+from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
+from teleop.evaluation.batch.masks import runs
 from teleop.evaluation.batch.phases import Phases
-from teleop.evaluation.batch.prepared import Prepared
-from teleop.evaluation.batch.unsuited import negative_force, no_contact, too_few_per_cycle, unsuited
+from teleop.evaluation.batch.smoothed_record import SmoothedRecord
+from teleop.evaluation.batch.strokes import is_single_stroke, typical_speed
+from teleop.evaluation.batch.thresholds import (
+    ADHESION_NOISE,
+    BAD_FIT_R2,
+    CONSTANT_FREE_FORCE,
+    CONSTANT_SPEED,
+    FEWEST_INDEPENDENT,
+    FEWEST_SAMPLES_PER_CYCLE,
+    LARGEST_ZERO_FORCE,
+    LEAST_ADHESION,
+    LEAST_CONTACT_MOTION,
+    LEAST_CREEP,
+    LEAST_DEPTH,
+    LEAST_RISE_OF_FORCE,
+    NO_RESULT_R2,
+    OUT_OF_CONTACT_TRAVEL,
+    PUNCTURE_FALL,
+    PUNCTURE_NOISE,
+    PUNCTURE_TRAVEL,
+    SHORTEST_CREEP,
+    SHORTEST_RELAXATION_HOLD,
+    SMALL_BASELINE,
+    STRUCTURAL_DEGREE,
+    SUFFICIENT_RESIDUAL,
+    WIDEST_INTERVAL,
+)
 from teleop.evaluation.reason import INVERT_BOTH, Reason
 
-LOWEST = 0.1
-"""Fraction of the travel, from the lowest position, that is assumed to be out of contact."""
-CONSTANT = 0.02
-"""Largest standard deviation of the force out of contact, as a fraction of the force range."""
-PULL = 0.05
-"""Smallest adhesion that is reported, as a fraction of the force range."""
-PULL_NOISE = 6.0
-"""Smallest adhesion that is reported, in standard deviations of the noise of the smoothed force."""
+SMOOTHED = 9
+"""Length of the median filter that is applied before the search for a puncture [samples]."""
 
 
-def adhesion(record: Prepared) -> float | None:
+def unsuited(record: SmoothedRecord, phases: Phases) -> Reason | None:
+    """Return the reason why a test gives no tangent stiffness; None if no reason is found.
+
+    The function searches for inverted signs of force and position, a creep test, a puncture of the
+    specimen, and a drift of the force at rest.
+    """
+    if phases.saturated and rests_at_zero(record):
+        return Reason(
+            "the force rests near zero at the highest positions, and is negative at the lowest: "
+            "expected force and position positive in compression",
+            INVERT_BOTH,
+        )
+    if (level := creep_force(record, phases)) is not None:
+        return Reason(
+            f"the force is constant at {level:.3g} N while the position creeps: a creep test has "
+            "no tangent stiffness"
+        )
+    if (fall := puncture(record)) is not None:
+        before, after, position = fall
+        return Reason(
+            f"the force falls from {before:.3g} to {after:.3g} N in loading, at a position of "
+            f"{position * 1e3:.4g} mm: the specimen is punctured or slips. Expected a recording "
+            "that ends before"
+        )
+    if rise := rise_at_rest(record):
+        return Reason(
+            f"the force drifts: it rises by {rise[0]:.3g} N in {rise[1]:.3g} s at rest, where that "
+            "of a passive body does not"
+        )
+    return None
+
+
+def no_contact(record: SmoothedRecord) -> str:
+    """Return the text of the message that the force does not follow the displacement.
+
+    This function does not check the force. It only uses the record to select one of two texts: the
+    text for a motion that never reverses, or the text for any other motion.
+    """
+    if is_single_stroke(record.raw_x, record.x_noise):
+        return (
+            f"the force changes by less than {LEAST_RISE_OF_FORCE:g} standard deviations of its "
+            "scatter while the position moves in one direction: no contact, or a change that the "
+            "force sensor does not resolve"
+        )
+    return "the force does not follow the displacement: no contact"
+
+
+def rests_at_zero(record: SmoothedRecord) -> bool:
+    """Return whether the highest force of a record is nearly zero, relative to the force range.
+
+    If the result is True, the force is nearly zero or negative in the whole record.
+    """
+    low, high = record.force_range
+    return abs(high) < LARGEST_ZERO_FORCE * (high - low)
+
+
+def negative_force(record: SmoothedRecord) -> bool:
+    """Return whether the force is mainly negative.
+
+    This is the case if the lowest force is negative, and its magnitude is more than three times the
+    highest force.
+    """
+    low, high = record.force_range
+    return low < 0.0 and high < -low / 3.0
+
+
+def too_few_per_cycle(record: SmoothedRecord) -> str | None:
+    """Return a message if a record has too few samples per cycle of the motion; otherwise None."""
+    each = 1.0 / (record.band.centre * record.period)
+    if record.band.coherence == 0.0 or each >= FEWEST_SAMPLES_PER_CYCLE:
+        return None
+    return (
+        f"{each:.2g} samples per cycle of {record.band.centre:.3g} Hz: expected a sampling rate of "
+        f"{FEWEST_SAMPLES_PER_CYCLE * record.band.centre:.3g} Hz or more"
+    )
+
+
+def creep_force(record: SmoothedRecord, phases: Phases) -> float | None:
+    """Return the constant force of a creep test [N]; None for another test.
+
+    In a creep test, the force is constant. The position continues to move in one direction, with
+    decreasing speed.
+    """
+    f, noise = record.f, record.f_noise_smoothed
+    level = float(np.median(f[len(f) // 2 :]))
+    width = max(6.0 * noise, 0.015 * float(np.ptp(f)))
+    for start, end in runs((np.abs(f - level) < width) & phases.contact):
+        if end - start < SHORTEST_CREEP * len(f):
+            continue
+        travels = np.diff(record.x[np.linspace(start, end - 1, 5).astype(np.int_)])
+        if (
+            (np.diff(travels) < 0.0).all()
+            and travels[-1] > 3.0 * record.x_noise
+            and travels.sum() > LEAST_CREEP * float(np.ptp(record.x))
+        ):
+            return level
+    return None
+
+
+def puncture(record: SmoothedRecord) -> tuple[float, float, float] | None:
+    """Find a puncture of the specimen, at which the force falls suddenly during loading.
+
+    The result is None if there is no puncture.
+    """
+    f = median_filter(record.raw_f, SMOOTHED, mode="nearest")
+    x, v = record.x, record.v
+    fast = v > 0.3 * typical_speed(v)
+    least = max(PUNCTURE_FALL * float(np.ptp(f)), PUNCTURE_NOISE * record.f_noise)
+    for start, end in runs(fast):
+        if end - start < 4 * SMOOTHED:
+            continue
+        before, after = largest_fall(x[start:end], f[start:end], PUNCTURE_TRAVEL * float(np.ptp(x)))
+        if f[start + before] - f[start + after] > least:
+            return float(f[start + before]), float(f[start + after]), float(x[start + before])
+    return None
+
+
+def largest_fall(x: Floats, f: Floats, travel: float) -> tuple[int, int]:
+    """Return the indices of the two samples between which the force falls most.
+
+    Only samples whose positions differ by at most `travel` are compared.
+    """
+    ends = np.searchsorted(np.maximum.accumulate(x), x + travel, side="right") - 1
+    before = int(np.argmax(f - f[ends]))
+    return before, int(ends[before])
+
+
+def adhesion(record: SmoothedRecord) -> float | None:
     """Return the largest adhesion force [N]; None if there is no adhesion.
 
     If the specimen adheres to the tip, it pulls the tip during the retraction. The force is then
@@ -30,23 +180,19 @@ def adhesion(record: Prepared) -> float | None:
     """
     x, f = record.x, record.f
     span = float(np.ptp(f))
-    out = f[x < x.min() + LOWEST * float(np.ptp(x))]
-    if span == 0.0 or float(np.std(out)) > CONSTANT * span:
+    out = f[x < x.min() + OUT_OF_CONTACT_TRAVEL * float(np.ptp(x))]
+    if span == 0.0 or float(np.std(out)) > CONSTANT_FREE_FORCE * span:
         return None
     pull = float(np.median(out) - f.min())
-    return pull if pull > max(PULL * span, PULL_NOISE * record.f_noise_smoothed) else None
+    return (
+        pull
+        if pull > max(LEAST_ADHESION * span, ADHESION_NOISE * record.f_noise_smoothed)
+        else None
+    )
 
 
-def contact_remarks(record: Prepared, local: LocalStiffness) -> list[Reason]:
-    """Return remarks on adhesion, a single ramp, friction, and a negative force, if they apply.
-
-    Parameters
-    ----------
-    record
-        The prepared record. Its stiffness is identifiable.
-    local
-        Stiffness and damping of the record.
-    """
+def contact_remarks(record: SmoothedRecord, local: LocalStiffness) -> list[Reason]:
+    """Return remarks on adhesion, a single ramp, friction, and a negative force, if they apply."""
     found = []
     if pull := adhesion(record):
         found.append(
@@ -76,41 +222,6 @@ def contact_remarks(record: Prepared, local: LocalStiffness) -> list[Reason]:
     return found
 
 
-WIDEST = 0.5
-"""If the half width of the 95 % interval of k is larger than this fraction of k, k is not
-identifiable."""
-MOTION = 10.0
-"""Smallest travel in contact with which k is fitted, in units of 2.5 standard deviations of the
-noise of the position."""
-DEPTH = 0.02
-"""Smallest travel in contact with which k is fitted, as a fraction of the travel of the record."""
-POOR = 0.9
-"""If R^2 of the best model is below this limit, a remark on the bad fit is made."""
-EXPLAINED = 0.8
-"""If R^2 of the best model is below this limit, no stiffness is reported, provided that the record
-contains free motion or the misfit is structural (`STRUCTURAL`)."""
-STRUCTURAL = 4
-"""If the best polynomial has at least this degree, a bad fit is attributed to the structure of the
-model (structural misfit). With a lower degree, it is attributed to noise."""
-CONSTANT_SPEED = 1e-9
-"""If the standard deviation of the velocity is below this fraction of the mean speed, the speed
-counts as constant."""
-SLIGHT = 0.02
-"""If the residual of the Kelvin-Voigt model is below this fraction of the typical force, the model
-is sufficient. The typical force is 0.35 times the force range, which is the root mean square of a
-sine."""
-SMALL_BASELINE = 0.05
-"""Peak-to-peak size of the baseline below which no remark on it is made, as a fraction of the force
-range. The baseline is the part of the force that is slower than the palpation."""
-FEWEST_INDEPENDENT = 35
-"""Number of independent samples that the intervals need. If there are fewer, a remark says so.
-
-With fewer samples, the error model for four parameters has fewer than four cosines
-(`robust_error`).
-"""
-HOLD = 0.5
-"""Shortest hold in contact [s] in which a relaxation of the force can be distinguished from lost
-motion (backlash). Both have a similar effect on the force in a motion without such a hold."""
 LOST_MOTION = "motion is lost between the position sensor and the tip"
 SLOPES = "teleop estimate FILE --json prints the slope of each loading (phases)"
 LAG = (
@@ -118,16 +229,8 @@ LAG = (
 )
 
 
-def reasons_before_fit(record: Prepared, phases: Phases) -> list[Reason]:
-    """Return the reasons why no stiffness can be fitted to a record; empty if there are none.
-
-    Parameters
-    ----------
-    record
-        The prepared record.
-    phases
-        Contact and phases of the motion in the record.
-    """
+def reasons_before_fit(record: SmoothedRecord, phases: Phases) -> list[Reason]:
+    """Return the reasons why no stiffness can be fitted to a record; empty if there are none."""
     if reason := unsuited(record, phases):
         return [reason]
     found = []
@@ -145,7 +248,7 @@ def reasons_before_fit(record: Prepared, phases: Phases) -> list[Reason]:
     else:
         inside = record.x[phases.usable]
         travel = float(np.ptp(inside))
-        if travel < 2.5 * MOTION * record.x_noise:
+        if travel < 2.5 * LEAST_CONTACT_MOTION * record.x_noise:
             found.append(
                 Reason(
                     too_few_per_cycle(record)
@@ -154,7 +257,7 @@ def reasons_before_fit(record: Prepared, phases: Phases) -> list[Reason]:
                     "sensor that does not resolve the indentation"
                 )
             )
-        elif phases.free_force is not None and travel < DEPTH * float(np.ptp(record.x)):
+        elif phases.free_force is not None and travel < LEAST_DEPTH * float(np.ptp(record.x)):
             found.append(
                 Reason(
                     f"in contact the position moves by {travel * 1e6:.3g} um of "
@@ -165,42 +268,33 @@ def reasons_before_fit(record: Prepared, phases: Phases) -> list[Reason]:
 
 
 def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> list[Reason]:
-    """Return the reasons why a fitted stiffness is not reported; empty if there are none.
-
-    Parameters
-    ----------
-    local
-        The fitted stiffness and damping.
-    half_k
-        Half width of the 95 % interval of the stiffness [N/m].
-    phases
-        Contact and phases of the motion in the record.
-    """
+    """Return the reasons why a fitted stiffness is not reported; empty if there are none."""
     if local.k + half_k < 0.0:
         return [
             Reason(
-                f"the stiffness is negative ({local.k:.0f} N/m): expected force and position "
-                "positive in compression, and forces of inertia that do not dominate",
+                f"the stiffness is negative ({STIFFNESS.text(local.k)}): expected force and "
+                "position positive in compression, and forces of inertia that do not dominate",
                 "--invert reverses the sign of force or position",
             )
         ]
-    structural = phases.free_force is not None or local.best.degree >= STRUCTURAL
-    if structural and local.r2 < EXPLAINED:
+    structural = phases.free_force is not None or local.best.degree >= STRUCTURAL_DEGREE
+    if structural and local.r2 < NO_RESULT_R2:
         return [
             Reason(
                 f"in contact the position explains {local.r2:.0%} of the force variance: a rigid "
                 "stop, slip, or a specimen that changes"
             )
         ]
-    if half_k > WIDEST * abs(local.k) or local.k < 0.0:
+    if half_k > WIDEST_INTERVAL * abs(local.k) or local.k < 0.0:
         where = "" if phases.free_force is None else " in contact"
         why, hint = "no contact, noise, or too little motion", ""
-        if local.r2 > POOR and local.best.degree > 1:
+        if local.r2 > BAD_FIT_R2 and local.best.degree > 1:
             why, hint = "it depends on depth or time", SLOPES
         return [
             Reason(
                 f"the force does not follow the displacement well enough{where}: stiffness "
-                f"{local.k:.0f} \u00b1 {half_k:.0f} N/m ({why})",
+                f"{STIFFNESS.number(local.k)} \u00b1 "
+                f"{STIFFNESS.text(half_k)} ({why})",
                 hint,
             )
         ]
@@ -208,26 +302,20 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
 
 
 def remarks(
-    record: Prepared, phases: Phases, local: LocalStiffness, half_b: float, change: Change | None
+    record: SmoothedRecord,
+    phases: Phases,
+    local: LocalStiffness,
+    half_b: float,
+    change: Change | None,
 ) -> list[Reason]:
     """Return the remarks on a record whose stiffness is reported.
 
     A remark informs the user, for example, that the Kelvin-Voigt model does not fit well.
-
-    Parameters
-    ----------
-    record, phases, local
-        The prepared record, its phases of motion, and the fitted stiffness and damping.
-    half_b
-        Half width of the 95 % interval of the damping b [N s/m].
-    change
-        Change of the stiffness between the first and the last cycles of the record; None if the
-        stiffness does not change.
     """
     found = []
     best, plain = local.best, local.kelvin_voigt
     size = float(np.ptp(record.f[phases.usable]))
-    slight = plain.rms < SLIGHT * 0.35 * size
+    slight = plain.rms < SUFFICIENT_RESIDUAL * 0.35 * size
     if change:
         found.append(Reason(change.text))
     elif (
@@ -238,8 +326,12 @@ def remarks(
     ):
         what = [f"the stiffness depends on depth (degree {best.degree})"] if best.degree > 1 else []
         if best.times:
-            times = ", ".join(f"{tau:.2g} s" for tau in merged(best.times))
-            similar = "" if longest_hold(record, phases) >= HOLD else f", or {LOST_MOTION}"
+            times = ", ".join(f"{tau:.2g} s" for tau in reported_times(best.times))
+            similar = (
+                ""
+                if longest_hold(record, phases) >= SHORTEST_RELAXATION_HOLD
+                else f", or {LOST_MOTION}"
+            )
             what.append(f"force relaxes ({times}){similar}")
         found.append(
             Reason(
@@ -248,7 +340,7 @@ def remarks(
             )
         )
     found += contact_remarks(record, local)
-    if local.r2 < POOR:
+    if local.r2 < BAD_FIT_R2:
         found.append(
             Reason(
                 f"bad fit: {1.0 - local.r2:.0%} of the force variance in contact is not explained"
@@ -280,7 +372,7 @@ def remarks(
     return found
 
 
-def longest_hold(record: Prepared, phases: Phases) -> float:
+def longest_hold(record: SmoothedRecord, phases: Phases) -> float:
     """Return the duration of the longest hold in contact [s]; 0 if there is no hold.
 
     In a hold, the position is nearly constant.
@@ -294,13 +386,7 @@ def longest_hold(record: Prepared, phases: Phases) -> float:
 
 
 def negative_damping(force_lag: float) -> Reason:
-    """Return the remark that the fitted damping is negative, with its possible causes.
-
-    Parameters
-    ----------
-    force_lag
-        Lag of the force that was compensated before the fit [s]; 0 if no lag was compensated.
-    """
+    """Return the remark that the fitted damping is negative, with its possible causes."""
     lost = f"{LOST_MOTION}, which biases k too"
     if not force_lag:
         lags = "damping is negative: the force lags behind the position"

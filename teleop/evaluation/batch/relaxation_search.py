@@ -14,9 +14,10 @@ import numpy as np
 from estimation.arrays import Floats
 from estimation.batch_models.relaxation import relaxing_part, value_at_start
 from estimation.robust_error import bayesian_criterion
-from teleop.evaluation.batch.candidate import Candidate, evaluate
+from teleop.evaluation.batch.candidate import Candidate, fit_candidate
 from teleop.evaluation.batch.contact_rows import Rows, with_corners
-from teleop.evaluation.batch.prepared import measurement_noise
+from teleop.evaluation.batch.smoothed_record import measurement_noise
+from teleop.evaluation.batch.thresholds import NEGLIGIBLE_BIC
 
 TIMES = 10
 """Number of relaxation time constants that are tried. They are between 4 widths of the smoothing
@@ -24,12 +25,9 @@ kernel and `Rows.longest_time`."""
 REFINEMENTS = 3
 """Number of times that the step of log tau is halved in the search around the best time
 constant."""
-NEGLIGIBLE = 60.0
-"""Difference of the Bayesian information criterion from which a model is ignored. The weight of
-such a model is less than exp(-30) times that of the best model."""
 
 
-class Trial(NamedTuple):
+class TriedTimes(NamedTuple):
     """A model of the force that was fitted with certain time constants."""
 
     times: tuple[float, ...]
@@ -46,16 +44,7 @@ class Trial(NamedTuple):
 
 
 class RelaxingParts:
-    """The relaxing parts of a signal, each computed once for a time constant.
-
-    Parameters
-    ----------
-    rows
-        The samples that are fitted.
-    y
-        Signal from which the relaxing parts are computed: position or elastic force in any unit,
-        shape (n,).
-    """
+    """The relaxing parts of a signal, each computed once for a time constant."""
 
     def __init__(self, rows: Rows, y: Floats) -> None:
         self._record = record = rows.record
@@ -93,19 +82,7 @@ def with_relaxation(
 
     Several time constants are tried. The models also contain a slow part of the force, the
     baseline. If the baseline contains cosines, only passive models are returned. A model whose
-    Bayesian information criterion exceeds the least one by more than `NEGLIGIBLE` is left out.
-
-    Parameters
-    ----------
-    rows
-        The samples that are fitted.
-    y
-        Signal from which the relaxing parts are computed: position or elastic force in any unit,
-        shape (n,).
-    degrees
-        Degrees of the polynomial P(x) to try.
-    least_bic
-        Least Bayesian information criterion of the models that are already known.
+    Bayesian information criterion exceeds the least one by more than `NEGLIGIBLE_BIC` is left out.
     """
     parts = RelaxingParts(rows, y)
     found = []
@@ -119,34 +96,24 @@ def with_relaxation(
             suitable = [one for one in trials if rows.order == 0 or one.is_passive]
             least_bic = min([least_bic, *(one.bic for one in suitable)])
             found += [
-                evaluate(rows, degree, one.times, *parts.signals(one.times))
+                fit_candidate(rows, degree, one.times, *parts.signals(one.times))
                 for one in suitable
-                if one.bic <= least_bic + NEGLIGIBLE
+                if one.bic <= least_bic + NEGLIGIBLE_BIC
             ]
     return found
 
 
-def search(rows: Rows, parts: RelaxingParts, degree: int, chosen: tuple[float, ...]) -> list[Trial]:
-    """Search the time constant of a further relaxing part; return all models that were fitted.
+def search(
+    rows: Rows, parts: RelaxingParts, degree: int, chosen: tuple[float, ...]
+) -> list[TriedTimes]:
+    """Search the time constant of a further relaxing part; return all models that were fitted."""
 
-    Parameters
-    ----------
-    rows
-        The samples that are fitted.
-    parts
-        The relaxing parts.
-    degree
-        Degree of the polynomial P(x).
-    chosen
-        Time constants of the relaxing parts that the model already contains [s].
-    """
-
-    def tried(tau: float) -> Trial:
+    def tried(tau: float) -> TriedTimes:
         times = (*chosen, tau)
         relaxing, _ = parts.signals(times)
         fit = rows.fit(degree, relaxing)
         bic = bayesian_criterion(fit.residual, len(fit.theta) + len(times))
-        return Trial(times, bic, bool(np.all(fit.theta[-len(times) :] >= 0.0)))
+        return TriedTimes(times, bic, bool(np.all(fit.theta[-len(times) :] >= 0.0)))
 
     times = np.geomspace(4.0 * rows.record.width, rows.longest_time, TIMES).tolist()
     trials = [tried(tau) for tau in times if tau not in chosen]

@@ -28,17 +28,7 @@ def vectors(name: str, value: Any, by_rows: bool = False) -> dict[str, Floats]:
     A vector is one column, with the name of the array. The columns of a matrix have the names
     `name[1]`, `name[2]`, and so on. The result is empty if the array cannot contain samples, for
     example because it contains text or too few values. Dates are converted to the time since the
-    first sample [s].
-
-    Parameters
-    ----------
-    name
-        Name of the array.
-    value
-        The array, with elements of any type.
-    by_rows
-        Whether the samples of one signal are a row of the matrix, as in the HDF5 files of MATLAB.
-        Otherwise they are a column.
+    first sample [s]. With `by_rows`, a signal is a row of the matrix, as in HDF5 files of MATLAB.
     """
     array = np.asarray(value)
     if array.dtype.kind == "M":
@@ -66,16 +56,7 @@ def can_be_columns(shape: Sequence[int], kind: str) -> bool:
 
 
 def heading(name: str, unit: Any = None) -> Heading:
-    """Return the heading of a column: its name and its unit.
-
-    Parameters
-    ----------
-    name
-        Name of the array from which the column is made, such as `Force` or `Force [N]`.
-    unit
-        Unit that the file states for the array. If it is missing, empty or `-`, the unit is taken
-        from the name.
-    """
+    """Return the heading of a column: its name and its unit."""
     if isinstance(unit, bytes):
         unit = unit.decode(errors="replace")
     if isinstance(unit, str) and unit.strip() not in ("", "-"):
@@ -92,23 +73,7 @@ def table_of(
     title: str = "",
     about: Mapping[str, str] | None = None,
 ) -> Table:
-    """Build a table from arrays of equal length.
-
-    Parameters
-    ----------
-    path
-        The file.
-    where
-        Name of the file and place of the table in it, for error messages.
-    columns
-        Arrays by name, each of shape (n,).
-    pick
-        Function that takes the headings and returns the indices of the columns to load.
-    units
-        Units by the name of the array, for the arrays whose unit the file states.
-    title, about
-        See `Table`.
-    """
+    """Build a table from arrays of equal length."""
     headings = [heading(name, units.get(name)) for name in columns]
     arrays = list(columns.values())
     picked = {i: np.asarray(arrays[i], dtype=np.float64) for i in pick(headings)}
@@ -152,19 +117,6 @@ def tables_by_group(
 
     In each group, all arrays of equal length form one table. The title of the table is the name of
     the group.
-
-    Parameters
-    ----------
-    path
-        The file.
-    groups
-        The arrays of each group by name, by the name of the group.
-    pick
-        Function that takes the headings and returns the indices of the columns to load.
-    units
-        Units of the arrays by name, by the name of the group.
-    about
-        See `Table`.
     """
     tables = []
     for group, columns in groups.items():
@@ -175,16 +127,7 @@ def tables_by_group(
 
 
 def texts(values: Mapping[str, Any], names: Sequence[str]) -> dict[str, str]:
-    """Return the texts among some values, by name.
-
-    Parameters
-    ----------
-    values
-        Values of any type, by name, for example the attributes of a file.
-    names
-        Names of the values to return. Names without a value, or whose value is not a text, are left
-        out.
-    """
+    """Return the texts among some values, by name."""
     found = {}
     for name in names:
         value = values.get(name)

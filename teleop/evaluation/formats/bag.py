@@ -13,17 +13,7 @@ from teleop.evaluation.formats.table import Pick, Table, missing
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """Read the messages of a ROS bag as a table, in which each number of a message is a column.
-
-    Parameters
-    ----------
-    path
-        The file (ROS 1) or the folder (ROS 2).
-    pick
-        Function that takes the headings and returns the indices of the columns to load.
-    wanted
-        The options of the user; only `topic` is used (see `tables_of`).
-    """
+    """Read the messages of a ROS bag as a table, in which each number of a message is a column."""
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore

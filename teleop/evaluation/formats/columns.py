@@ -98,13 +98,7 @@ def last_name(name: str) -> str:
 
 
 def units_of(kind: str) -> str:
-    """Return the names of the units of one quantity as a text, for error messages.
-
-    Parameters
-    ----------
-    kind
-        The quantity: `time`, `position` or `force`.
-    """
+    """Return the names of the units of one quantity as a text, for error messages."""
     more = f" (with --lever: {', '.join(ON_LEVER[kind])})" if ON_LEVER[kind] else ""
     return ", ".join(UNITS[kind]) + more
 
@@ -120,24 +114,7 @@ def listed(headings: Sequence[Heading]) -> str:
 
 
 def find_column(where: str, headings: Sequence[Heading], kind: str, wanted: Wanted) -> Column:
-    """Find the column of a quantity: the column that the user states, or one with a usual name.
-
-    Parameters
-    ----------
-    where
-        Name of the file and place of the header in it, for error messages.
-    headings
-        Name and unit of each column.
-    kind
-        The quantity: `time`, `position` or `force`.
-    wanted
-        The options of the user.
-
-    Raises
-    ------
-    InputError
-        No column or more than one column matches, or the unit of the column is missing or unknown.
-    """
+    """Find the column of a quantity: the column that the user states, or one with a usual name."""
     asked: str | None = getattr(wanted, kind)
     place, unit = place_of(where, headings, kind, asked)
     name, stated = headings[place]
@@ -172,29 +149,7 @@ def find_column(where: str, headings: Sequence[Heading], kind: str, wanted: Want
 def place_of(
     where: str, headings: Sequence[Heading], kind: str, asked: str | None
 ) -> tuple[int, str | None]:
-    """Find the index of the column of a quantity, and the unit that the user states for the column.
-
-    Parameters
-    ----------
-    where
-        Name of the file and place of the header in it, for error messages.
-    headings
-        Name and unit of each column.
-    kind
-        The quantity: `time`, `position` or `force`.
-    asked
-        Column that the user states: NAME, NAME=UNIT, or its number from 1. None: a column with a
-        usual name is searched.
-
-    Returns
-    -------
-    Index of the column from 0, and the unit. If the user states no unit, the second value is None.
-
-    Raises
-    ------
-    InputError
-        No column or more than one column matches.
-    """
+    """Find the index of the column of a quantity, and the unit that the user states for it."""
     if asked is None:
         names = [plain(heading.name) for heading in headings]
         ends = [last_name(heading.name) for heading in headings]
@@ -238,11 +193,6 @@ def only(where: str, headings: Sequence[Heading], kind: str, matches: Sequence[i
     """Return the index of the matching column, and check that only one column matches.
 
     The list `matches` contains the indices of the matching columns, at least one.
-
-    Raises
-    ------
-    InputError
-        More than one column matches.
     """
     if len(matches) > 1:
         numbers = ", ".join(str(i + 1) for i in matches[:SHOWN])
@@ -257,11 +207,6 @@ def find_columns(where: str, headings: Sequence[Heading], wanted: Wanted) -> dic
     """Find the columns of position, force and time, and return them by the name of the quantity.
 
     If the user states a sampling rate, no column of time is necessary, and none is searched.
-
-    Raises
-    ------
-    InputError
-        A column is not found (see `find_column`), or the same column is found for two quantities.
     """
     kinds = ("position", "force") if wanted.rate else ("time", "position", "force")
     columns = {kind: find_column(where, headings, kind, wanted) for kind in kinds}

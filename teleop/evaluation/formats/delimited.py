@@ -48,13 +48,6 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
 
     A table ends at the first line that contains text but no number. After an empty line, it also
     ends at a line that does not fit the table, such as a line with text instead of a number.
-
-    Raises
-    ------
-    InputError
-        The file is empty or not text, or a line is too long or cannot be split into cells.
-    OSError
-        The file cannot be read.
     """
     names = [name for name in wanted[:3] if name]
     with open_input(path) as file:
@@ -76,17 +69,7 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
 
 
 def exported_metadata(path: Path) -> dict[str, str]:
-    """Read the metadata file that `teleop export` writes next to a CSV file.
-
-    Returns
-    -------
-    JSON texts of the trial by name: `settings`, `session`, `events`; empty without such a file.
-
-    Raises
-    ------
-    InputError
-        The metadata file cannot be read.
-    """
+    """Read the metadata file that `teleop export` writes next to a CSV file."""
     beside = path.with_name(f"{path.name}-metadata.json")
     try:
         notes = loads(read_input(beside)).get("notes")
@@ -107,13 +90,7 @@ def not_text(path: Path) -> InputError:
 
 
 def parts(path: Path, text: io.TextIOWrapper) -> Iterator[Part]:
-    """Yield the lines of the open file `text` in parts of successive lines (see `Part`).
-
-    Raises
-    ------
-    InputError
-        The file is not text, or a line has more than `LONGEST_LINE` characters.
-    """
+    """Yield the lines of the open file `text` in parts of successive lines (see `Part`)."""
     number, rest = 1, ""
     while block := text.read(PART):
         if "\0" in block:
@@ -155,17 +132,7 @@ def title_of(lines: Sequence[str]) -> str:
 
 
 class Scan:
-    """Parser that finds the tables in the lines of a file.
-
-    Parameters
-    ----------
-    path
-        The file.
-    pick
-        Function that takes the headings of a table, and returns the indices of the columns to load.
-    dialect
-        Delimiter, decimal mark and separator of thousands.
-    """
+    """Parser that finds the tables in the lines of a file."""
 
     def __init__(self, path: Path, pick: Pick, dialect: Dialect) -> None:
         self._path, self._pick, self._dialect = path, pick, dialect
@@ -199,13 +166,7 @@ class Scan:
             i += 1
 
     def end(self) -> list[Table]:
-        """Return all tables of the file. Call this method after the last line was parsed.
-
-        Raises
-        ------
-        InputError
-            The file is empty.
-        """
+        """Return all tables of the file. Call this method after the last line was parsed."""
         self._close()
         if not self._tables and not self._above:
             raise InputError(f"{self._path}: the file is empty: expected a header line and samples")

@@ -22,13 +22,7 @@ CLOCK = re.compile(r"(\d+):(\d\d):(\d\d(?:[.,]\d+)?)")
 
 
 def clock(cell: str) -> float:
-    """Convert a time of day to seconds since midnight, or an ISO date to seconds since 1970.
-
-    Raises
-    ------
-    ValueError
-        The cell contains neither a time of day nor a date.
-    """
+    """Convert a time of day to seconds since midnight, or an ISO date to seconds since 1970."""
     if match := CLOCK.fullmatch(cell):
         hours, minutes, seconds = (float(part.replace(",", ".")) for part in match.groups())
         return 3600.0 * hours + 60.0 * minutes + seconds
@@ -56,13 +50,7 @@ class Dialect(NamedTuple):
     """Separator of thousands; None if there is no separator."""
 
     def split(self, line: str) -> list[str]:
-        """Split a line into cells.
-
-        Raises
-        ------
-        csv.Error
-            The module `csv` of Python cannot split the line.
-        """
+        """Split a line into cells."""
         if self.delimiter is None:
             return line.split()
         if '"' not in line and len(line) < csv.field_size_limit():
@@ -70,13 +58,7 @@ class Dialect(NamedTuple):
         return [cell.strip() for cell in next(csv.reader([line], delimiter=self.delimiter), [])]
 
     def number(self, cell: str) -> float:
-        """Convert a cell to a number. A time, or a date with a time, becomes seconds (`clock`).
-
-        Raises
-        ------
-        ValueError
-            The cell contains neither a number nor a time.
-        """
+        """Convert a cell to a number. A time, or a date with a time, becomes seconds (`clock`)."""
         if "_" in cell:
             raise ValueError(cell)
         if ":" in cell:
@@ -98,11 +80,6 @@ def dialect_of(lines: Sequence[str]) -> Dialect:
 
     - the number of these lines that have as many cells as the line before them;
     - the fraction of the filled cells that are numbers.
-
-    Parameters
-    ----------
-    lines
-        The first lines of the file. At most `HEAD` lines are used.
     """
     lines = [line for line in lines[:HEAD] if line.strip() and not line.startswith("#")]
     best, dialect = (0.0, 0.0), None
@@ -125,16 +102,11 @@ def dialect_of(lines: Sequence[str]) -> Dialect:
 def marks(numbers: Sequence[str], delimiter: str | None) -> tuple[str, str | None]:
     """Return the decimal mark and the separator of thousands of a table.
 
+    `delimiter`: None for spaces.
+
     One of them is the point, and the other one is the comma. If the separator of thousands cannot
     be determined, the result is a comma and None. `Dialect.number` then accepts both the comma and
     the point as decimal mark.
-
-    Parameters
-    ----------
-    numbers
-        Cells that contain numbers.
-    delimiter
-        Character that separates cells; None for spaces.
     """
     both = [cell for cell in numbers if "," in cell and "." in cell]
     if both:

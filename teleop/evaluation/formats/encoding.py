@@ -24,13 +24,6 @@ def encoding_of(head: bytes, names: Sequence[str] = ()) -> str | None:
 
     If the file has no byte order mark, several encodings are tried. The chosen encoding gives the
     largest number of cells that are names or units of measured quantities.
-
-    Parameters
-    ----------
-    head
-        The first bytes of the file.
-    names
-        Names of columns in the file, from the options of the user.
     """
     for mark, name in BOMS:
         if head.startswith(mark):

@@ -45,17 +45,6 @@ def table_in(where: str, name: str, rows: Sequence[Sequence[Any]], pick: Pick) -
 
     If no table contains the wanted columns, the longest table is returned. If the sheet has no
     table, the result is None.
-
-    Parameters
-    ----------
-    where
-        Name of the file and of the sheet, for error messages.
-    name
-        Name of the sheet.
-    rows
-        Rows of the sheet. Each row is a sequence of cell values.
-    pick
-        Function that takes the headings of a table, and returns the indices of the columns to load.
     """
     cells = [[text_of(value) for value in row] for row in rows]
     best: Table | None = None

@@ -83,13 +83,7 @@ def read_matlab(path: Path, pick: Pick) -> list[Table]:
 
 
 def opened(disk: Any) -> Any:
-    """Return the `h5py.File` of an HDF5 file that is already open as a binary file (`disk`).
-
-    Raises
-    ------
-    InputError
-        h5py is not installed.
-    """
+    """Return the `h5py.File` of an HDF5 file that is already open as a binary file (`disk`)."""
     try:
         import h5py
     except ImportError as error:
@@ -102,11 +96,6 @@ class Datasets:
 
     A group to which several links lead is searched once. Datasets whose values are in other files
     are left out: a file should not cause the program to open others, which can be FIFOs or devices.
-
-    Parameters
-    ----------
-    file
-        The file, an `h5py.File`.
     """
 
     def __init__(self, file: Any) -> None:
@@ -137,13 +126,7 @@ class Datasets:
                 yield from self._within(item, f"{name}/", searched)
 
     def noted(self, path: Path, tables: list[Table]) -> list[Table]:
-        """Return the tables of the file, with a note about the datasets that were left out.
-
-        Raises
-        ------
-        InputError
-            All datasets were left out.
-        """
+        """Return the tables of the file, with a note about the datasets that were left out."""
         if self._elsewhere:
             more = ", ..." if len(self._elsewhere) > SHOWN else ""
             names = ", ".join(map(repr, self._elsewhere[:SHOWN])) + more

@@ -53,17 +53,6 @@ def headings_above(rows: Sequence[list[str]], width: int) -> tuple[list[Heading]
 
     The header is the row directly above the samples, or two rows: names, and below them units. The
     result is None if there is no header.
-
-    Parameters
-    ----------
-    rows
-        Rows above the samples, without empty rows, in the order of the file.
-    width
-        Number of cells in a row of samples.
-
-    Returns
-    -------
-    The headings, and the index in `rows` of the row that contains the names.
     """
     found = [fitted(row, 0) for row in rows[-2:]]
     if not found or not matches(found[-1], width):

@@ -27,13 +27,6 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
 
     The file consists of segments. A segment has a header and a table of samples. If the table has
     no time column, the times are computed from the start `X0` and the step `Delta_X` in the header.
-
-    Raises
-    ------
-    InputError
-        The file is not text, or a line is too long.
-    OSError
-        The file cannot be read.
     """
     with open_input(path) as file:
         head = file.read(HEAD)
@@ -54,15 +47,7 @@ def is_header(line: str) -> bool:
 
 
 class Segments:
-    """Parser of a LabVIEW measurement file. Each segment (header and samples) becomes a table.
-
-    Parameters
-    ----------
-    path
-        The file.
-    pick
-        Function that takes the headings of a table, and returns the indices of the columns to load.
-    """
+    """Parser of a LabVIEW measurement file. Each segment (header and samples) becomes a table."""
 
     def __init__(self, path: Path, pick: Pick) -> None:
         self._path, self._pick = path, pick
@@ -97,13 +82,6 @@ class Segments:
         """Process a line above the samples of a table.
 
         Such a line belongs to the header, or it contains the names of the columns.
-
-        Parameters
-        ----------
-        number
-            Number of the line in the file.
-        line
-            The line.
         """
         if line.startswith(END):
             self._in_header = False
@@ -123,15 +101,7 @@ class Segments:
             self._stated.append(line)
 
     def _start(self, number: int, line: str) -> None:
-        """Begin the table of a segment, after the header of the segment.
-
-        Parameters
-        ----------
-        number
-            Number of the line in the file.
-        line
-            The line with the names of the columns. The samples follow it.
-        """
+        """Begin the table of a segment, after the header of the segment."""
         names = [name.strip() for name in line.split(self._delimiter)]
         while len(names) > 1 and names[-1] in ("", "Comment"):
             names.pop()

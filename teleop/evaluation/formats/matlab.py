@@ -47,19 +47,7 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
 
 
 def collect(name: str, value: Any, columns: dict[str, Floats], units: dict[str, Any]) -> None:
-    """Add the arrays in a variable of a MATLAB file to `columns`, and their units to `units`.
-
-    Parameters
-    ----------
-    name
-        Name of the variable. For a field of a struct, it is `struct.field`.
-    value
-        Value of the variable. A struct is a dictionary; its fields are added recursively.
-    columns
-        Arrays by name.
-    units
-        Unit of each array that has one, by the name of the array.
-    """
+    """Add the arrays in a variable of a MATLAB file to `columns`, and their units to `units`."""
     if not isinstance(value, dict):
         columns.update(vectors(name, value))
         return

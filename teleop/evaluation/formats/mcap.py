@@ -43,13 +43,7 @@ def summary_of(file: BinaryIO) -> Summary | None:
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """Read an MCAP file as a table. Each number in a message is a column (see `tables_of`).
-
-    Raises
-    ------
-    InputError
-        The file is damaged or incomplete, or has no numbers in messages of ROS 2 or JSON.
-    """
+    """Read an MCAP file as a table. Each number in a message is a column (see `tables_of`)."""
     with open_input(path) as file:
         summary = summary_of(file)
         if summary is None:
@@ -81,21 +75,9 @@ def decoder_of(
 ) -> Callable[[bytes], Any] | None:
     """Return the function that decodes the messages of a channel of an MCAP file.
 
+    `schema`: None if the file contains no definition.
+
     The result is None if the messages are neither JSON nor ROS 2 messages.
-
-    Parameters
-    ----------
-    path
-        The file, for error messages.
-    channel
-        Topic and encoding of the messages.
-    schema
-        Definition of the type of the messages; None if the file contains no definition.
-
-    Raises
-    ------
-    InputError
-        The library for messages of ROS 2 is not installed, or the schema is not valid.
     """
     if channel.message_encoding == "json":
         return json.loads

@@ -68,25 +68,6 @@ def tables_of(
     the message was recorded. If the wanted columns come from several topics, the table has the
     times of the topic with the most messages. The columns of the other topics are interpolated at
     these times.
-
-    Parameters
-    ----------
-    path
-        The file.
-    topics
-        Names of the topics whose messages can be decoded.
-    messages
-        Function that takes the names of topics, and yields the messages of these topics.
-    pick
-        Function that takes the headings of a table, and returns the indices of the columns to load.
-    wanted
-        The options of the user; `topic` selects one topic.
-
-    Raises
-    ------
-    InputError
-        The topic of the user does not exist, a message cannot be decoded, or a message lacks a
-        wanted field that the first message of its topic has.
     """
     if wanted.topic is not None:
         if wanted.topic not in topics:
@@ -136,13 +117,6 @@ def fields_of(value: Any, place: FieldPath) -> Iterator[FieldPath]:
 
     A path contains the names of nested fields and the indices of list elements, for example
     `("force", "z")`. Lists with more than `LONGEST_LIST` elements are left out.
-
-    Parameters
-    ----------
-    value
-        The message, or a part of it.
-    place
-        Path from the message to `value`; empty for the message itself.
     """
     if isinstance(value, (bool, int, float, np.number)):
         yield place
@@ -199,11 +173,6 @@ def decoded(where: str, decode: Callable[[], Any]) -> Any:
     """Call `decode`, which decodes one message, and return the decoded message.
 
     The parameter `where` states the file and the message, for the error message.
-
-    Raises
-    ------
-    InputError
-        The message cannot be decoded.
     """
     try:
         return decode()
@@ -220,11 +189,6 @@ def collect(
     The topics in `used` have wanted fields (`Topic.wanted`). The function extends the lists `times`
     and `values` of these topics. The function `messages` takes the names of topics, and yields the
     messages of these topics.
-
-    Raises
-    ------
-    InputError
-        A message cannot be decoded, or lacks a wanted field.
     """
     topics = {topic.name: topic for topic in used}
     for name, recorded, decode in messages(list(topics)):
@@ -248,20 +212,6 @@ def joined(path: Path, headings: Sequence[Heading], used: Sequence[Topic]) -> Ta
 
     The table has the times of the topic with the most messages. The values of the other topics are
     interpolated at these times. Times at which one of the topics has no values are left out.
-
-    Parameters
-    ----------
-    path
-        The file.
-    headings
-        Name and unit of each column.
-    used
-        Topics with wanted fields, and the values of these fields.
-
-    Raises
-    ------
-    InputError
-        The times of a topic that is interpolated decrease.
     """
     start = min(min(topic.times) for topic in used)
     base = max(used, key=lambda topic: len(topic.times))

@@ -32,20 +32,7 @@ def count_cells(line: str, delimiter: str | None) -> int:
 
 
 class Rows:
-    """Reader of the samples of one table in a text file. It stores the columns to load.
-
-    Parameters
-    ----------
-    place
-        Function for error messages. It takes a line number, and returns a text with the name of the
-        file and this line number.
-    headings
-        Name and unit of each column.
-    picked
-        Indices of the columns to load.
-    dialect
-        Delimiter, decimal mark and separator of thousands.
-    """
+    """Reader of the samples of one table in a text file. It stores the columns to load."""
 
     def __init__(
         self,
@@ -69,13 +56,6 @@ class Rows:
         it has a different number of cells than the header, or text in a column to load. After an
         empty line, an invalid line ends the table. Otherwise, the attribute `problem` is set to an
         error for the invalid line.
-
-        Parameters
-        ----------
-        first
-            Line number of `lines[0]` in the file.
-        lines
-            The next lines of the file.
         """
         if not self.picked or self.problem:
             return self._skip(lines)
@@ -150,20 +130,7 @@ class Rows:
         return values if len(values) == len(lines) else None
 
     def _row(self, number: int, line: str) -> list[float] | None:
-        """Return the values of the columns to load in one line; None if the line has no number.
-
-        Parameters
-        ----------
-        number
-            Number of the line in the file, for error messages.
-        line
-            The line.
-
-        Raises
-        ------
-        InputError
-            The line has a wrong number of cells, or text in a column to load.
-        """
+        """Return the values of the columns to load in one line; None if the line has no number."""
         where = self._place(number)
         try:
             cells = fitted(self._dialect.split(line), len(self.headings))
@@ -178,22 +145,7 @@ class Rows:
         return [self._value(where, cells[i], i) for i in self.picked]
 
     def _value(self, where: str, cell: str, column: int) -> float:
-        """Convert a cell to a number.
-
-        Parameters
-        ----------
-        where
-            File and line of the cell, for the error message.
-        cell
-            Content of the cell.
-        column
-            Index of the column, for the error message.
-
-        Raises
-        ------
-        InputError
-            The cell does not contain a number.
-        """
+        """Convert a cell to a number."""
         try:
             return self._dialect.number(cell)
         except ValueError:

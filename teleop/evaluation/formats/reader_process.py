@@ -76,24 +76,7 @@ def size_of(path: Path) -> int:
 
 
 def read_apart(module: str, what: str, path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """Read a file with `module.read` in a process of its own, and return the tables.
-
-    Parameters
-    ----------
-    module
-        Name of the module in this package that reads the format.
-    what
-        Name of the format, for messages.
-    path, pick, wanted
-        Arguments of `module.read`. `pick` must be picklable.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, the library crashes, or a limit is exceeded.
-    OSError
-        The operating system cannot read the file.
-    """
+    """Read a file with `module.read` in a process of its own, and return the tables."""
     size = size_of(path)
     request = Request(module, what, path, pick, wanted, memory_limit(size), time_limit(size))
     refused = f"{path}: cannot be read as {what}:"

@@ -8,7 +8,6 @@ from pathlib import Path
 from drivers.input_file import open_input
 from teleop.errors import InputError
 from teleop.evaluation.formats.columns import Wanted
-from teleop.evaluation.formats.reader_process import read_apart
 from teleop.evaluation.formats.table import Pick, Table
 from teleop.files import unreadable
 
@@ -45,11 +44,6 @@ def reader_of(path: Path) -> str:
 
     The module is chosen by the first bytes of the file (see `BEGINNINGS`). The ending of the file
     name is ignored, because testing machines write text files named .xls or .dat.
-
-    Raises
-    ------
-    OSError
-        The file cannot be read.
     """
     if path.is_dir() and (path / ROS_2_BAG).is_file():
         return "bag"
@@ -59,28 +53,14 @@ def reader_of(path: Path) -> str:
 
 
 def read_tables(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """Read the tables of a measurement file.
-
-    Parameters
-    ----------
-    path
-        The file, or the folder of a ROS 2 bag.
-    pick
-        Function that takes the headings of a table, and returns the indices of the columns to load.
-        It must be picklable.
-    wanted
-        The options of the user.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read or violates its format, or a library is not installed.
-    """
+    """Read the tables of a measurement file."""
     try:
         name = reader_of(path)
         if wanted.topic and name not in OF_MESSAGES:
             raise InputError(f"{path}: --topic is for a ROS bag or an MCAP file")
         if name in FOREIGN:
+            from teleop.evaluation.formats.reader_process import read_apart
+
             tables = read_apart(name, FOREIGN[name], path, pick, wanted)
         else:
             tables = import_module(f"{__package__}.{name}").read(path, pick, wanted)

@@ -85,15 +85,7 @@ class Table:
 
 
 def missing(library: str, what: str) -> InputError:
-    """Return the error to raise if the library for a file format is not installed.
-
-    Parameters
-    ----------
-    library
-        Name of the library.
-    what
-        Name of the file format.
-    """
+    """Return the error to raise if the library for a file format is not installed."""
     return InputError(f"{what} needs {library}: pip install '.[formats]'")
 
 
@@ -102,20 +94,6 @@ def reading(path: Path, what: str) -> Iterator[None]:
     """Context manager that converts exceptions of a library to `InputError`.
 
     The library reads a file in the block of the `with` statement. MemoryError is not converted.
-
-    Parameters
-    ----------
-    path
-        The file, for the error message.
-    what
-        Name of the file format, for the error message.
-
-    Raises
-    ------
-    InputError
-        The library cannot read the content of the file.
-    OSError
-        The operating system cannot read the file.
     """
     try:
         yield

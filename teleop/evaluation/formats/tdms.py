@@ -70,13 +70,7 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
 
 @contextlib.contextmanager
 def warnings_of(library: str) -> Iterator[list[str]]:
-    """Context manager that collects the warnings that a library logs, so that none is printed.
-
-    Yields
-    ------
-    The list of the warnings. It contains at most `MOST_WARNINGS` warnings, the first ones. They are
-    added while the block of the `with` statement runs.
-    """
+    """Context manager that collects the warnings that a library logs, so that none is printed."""
     found: list[str] = []
 
     class Collector(logging.Handler):

@@ -110,13 +110,6 @@ def size_of(unit: str, kind: str) -> Size | None:
 
     The result is None if `unit` is not a unit of the quantity `kind`. Units of angle and torque
     count as units of position and force, because a lever arm converts them.
-
-    Parameters
-    ----------
-    unit
-        The unit in any known spelling.
-    kind
-        The quantity: `time`, `position` or `force`.
     """
     unit = canonical(unit)
     if unit in UNITS[kind]:
@@ -139,13 +132,6 @@ def quantity(text: str, kind: str) -> float | None:
 
     The result is None if the text is not a number with a unit of the quantity `kind`, or if the
     absolute value is not below `LARGEST`.
-
-    Parameters
-    ----------
-    text
-        A number and a unit.
-    kind
-        The quantity, a key of `OPTION_UNITS`: `time`, `position`, `force`, `frequency` or `angle`.
     """
     match = NUMBER.fullmatch(text.strip().replace(GREEK_MU, MICRO))
     if not match or match[2] not in OPTION_UNITS[kind]:

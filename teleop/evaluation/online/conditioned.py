@@ -1,11 +1,12 @@
 """Condition the samples of a record for the estimators: subtract the datum, and filter.
 
-The datum is the position and the force that are treated as zero. If samples are missing in the
-record (gaps), each piece between two gaps is filtered separately.
+If samples are missing in the record (gaps), each piece between two gaps is filtered separately.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from estimation import Conditioner, Regression
 from estimation.arrays import Floats
 from teleop.errors import InputError
 from teleop.evaluation.online.datum import Datum
-from teleop.evaluation.reading.sampling_gaps import PiecewiseConditioner
+from teleop.evaluation.online.thresholds import FEWEST_SAMPLES
 from teleop.evaluation.reading.signals import Signals
 from teleop.evaluation.settings import AveragedPart
 
@@ -39,17 +40,6 @@ def kept_variance(
 
     The filters delay the signal by an unknown number of samples. Therefore, several delays d are
     tried, and the delay for which var(r(d) - y) is smallest is used.
-
-    Parameters
-    ----------
-    raw
-        The measured signal, shape (n,).
-    conditioned
-        The filtered signal y at the samples that the estimators receive, shape (m,).
-    used
-        Index in `raw` of each sample of `conditioned`, shape (m,).
-    bandwidth
-        Bandwidth of the filters [cycles per sample].
     """
     step = max(1, len(used) // MOST_SAMPLES)
     used, kept = used[::step], conditioned[::step]
@@ -59,11 +49,7 @@ def kept_variance(
     return variance / max(variance + removed, 1e-300)
 
 
-FEWEST = 10
-"""Smallest number of moving samples that are evaluated."""
-
-
-class Conditioned(NamedTuple):
+class ConditionedSamples(NamedTuple):
     """The samples that the estimators receive: filtered, and relative to the datum."""
 
     t: Floats
@@ -79,34 +65,48 @@ class Conditioned(NamedTuple):
 
 def conditioned(
     conditioner: Conditioner, signals: Signals, datum: Datum, motion: slice = slice(None)
-) -> Conditioned:
+) -> ConditionedSamples:
     """Filter a record, and omit the samples after each gap until the filters have settled.
 
     A gap is a time in which samples are missing. After each gap, the filters start again.
-
-    Parameters
-    ----------
-    conditioner
-        The filters. They compute displacement, velocity and force from the measured signals.
-    signals
-        The record.
-    datum
-        Position and force that are subtracted before the filters.
-    motion
-        Range of indices of the samples that are returned. The filters process all samples.
-
-    Raises
-    ------
-    InputError
-        Fewer than `FEWEST` samples remain.
     """
     found = ConditionedBlocks(conditioner, datum, motion).add(signals)
-    if len(found.used) < FEWEST:
+    if len(found.used) < FEWEST_SAMPLES:
         raise InputError(
             f"only {len(found.used)} samples are far enough from a gap for the filters to settle: "
-            f"expected at least {FEWEST}"
+            f"expected at least {FEWEST_SAMPLES}"
         )
     return found
+
+
+class PiecewiseConditioner:
+    """Filters a record in blocks of samples, and restarts the filters after each gap.
+
+    In a gap, samples are missing. The filters compute displacement, velocity and force from the
+    measured position and force (conditioning).
+    """
+
+    def __init__(self, conditioner: Conditioner) -> None:
+        self._conditioner = conditioner
+        self._resumed = -np.inf
+        conditioner.reset()
+
+    def run(
+        self, t: Floats, x: Floats, f: Floats, dt: Floats, gaps: Sequence[int]
+    ) -> tuple[Regression, NDArray[np.bool_]]:
+        """Filter the next block of n samples."""
+        conditioner = self._conditioner
+        bounds = sorted({0, len(t), *gaps})
+        settled = np.ones(len(t), dtype=np.bool_)
+        parts = []
+        for start, end in pairwise(bounds):
+            if start in gaps:
+                conditioner.reset()
+                self._resumed = float(t[start])
+            parts.append(conditioner.run(x[start:end], f[start:end], dt[start:end]))
+            settled[start:end] = t[start:end] - self._resumed > conditioner.settling
+        channels = (np.concatenate(channel) for channel in zip(*parts, strict=True))
+        return Regression(*channels), settled
 
 
 class ConditionedBlocks:
@@ -122,16 +122,11 @@ class ConditionedBlocks:
         self._count = 0
         self._last: tuple[int, float] | None = None
 
-    def add(self, signals: Signals) -> Conditioned:
+    def add(self, signals: Signals) -> ConditionedSamples:
         """Filter the next block of samples, and return the filtered samples.
 
-        In the result, the indices in `Conditioned.used` are relative to the first sample of this
-        block, not to the first sample of the record.
-
-        Parameters
-        ----------
-        signals
-            The block: the samples that follow those of the previous call.
+        In the result, the indices in `ConditionedSamples.used` are relative to the first sample of
+        this block, not to the first sample of the record.
         """
         t, datum = signals.t, self._datum
         whole, settled = self._pieces.run(
@@ -152,29 +147,17 @@ class ConditionedBlocks:
         self._count += len(t)
         if len(used):
             self._last = int(places[-1]), float(times[-1])
-        return Conditioned(t[used], regression, used, apart)
+        return ConditionedSamples(t[used], regression, used, apart)
 
 
 def within(signals: Signals, part: AveragedPart) -> Signals:
-    """Return the samples of a record that are in a part of it.
-
-    Parameters
-    ----------
-    signals
-        The record.
-    part
-        Start and end of the part, as times.
-
-    Raises
-    ------
-    InputError
-        The part has fewer than `FEWEST` samples.
-    """
+    """Return the samples of a record that are in a part of it."""
     chosen = part.indices(signals.t)
     start, end = chosen.start, chosen.stop
-    if end - start < FEWEST:
+    if end - start < FEWEST_SAMPLES:
         raise InputError(
-            f"only {end - start} samples without {part.left_out}: expected at least {FEWEST}"
+            f"only {end - start} samples without {part.left_out}: "
+            f"expected at least {FEWEST_SAMPLES}"
         )
     t, x, f, dt = (column[chosen] for column in signals[:4])
     gaps = tuple(gap - start for gap in signals.gaps if start < gap < end)

@@ -12,13 +12,7 @@ from estimation.estimator import Estimator
 from teleop.evaluation.batch.analysis import Analysis
 from teleop.evaluation.batch.masks import hysteresis
 from teleop.evaluation.batch.phases import level_width
-
-FARTHEST = 1.0
-"""Distance from the next analysed sample above which a time is between two analysed sections [s].
-
-The analysis of a long record contains only sections of the record. The distance must also exceed
-two sample periods of the analysis.
-"""
+from teleop.evaluation.online.thresholds import FARTHEST_ANALYSED
 
 
 class ContactBank(Bank):
@@ -27,11 +21,6 @@ class ContactBank(Bank):
     The contact is known from the batch evaluation of the record. The attribute `contact` must be
     set before each block of samples. It applies to all estimators. In addition, the contact gate of
     `bank` applies: a detector of contact and motion that uses the present and past samples only.
-
-    Parameters
-    ----------
-    bank
-        The bank that contains the estimators and the contact gate.
     """
 
     def __init__(self, bank: Bank) -> None:
@@ -56,19 +45,6 @@ def contact_at(analysis: Analysis, t: Floats, f: Floats) -> NDArray[np.bool_]:
     are only sections of the record. Between two sections, there is contact if the force is above
     the force out of contact. Before the first analysed sample, the result is the same as at this
     sample.
-
-    Parameters
-    ----------
-    analysis
-        Batch evaluation of the record.
-    t
-        Times [s], shape (n,).
-    f
-        Force at these times [N], shape (n,), as in the file (the datum is not subtracted).
-
-    Returns
-    -------
-    Array of shape (n,); all False if the force does not follow the displacement.
     """
     record, phases = analysis.record, analysis.phases
     if record.band.coherence == 0.0:
@@ -76,7 +52,7 @@ def contact_at(analysis: Analysis, t: Floats, f: Floats) -> NDArray[np.bool_]:
     nearest = np.clip(np.searchsorted(record.t, t), 0, len(record.t) - 1)
     contact = np.asarray(phases.contact[nearest])
     width = level_width(record)
-    farthest = max(FARTHEST, 2.0 * record.period)
+    farthest = max(FARTHEST_ANALYSED, 2.0 * record.period)
     away = (t > record.t[0]) & (np.abs(record.t[nearest] - t) > farthest)
     if away.any():
         level = phases.free_force

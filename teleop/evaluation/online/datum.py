@@ -9,7 +9,7 @@ import numpy as np
 from estimation.arrays import Floats
 from teleop.errors import InputError
 from teleop.evaluation.batch.phases import Phases, find_phases
-from teleop.evaluation.batch.prepared import prepare
+from teleop.evaluation.batch.smoothed_record import smoothed_signals
 from teleop.evaluation.formats.units import quantity
 from teleop.evaluation.reading.signals import Signals
 
@@ -41,25 +41,10 @@ def find_datum(signals: Signals, wanted: str, phases: Phases | None = None) -> D
     - `start`: position and force of the first sample.
 
     Instead of a word, `wanted` can also state a position and a force, such as `1.5mm,20N`.
-
-    Parameters
-    ----------
-    signals
-        The record.
-    wanted
-        One of the words, or a position and a force with units, separated by a comma.
-    phases
-        Phases of the record, which contain the contact point. If they are None, they are computed
-        when they are needed.
-
-    Raises
-    ------
-    InputError
-        `wanted` is none of the permitted values, or it is `contact` and there is no contact point.
     """
     if wanted in ("auto", "contact"):
         if phases is None:
-            phases = find_phases(prepare(signals))
+            phases = find_phases(smoothed_signals(signals))
         point, level = phases.contact_point, phases.free_force
         if point is not None and level is not None:
             half = 0.5 * (point.high - point.low)
@@ -98,16 +83,6 @@ def moving_part(x: Floats) -> slice:
     2 % of the range of the positions. The rest at the end begins when the position differs from the
     last position for the last time by more than the same limit. The range is the 99th minus the 1st
     percentile, so that a single outlier does not change it.
-
-    Parameters
-    ----------
-    x
-        Position in the whole record [m], shape (n,).
-
-    Raises
-    ------
-    InputError
-        The position is the same in every sample.
     """
     if np.ptp(x) == 0.0:
         raise InputError("nothing moves: the position is the same in every sample")

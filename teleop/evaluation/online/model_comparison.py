@@ -20,14 +20,8 @@ from estimation.checks import checked_samples
 from estimation.compiled import interpreted_sweep
 from estimation.metrics import count_intervals
 from estimation.model import KELVIN_VOIGT
+from teleop.evaluation.online.thresholds import ROUNDING_OF_FORCE, WINDOW
 
-WINDOW = 1.0
-"""Length of the sliding window of batch least squares [s]. The force prediction errors of all
-estimators are divided by the error of this method. A time of the same length is omitted at the
-start of the record."""
-ROUNDING = 1e-9
-"""If the error of batch least squares is below this fraction of the force, it is only a rounding
-error, and no error is divided by it: `Comparison.one_step_ratio` is NaN."""
 TIMED = 2000
 """Number of samples over which the computing time of an estimator is measured."""
 
@@ -62,21 +56,9 @@ def compare(
     b: ArrayLike,
     k: ArrayLike,
 ) -> dict[str, Comparison]:
-    """Compare the estimates of each estimator with reference values of b and k.
+    """Compare the estimates of each estimator with reference values of b [N s/m] and k [N/m].
 
-    The results are returned by the name of the estimator.
-
-    Parameters
-    ----------
-    regression
-        The n samples that the estimators processed.
-    bank
-        The estimators by name.
-    estimates
-        Estimates after each sample, by the name of the estimator.
-    b, k
-        Reference values of damping [N s/m] and stiffness [N/m], for example the true values. Each
-        is an array of shape (n,), or one number for all samples.
+    Each reference is one number, or one value for each of the n samples.
     """
     running = RunningComparison(bank, estimates, regression.dt, b, k)
     running.begin(regression)
@@ -111,21 +93,8 @@ class RunningComparison:
     """Compares estimators with reference values of b and k, in blocks of samples of a record.
 
     For each block, call `begin` once, and then `add` for each estimator. After the last block, call
-    `result`.
-
-    Parameters
-    ----------
-    bank
-        The estimators by name.
-    names
-        Names of the estimators that are compared.
-    dt
-        Time since the previous sample [s], shape (n,), for all samples of the record or for a part
-        of them. The usual sample period and the time that is omitted at the start (see
-        `Comparison`) are computed from these values.
-    b, k
-        Reference values of damping [N s/m] and stiffness [N/m]. Each is one number for all samples.
-        If the whole record is one block, each can be an array with one value per sample instead.
+    `result`. `dt` are sample periods of the record or of a part of it, for the median period and
+    the time that is omitted at the start. References with one value per sample need one block.
     """
 
     def __init__(
@@ -164,15 +133,7 @@ class RunningComparison:
             self._force += float(np.sum(f**2))
 
     def add(self, name: str, series: Estimates) -> None:
-        """Compare the estimates of one estimator in the block that the last call of `begin` began.
-
-        Parameters
-        ----------
-        name
-            Name of the estimator. An estimator that is not compared is ignored.
-        series
-            Estimates after each sample of the block.
-        """
+        """Compare the estimates of one estimator in the block that `begin` began."""
         if name not in self._errors:
             return
         settled = self._settled
@@ -195,13 +156,6 @@ class RunningComparison:
         """Return the sum of the squared errors of the one-step force prediction in a block [N^2].
 
         The force of each sample is predicted with the estimate after the previous sample.
-
-        Parameters
-        ----------
-        name
-            Name of the estimator; empty for batch least squares.
-        series
-            Estimates after each sample of the block.
         """
         predicted = predicted_force(self._regression, series, self._before.get(name))
         self._before[name] = series.part(slice(-1, None))
@@ -211,7 +165,7 @@ class RunningComparison:
         """Return the errors of each compared estimator over all blocks, by its name."""
         count = max(self._settled_samples, 1)
         batch = math.sqrt(self._batch / count)
-        if batch < ROUNDING * math.sqrt(self._force / max(self._samples, 1)):
+        if batch < ROUNDING_OF_FORCE * math.sqrt(self._force / max(self._samples, 1)):
             batch = math.nan
         found = {}
         for name, e in self._errors.items():
@@ -234,13 +188,6 @@ def cost(estimator: Estimator, regression: Regression) -> float:
     The estimator processes the same samples several times. The result is the shortest time, divided
     by the number of samples. It is slightly different in each call. The estimator runs as
     interpreted Python, which is slower than compiled code.
-
-    Parameters
-    ----------
-    estimator
-        The estimator. Its state does not change, because a copy is used.
-    regression
-        Samples. At most the first `TIMED` samples are used.
     """
     part = regression.part(slice(TIMED))
     further = part.further if estimator.model.further else None

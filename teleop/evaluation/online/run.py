@@ -17,11 +17,65 @@ from estimation import Bank, Estimates, Excitation, Misfit, Regression
 from estimation.arrays import Floats
 from estimation.estimate_columns import estimate_arrays, estimate_columns, misfit_columns
 from estimation.estimator import Series
-from estimation.summary import EstimatorSummary
-from teleop.evaluation.online.averages import RunningAverages
-from teleop.evaluation.online.conditioned import Conditioned
+from estimation.summary import EstimatorSummary, RunningSummary
+from teleop.evaluation.online.conditioned import ConditionedSamples
 from teleop.evaluation.online.model_comparison import Comparison, RunningComparison
 from teleop.evaluation.settings import WHOLE, AveragedPart
+
+
+class RunningAverages:
+    """Averages of the estimates and of the excitation over a part of a record.
+
+    The record is processed in blocks of samples. For each block, call `begin` once, and then `add`
+    for each estimator. The excitation is a number from 0 to 1. It is near 0 if k and b cannot both
+    be identified from the motion (`estimation.excitation`).
+
+    Attributes
+    ----------
+    samples
+        Number of samples in the averaged part that were added so far.
+    last_excitation
+        Excitation after the last of these samples; NaN if there is no sample.
+    """
+
+    def __init__(self, bank: Bank, averaged: AveragedPart) -> None:
+        self.samples = 0
+        self.last_excitation = math.nan
+        self._averaged = averaged
+        self._excitation = 0.0
+        self._summaries = {name: RunningSummary(estimator) for name, estimator in bank.items()}
+
+    @property
+    def mean_excitation(self) -> float:
+        """Mean of the excitation over the samples that were added; NaN if there is no sample."""
+        return self._excitation / self.samples if self.samples else math.nan
+
+    def begin(self, t: Floats, regression: Regression, excitation: Floats) -> None:
+        """Begin a block of n samples, and add the excitation of these samples to its mean."""
+        self._part = part = self._averaged.indices(t)
+        self._block = t[part], regression.part(part)
+        self.samples += len(self._block[0])
+        self._excitation += float(excitation[part].sum())
+        if len(self._block[0]):
+            self.last_excitation = float(excitation[part][-1])
+
+    def add(self, name: str, estimates: Estimates, misfit: Floats) -> None:
+        """Add the estimates of one estimator for the block that the last call of `begin` began."""
+        self._summaries[name].add(*self._block, estimates.part(self._part), misfit[self._part])
+
+    def summaries(
+        self, t: Floats, estimates: Mapping[str, Estimates]
+    ) -> dict[str, EstimatorSummary]:
+        """Return averages, errors and last estimates of each estimator, by its name.
+
+        They are computed from all samples that were added. The parameters are used only for the
+        remark of an estimator on its estimates.
+        """
+        part = self._averaged.indices(t)
+        return {
+            name: one.summary(estimates[name].part(part)) for name, one in self._summaries.items()
+        }
+
 
 MISFIT, FURTHER = "misfit", "further"
 """Words in the keys of the arrays in `KeptArrays`. They denote the misfit of an estimator (the
@@ -71,32 +125,9 @@ class OnlineResult(NamedTuple):
 class OnlineRun:
     """Runs several estimators over a record that is processed in blocks of samples.
 
-    Call `add` for each block, and then `result`.
-
-    Parameters
-    ----------
-    bank
-        The estimators. They have not yet processed a sample.
-    misfit
-        Object that computes the misfit (the systematic part of the force error) of the estimators.
-        It has not yet processed a sample.
-    measure
-        Object that computes the measure of the excitation. It has not yet processed a sample.
-    comparisons
-        Objects that compare estimators with a reference. Each of them compares some or all of the
-        estimators.
-    period
-        Usual sample period [s].
-    count
-        Largest number of samples that will be processed.
-    every
-        The estimates after every `every`-th sample are kept in memory; 1 to keep all.
-    write
-        Function that is called for each block with the result of `table`: the signals and the
-        estimates at all samples of the block. None: no function is called.
-    averaged
-        The part of the record over which the estimates are averaged. The estimators also
-        process the samples outside this part.
+    Call `add` for each block, and then `result`. Bank, misfit and measure of the excitation have
+    not yet processed a sample. `period` is the usual sample period [s], and `count` the largest
+    number of samples. Every `every`-th estimate is kept in memory. `write` gets all of them.
     """
 
     def __init__(
@@ -120,16 +151,13 @@ class OnlineRun:
         self._longest = self._deviation = 0.0
         self._as_recorded = True
 
-    def add(self, samples: Conditioned, recorded: Mapping[str, tuple[Floats, Floats]]) -> None:
+    def add(
+        self, samples: ConditionedSamples, recorded: Mapping[str, tuple[Floats, Floats]]
+    ) -> None:
         """Run the estimators over the next block of samples.
 
-        Parameters
-        ----------
-        samples
-            The samples, filtered and relative to the datum (the zeros of position and force).
-        recorded
-            The b [N s/m] and k [N/m] that were recorded after each sample of the block, before any
-            sample was omitted, by the name of the estimator. It is empty if nothing was recorded.
+        `recorded` are the b and k that a trial recorded after each sample of the block, before
+        samples were omitted.
         """
         t, regression, used, apart = samples
         if not len(t):
@@ -205,11 +233,6 @@ class KeptArrays:
 
     The record is processed in blocks, and the arrays are filled block by block. Each array is
     created with space for all samples, because many short arrays would fragment the memory.
-
-    Parameters
-    ----------
-    size
-        Largest number of samples that will be stored, which is the length of each array.
     """
 
     def __init__(self, size: int) -> None:
@@ -268,17 +291,6 @@ def table(
 
     The result consists of two dictionaries. Their keys are the names of the columns. The first
     contains the values, as arrays of shape (n,), and the second contains the units.
-
-    Parameters
-    ----------
-    bank
-        The estimators.
-    t, regression
-        Time [s] of each sample, and displacement, velocity and force.
-    estimates, misfit
-        Estimates and misfit of each estimator after each sample, by the name of the estimator.
-    excitation
-        Measure of the excitation after each sample, shape (n,).
     """
     x, v, f, *_ = regression
     columns = {"Time": t, "Displacement": x, "Velocity": v, "Force": f}

@@ -25,18 +25,7 @@ as an exported recording."""
 
 
 def exported_recording(table: Table) -> Recording | None:
-    """Return the recording that a table contains; None if the table is not an exported recording.
-
-    Parameters
-    ----------
-    table
-        A table from a file. A table with all columns in `COLUMNS` is an exported recording.
-
-    Raises
-    ------
-    InputError
-        A value or the stored settings cannot be read, or a column has another unit.
-    """
+    """Return the recording that a table contains; None if it is not an exported recording."""
     if not set(COLUMNS) <= {heading.name for heading in table.headings}:
         return None
     if len(table.columns) < len(table.headings):
@@ -70,22 +59,7 @@ def exported_recording(table: Table) -> Recording | None:
 
 
 def stored(table: Table, name: str, default: Any) -> Any:
-    """Return the value of a JSON document (for example the settings) in an exported table.
-
-    Parameters
-    ----------
-    table
-        The exported table.
-    name
-        Name of the document, for example `settings`.
-    default
-        Value to return if there is no such document. Any other value must have the same type.
-
-    Raises
-    ------
-    InputError
-        The document is not valid JSON, or its value has another type.
-    """
+    """Return the value of a JSON document (for example the settings) in an exported table."""
     if name not in table.about:
         return default
     try:

@@ -53,11 +53,6 @@ def stated_delay(text: str) -> float | None:
 
     A filter whose type is not stated is treated as a Butterworth filter. The delay of a zero-phase
     filter is 0.
-
-    Parameters
-    ----------
-    text
-        Description of the filter in a measurement file, such as `third-order 20 Hz low-pass`.
     """
     if WITHOUT_DELAY.search(text):
         return 0.0

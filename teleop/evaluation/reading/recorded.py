@@ -16,7 +16,8 @@ from estimation.estimate_columns import estimators_in
 from teleop.errors import InputError, invalid_parts
 from teleop.evaluation.formats.units import LARGEST
 from teleop.evaluation.reading.samples import Block, Samples
-from teleop.evaluation.reading.signals import SHORTEST, Signals
+from teleop.evaluation.reading.signals import Signals
+from teleop.evaluation.reading.thresholds import SHORTEST_PERIOD
 from teleop.evaluation.settings import EstimateSettings
 from teleop.recording.gaps import Gap
 from teleop.recording.recording import Recording, missing_column
@@ -55,13 +56,7 @@ class Sections:
         self._kept: dict[int, list[Floats]] = {}
 
     def add(self, samples: Floats) -> None:
-        """Add the next samples of the recording.
-
-        Parameters
-        ----------
-        samples
-            Array of shape (channels, n). The first rows are the columns `MEASURED`.
-        """
+        """Add the next samples of the recording."""
         if not self._size and samples.shape[1]:
             period = float(np.median(samples[MEASURED.index("paired_dt")]))
             self._size = max(1, round(SECTION / period))
@@ -145,21 +140,8 @@ class RecordedSamples(Samples):
     The file is read when the object is made, and again by `blocks`. If the recording is long, the
     attribute `signals` contains only evenly spaced sections of it (see `Sections`). Their number
     and duration are limited. The required memory therefore does not increase with the duration of
-    the recording, but it increases with the sampling rate.
-
-    Parameters
-    ----------
-    path
-        File of the recording.
-    is_wanted
-        Function that takes the name of a column of the recording. It returns whether this column is
-        kept in the attribute `recording`.
-
-    Raises
-    ------
-    InputError
-        The recording cannot be read, is not complete or lacks a column, a sample is not finite, or
-        a sample period is not positive.
+    the recording, but it increases with the sampling rate. The attribute `recording` has the
+    columns whose names `is_wanted` accepts.
     """
 
     def __init__(self, path: Path, is_wanted: Callable[[str], bool]) -> None:
@@ -213,32 +195,18 @@ class RecordedSamples(Samples):
 def measured(block: Mapping[str, Floats], further: Sequence[str] = ()) -> Floats:
     """Return the n samples that the estimators received in a block of ticks of the control loop.
 
-    Ticks at which the estimators received no sample are omitted.
-
-    Parameters
-    ----------
-    block
-        Columns of the recording by name, with one value for each tick.
-    further
-        Names of columns that are returned in addition to the columns `MEASURED` (time, position,
-        force, and time since the previous sample).
-
-    Returns
-    -------
-    Array with one row for each column, first `MEASURED`, then `further`. It has n columns.
-
-    Raises
-    ------
-    InputError
-        A sample is not finite, or a sample period is shorter than `SHORTEST`.
+    Ticks at which the estimators received no sample are omitted. The rows are `MEASURED`, and then
+    the columns `further`.
     """
     part = np.isfinite(block["x"])
     samples = np.stack([block[name][part] for name in (*MEASURED, *further)])
     for name, channel in zip(MEASURED, samples, strict=False):
         if not (np.abs(channel) < LARGEST).all():
             raise InputError(f"the recording's {name} is not finite in every sample")
-    if not (samples[MEASURED.index("paired_dt")] >= SHORTEST).all():
-        raise InputError(f"the recording's paired_dt is not {SHORTEST:g} s or more in every sample")
+    if not (samples[MEASURED.index("paired_dt")] >= SHORTEST_PERIOD).all():
+        raise InputError(
+            f"the recording's paired_dt is not {SHORTEST_PERIOD:g} s or more in every sample"
+        )
     return samples
 
 
@@ -264,19 +232,8 @@ def with_gaps(
     short: it is the time since the last missing sample. It is replaced by the time since the last
     sample before the gap. The array `dt` is changed in place.
 
-    Parameters
-    ----------
-    t
-        Time of each sample [s], shape (n,).
-    dt
-        Time since the previous sample [s], shape (n,).
-    ends
-        Time at which each gap ends [s]. The first sample at or after this time follows the gap.
-    starts
-        Indices of samples that follow other gaps, which are not in `ends`.
-    before
-        Time of the last sample before these n samples [s], shape (1,). The array is empty if the n
-        samples are the first samples of the record.
+    A gap ends at a time in `ends` [s], or at an index in `starts`. `before` is the time of the last
+    sample before these n samples [s], shape (1,), or empty.
     """
     found = {int(i) for i in np.searchsorted(t, ends) if i < len(t)} | set(starts)
     for i in found:
@@ -289,13 +246,6 @@ def joined(blocks: Iterable[Floats], size: int) -> Iterator[Floats]:
     """Join arrays of successive samples, and divide them again into arrays of `size` samples.
 
     The last yielded array may contain fewer samples.
-
-    Parameters
-    ----------
-    blocks
-        Arrays of successive samples, each of shape (channels, n). n can differ between them.
-    size
-        Number of samples in a yielded array, which has the shape (channels, size).
     """
     parts: list[Floats] = []
     count = 0
@@ -317,11 +267,6 @@ def recorded_signals(recording: Recording) -> Signals:
     In a gap of the recording, samples are missing. The first sample after a gap has a recorded
     period `paired_dt` that is too short: it is the time since the last missing sample. It is
     replaced by the time since the last sample before the gap.
-
-    Raises
-    ------
-    InputError
-        A sample is not finite, or a sample period is not positive.
     """
     t, x, f, dt = measured(recording.columns)
     return Signals(t, x, f, dt, "slave_position", with_gaps(t, dt, ends_of(recording.gaps)))
@@ -332,11 +277,6 @@ def recorded_settings(recording: Recording) -> EstimateSettings:
 
     With these settings, `teleop.evaluation.evaluate.evaluate` computes exactly the estimates that
     were recorded in the trial.
-
-    Raises
-    ------
-    InputError
-        A setting in the recording is missing or invalid.
     """
     from pydantic import ValidationError
 

@@ -30,16 +30,7 @@ class Block(NamedTuple):
 
 
 class Samples:
-    """The samples of a record for the evaluation, all of which are in memory.
-
-    Parameters
-    ----------
-    signals
-        The samples: measured time, position and force.
-    recorded
-        Recorded estimates after each sample, by the name of the estimator. None: no estimates were
-        recorded.
-    """
+    """The samples of a record for the evaluation, all of which are in memory."""
 
     def __init__(self, signals: Signals, recorded: Mapping[str, Estimates] | None = None) -> None:
         self.signals = signals

@@ -1,12 +1,14 @@
-"""Read measured time, position and force from a file of any supported format."""
+"""Read measured time, position and force from a file; find gaps and the resolution in them."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimation.arrays import Floats
 from teleop.errors import InputError
@@ -14,17 +16,15 @@ from teleop.evaluation.formats.columns import Picker, Wanted, find_columns, list
 from teleop.evaluation.formats.registry import read_tables
 from teleop.evaluation.formats.table import Table
 from teleop.evaluation.formats.units import LARGEST
-from teleop.evaluation.reading.sampling_gaps import long_periods
+from teleop.evaluation.reading.thresholds import (
+    COARSE_TIMES,
+    FEWEST_TABLE_SAMPLES,
+    LONG_PERIOD,
+    ROUNDING_OF_STEP,
+    SHORTEST_PERIOD,
+    SMALLEST_CHANNEL,
+)
 
-SMALLEST = 1e-30
-"""A channel whose values are all smaller is refused, because their squares would be zero."""
-SHORTEST = 1e-9
-"""Shortest sample period [s]."""
-FEWEST = 3
-"""Smallest number of samples in a table."""
-COARSE = 0.1
-"""The option `--rate` is suggested if more than this fraction of the samples has the same time as
-the previous sample."""
 BLOCKS_SHOWN = 12
 """Largest number of tables that an error message lists."""
 
@@ -54,11 +54,6 @@ def periods(t: Floats) -> Floats:
     """Return, for each sample, the time since the previous sample [s], shape (n,).
 
     The first sample has no previous sample. Its value is the median of the other values.
-
-    Parameters
-    ----------
-    t
-        Time of each sample [s], shape (n,).
     """
     steps = np.diff(t)
     return np.concatenate(([np.median(steps)], steps))
@@ -71,25 +66,7 @@ def read_signals(
     time: str | None = None,
     wanted: Wanted | None = None,
 ) -> Signals:
-    """Read time, position and force from a measurement file, in SI units.
-
-    Parameters
-    ----------
-    path
-        The file, in a format of `formats/registry.py`.
-    position, force, time
-        Column to read, as NAME, or as NAME=UNIT if the header has no unit. If it is None, the
-        column with a usual name is read.
-    wanted
-        Options of the user for the selection and conversion of the columns. The fields `position`,
-        `force` and `time` of `wanted` are ignored, because they are parameters of this function.
-
-    Raises
-    ------
-    InputError
-        The file, a column, a unit or a value is not as expected. The message contains the file and
-        the place in the file.
-    """
+    """Read time, position and force from a measurement file, in SI units."""
     wanted = (wanted or Wanted())._replace(position=position, force=force, time=time)
     return signals_of(chosen_table(path, wanted), wanted)
 
@@ -100,22 +77,6 @@ def chosen_table(path: Path, wanted: Wanted, whole: Collection[str] = ()) -> Tab
     If the user states the number of a table, the table with this number is returned. Otherwise, the
     result is the table that has columns of position, force and time. If no table has these columns,
     the table with the most samples is returned.
-
-    Parameters
-    ----------
-    path
-        The file.
-    wanted
-        Options of the user for the selection of the table and its columns.
-    whole
-        Names of columns. If a table contains all of these columns, all columns of the table are
-        loaded.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read. Or the file has no table with the stated number. Or the user states
-        no number, and several tables have columns of position, force and time.
     """
     tables = read_tables(path, Picker(wanted, whole), wanted)
     if wanted.block is not None:
@@ -145,24 +106,14 @@ def signals_of(table: Table, wanted: Wanted) -> Signals:
 
     A sample with the same time as the previous sample is omitted. The attribute `notes` of the
     result states the number of omitted samples.
-
-    Parameters
-    ----------
-    table
-        The table.
-    wanted
-        Options of the user for the selection and conversion of the columns.
-
-    Raises
-    ------
-    InputError
-        A column, a unit or a value is not as expected.
     """
     columns = find_columns(table.where, table.headings, wanted)
     if table.problem:
         raise table.problem
-    if table.samples < FEWEST:
-        raise InputError(f"{table.where}: {table.samples} samples: expected at least {FEWEST}")
+    if table.samples < FEWEST_TABLE_SAMPLES:
+        raise InputError(
+            f"{table.where}: {table.samples} samples: expected at least {FEWEST_TABLE_SAMPLES}"
+        )
     channels = {kind: table.columns[c.place] * c.scale for kind, c in columns.items()}
     for kind, channel in channels.items():
         finite = np.isfinite(channel)
@@ -173,10 +124,10 @@ def signals_of(table: Table, wanted: Wanted) -> Signals:
                 f"{table.columns[place][i]}, expected a finite number"
             )
         largest = np.abs(channel).max()
-        if 0.0 < largest < SMALLEST:
+        if 0.0 < largest < SMALLEST_CHANNEL:
             raise InputError(
                 f"{table.where}: every {kind} is at most {largest:g} in SI units, "
-                f"expected a value above {SMALLEST:g}"
+                f"expected a value above {SMALLEST_CHANNEL:g}"
             )
         if not largest < LARGEST:
             i = int(np.argmax(np.abs(channel)))
@@ -192,7 +143,7 @@ def signals_of(table: Table, wanted: Wanted) -> Signals:
         kept = rising(table, t)
         if not kept.all():
             count = int((~kept).sum())
-            coarse = count > COARSE * len(t)
+            coarse = count > COARSE_TIMES * len(t)
             notes.append(
                 f"{count} of {len(t)} samples have the time of the previous sample and are left out"
                 + ("; if the times are rounded, use --rate HZ" if coarse else "")
@@ -215,32 +166,69 @@ def rising(table: Table, t: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]
     """Return a mask that selects samples with increasing times, shape (n,).
 
     The mask is False at a sample with the same time as the previous sample.
-
-    Parameters
-    ----------
-    table
-        The table that contains the samples. It is used for the text of an error.
-    t
-        Time of each sample [s], shape (n,).
-
-    Raises
-    ------
-    InputError
-        The times decrease, two different times are less than `SHORTEST` apart, or fewer than
-        `FEWEST` samples are selected.
     """
     steps = np.diff(t)
     kept = np.concatenate(([True], steps > 0.0))
     backwards = steps < 0.0
-    if backwards.any() or kept.sum() < FEWEST:
+    if backwards.any() or kept.sum() < FEWEST_TABLE_SAMPLES:
         i = int(np.argmax(backwards) if backwards.any() else np.argmin(kept[1:]))
         what = "decreases" if backwards.any() else "repeats"
         raise InputError(
             f"{table.sample(i + 1)}: time {what}, from {t[i]:g} s to {t[i + 1]:g} s: "
             "expected increasing times, or --rate HZ for evenly sampled data"
         )
-    if (smallest := steps[steps > 0.0].min()) < SHORTEST:
+    if (smallest := steps[steps > 0.0].min()) < SHORTEST_PERIOD:
         raise InputError(
-            f"{table.where}: times {smallest:g} s apart: expected {SHORTEST:g} s or more"
+            f"{table.where}: times {smallest:g} s apart: expected {SHORTEST_PERIOD:g} s or more"
         )
     return kept
+
+
+def long_periods(dt: Floats) -> NDArray[np.intp]:
+    """Return the index of the first sample after each gap.
+
+    A gap is a sample period that is longer than `LONG_PERIOD` times the median period.
+    """
+    return np.flatnonzero(dt > LONG_PERIOD * np.median(dt))
+
+
+def closed_up(dt: Floats, gaps: Sequence[int]) -> Floats:
+    """Return the sample periods [s], shape (n,), with the duration of gaps removed.
+
+    At the first sample after each gap, the period is replaced by the median period.
+    """
+    periods = dt.copy()
+    periods[list(gaps)] = np.median(dt)
+    return periods
+
+
+def smallest_step(values: Floats) -> float:
+    """Return the smallest change of the value between successive samples, without zero changes.
+
+    The result is 0 if the value never changes. For a channel with an encoder or an analogue-digital
+    converter, the result is the resolution.
+    """
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > ROUNDING_OF_STEP * float(np.max(np.abs(values), initial=0.0))]
+    return float(steps.min()) if len(steps) else 0.0
+
+
+def repeated_rounding(count: float, noise: float) -> float:
+    """Return the standard deviation of the repeatable part of the rounding error of a signal.
+
+    A signal that is rounded to multiples of the resolution `count` has a rounding error with the
+    standard deviation count / sqrt(12). Without noise, the error is the same whenever the signal
+    has the same value: the error is repeatable. If the signal contains noise before the rounding,
+    the error varies randomly. The repeatable part is then the mean error at a given value of the
+    signal. The noise reduces the repeatable part by a factor. This factor is the characteristic
+    function of the noise at 2 pi / count (Widrow).
+
+    References
+    ----------
+    B. Widrow, I. Kollar, "Quantization noise", Cambridge University Press, 2008.
+    """
+    rounding = count / math.sqrt(12.0)
+    if rounding == 0.0:
+        return 0.0
+    before = max(noise**2 - rounding**2, 0.0) / count**2
+    return rounding * math.exp(-min(2.0 * math.pi**2 * before, 700.0))

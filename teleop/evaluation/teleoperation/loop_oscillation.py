@@ -41,21 +41,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from estimation.arrays import Floats
+from teleop.evaluation.teleoperation.thresholds import FASTEST_HAND, LEAST_DAMPING, SUSTAINING
 
 ArmDamping = Callable[[Floats], Floats]
 """Function that takes frequencies [Hz], and returns the damping of the arm at these [N s/m]."""
-FASTEST = 4.0
-"""Frequency above which motion is not voluntary, but tremor or an oscillation of the loop [Hz]."""
-LEAST_DAMPING = 2.0
-"""Damping that any arm has at least [N s/m]."""
-SUSTAINING = 0.75
-"""Smallest ratio r of -Re{Z} to the damping Re{Z_a} of a known arm at which motion is counted as an
-oscillation of the loop. In an oscillation without tremor, r is 1. At a resonance of arm and
-environment, the environment multiplies the velocity of the tremor by 1 / (1 - r), compared with an
-environment with Re{Z} = 0."""
-MOST_SUSTAINED = 0.8
-"""Limit of the share of the power of the velocity that is in an oscillation of the loop (see
-`RunningSpectra.sustained_share`). A trial with a smaller share is stable."""
 SEGMENT = 1.0
 """Duration of a segment [s]. The spectra of all segments of a trial are averaged."""
 FIRST = 1 << 14
@@ -66,15 +55,12 @@ processed first gives the number of samples in a segment."""
 class RunningSpectra:
     """Spectra of velocity and force of a trial, from which oscillations of the loop are detected.
 
+    `arm_damping` returns the damping of the arm [N s/m] at frequencies [Hz]; None if it is not
+    known. `velocity` [m/s] is that of the virtual mass, and `force` [N] that of the hand on it.
+
     The samples can arrive in blocks. The spectra are averages over overlapping segments (P. D.
     Welch, IEEE Trans. Audio Electroacoust. 15(2), 1967). The sample period is treated as constant:
     it is the mean period of the samples that are processed first, about `FIRST` samples.
-
-    Parameters
-    ----------
-    arm_damping
-        Function that returns the damping of the arm [N s/m] at given frequencies [Hz]; None if the
-        damping of the arm is not known.
     """
 
     def __init__(self, arm_damping: ArmDamping | None = None) -> None:
@@ -86,17 +72,7 @@ class RunningSpectra:
         self._from_hand: Floats = np.empty(0)
 
     def add(self, velocity: Floats, force: Floats, dt: Floats) -> None:
-        """Add the next samples of the trial.
-
-        Parameters
-        ----------
-        velocity
-            Velocity of the virtual mass that the hand moves [m/s], shape (n,).
-        force
-            Force of the hand on the virtual mass [N], shape (n,).
-        dt
-            Time since the previous sample [s], shape (n,).
-        """
+        """Add the next samples of the trial."""
         self._pending = np.concatenate((self._pending, (velocity, force, dt)), axis=1)
         if self._pending.shape[1] >= FIRST:
             self._add_segments()
@@ -105,8 +81,9 @@ class RunningSpectra:
         """Return the share of the power of the motion that is in an oscillation of the loop.
 
         Let Z be the impedance that the hand feels. The power of the velocity is summed over the
-        frequencies above `FASTEST` at which -Re{Z} is above a threshold (see the documentation of
-        the module). The result is this sum divided by the power of the velocity at all frequencies.
+        frequencies above `FASTEST_HAND` at which -Re{Z} is above a threshold (see the documentation
+        of the module). The result is this sum divided by the power of the velocity at all
+        frequencies.
         """
         if self._pending.shape[1]:
             self._add_segments()
@@ -117,7 +94,7 @@ class RunningSpectra:
         if self._arm_damping:
             threshold = np.maximum(threshold, SUSTAINING * self._arm_damping(frequency))
         total = float(self._motion.sum())
-        oscillating = (frequency > FASTEST) & (self._from_hand < -threshold * self._motion)
+        oscillating = (frequency > FASTEST_HAND) & (self._from_hand < -threshold * self._motion)
         return float(self._motion[oscillating].sum()) / total if total > 0.0 else 0.0
 
     def _add_segments(self) -> None:
@@ -143,20 +120,7 @@ class RunningSpectra:
 def sustained_share(
     velocity: Floats, force: Floats, dt: Floats, arm_damping: ArmDamping | None = None
 ) -> float:
-    """Return the share of the power of a motion that is in an oscillation of the control loop.
-
-    Parameters
-    ----------
-    velocity
-        Velocity of the virtual mass that the hand moves [m/s], shape (n,).
-    force
-        Force of the hand on the virtual mass [N], shape (n,).
-    dt
-        Time since the previous sample [s], shape (n,).
-    arm_damping
-        Function that returns the damping of the arm [N s/m] at given frequencies [Hz]; None if the
-        damping of the arm is not known.
-    """
+    """Return the share of the power of a motion that is in an oscillation of the control loop."""
     spectra = RunningSpectra(arm_damping)
     spectra.add(velocity, force, dt)
     return spectra.sustained_share()

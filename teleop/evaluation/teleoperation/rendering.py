@@ -9,32 +9,22 @@ from typing import NamedTuple
 import numpy as np
 
 from estimation.arrays import Floats
+from estimation.quantities import STIFFNESS
 from teleop.evaluation.teleoperation.loop_oscillation import (
-    MOST_SUSTAINED,
     ArmDamping,
     RunningSpectra,
 )
+from teleop.evaluation.teleoperation.thresholds import (
+    FEWEST_TICKS,
+    LATE_REPORT,
+    LEAST_FORCE,
+    MOST_PRIOR,
+    MOST_SUSTAINED,
+    OLDEST_POSITION,
+    SETTLING,
+    SMALLEST_MOTION,
+)
 from teleop.recording.recording import Recording
-
-SETTLING = 4.0
-"""Time at the start of a trial that is omitted [s], because the model of the specimen that the
-master renders has not converged. At most half of the trial is omitted."""
-LEAST_FORCE = 0.5
-"""Contact force, multiplied by the force gain, above which a tick is evaluated [N]."""
-LATE = 0.5
-"""Age of the newest packet of the slave above which the channel is named as the cause [s]."""
-FEWEST = 100
-"""Smallest number of evaluated ticks."""
-SMALLEST = 0.5e-3
-"""Depth below which lost motion of a tenth of a millimetre, as on the simulated rig, prevents an
-estimate of the specimen [m]."""
-MOST_PRIOR = 0.05
-"""Largest share of the ticks without remark at which the hand feels the stiff prior. After a change
-of the specimen, the model-mediated law returns to the prior for about 0.2 s."""
-OLDEST = 10.0
-"""Time for which position and force of the hand are stored [s]. They are compared with the slave,
-which receives the motion of the hand with the delay of the communication channel. This time is
-longer than any such delay."""
 
 
 class Rendering(NamedTuple):
@@ -93,12 +83,8 @@ class RunningHand:
     commanded velocity of the master, and the equation does not hold. At these ticks, v is the
     velocity that the drive applied, and f_e is the displayed force in the recording.
 
-    Parameters
-    ----------
-    mass, damping, stiffness
-        Virtual mass [kg], damping [N s/m] and stiffness [N/m] of the admittance.
-    scale
-        Ratio of slave motion to master motion.
+    `scale` is slave motion by master motion. The ticks are those at which the drives follow the
+    commands.
     """
 
     def __init__(self, mass: float, damping: float, stiffness: float, scale: float = 1.0) -> None:
@@ -108,14 +94,7 @@ class RunningHand:
         self._v = self._moved = 0.0
 
     def add(self, active: Recording) -> Hand:
-        """Return position, velocity and force at the hand at the next ticks.
-
-        Parameters
-        ----------
-        active
-            The ticks that follow those of the previous call. At all of them, the safety supervisor
-            is in the mode active (the drives follow the commands).
-        """
+        """Return position, velocity and force at the hand at the next ticks."""
         if not len(active):
             return Hand(np.empty(0), np.empty(0), np.empty(0))
         desired, dt = active["desired_master_velocity"], active["dt"]
@@ -136,41 +115,19 @@ class RunningHand:
 def hand(
     recording: Recording, mass: float, damping: float, stiffness: float, scale: float = 1.0
 ) -> Hand:
-    """Return position, velocity and force at the hand at all ticks of a trial.
-
-    Parameters
-    ----------
-    recording
-        The ticks of the trial at which the safety supervisor is in the mode active (the drives
-        follow the commands).
-    mass, damping, stiffness, scale
-        As in `RunningHand`.
-    """
+    """Return position, velocity and force at the hand at all ticks of a trial."""
     return RunningHand(mass, damping, stiffness, scale).add(recording)
 
 
 class RunningRendering:
     """Computes stiffness, force error and energy that the hand felt in a recorded trial.
 
-    The ticks of the control loop are added in blocks by the method `add`. The method `result`
-    returns the results.
+    Call `add` for each block of ticks at which the drives follow the commands, and then `result`.
 
-    Parameters
-    ----------
-    hand
-        The object that computes position, velocity and force at the hand.
-    scale
-        Ratio of slave motion to master motion.
-    gain
-        Ratio of the displayed force to the contact force.
-    end
-        Time of the last tick of the trial at which the drives follow the commands [s].
-    arm_damping
-        Function that takes frequencies [Hz] and returns the damping of the operator's arm at these
-        frequencies [N s/m]. None: the damping of the arm is not known.
-    prior
-        Stiffness of the stiff prior at the hand [N/m], which the model-mediated law displays until
-        an estimate is accepted. None for another law.
+    `scale` is slave motion by master motion, `gain` displayed force by contact force, and `end` the
+    time of the last tick [s]. `arm_damping` returns the damping of the operator's arm [N s/m] at
+    frequencies [Hz]; None if it is not known. `prior` is the stiff first model of the
+    model-mediated law at the hand [N/m]; None for another law.
     """
 
     def __init__(
@@ -194,14 +151,7 @@ class RunningRendering:
         """Time, position of the hand and felt force at earlier ticks, shape (3, ticks)."""
 
     def add(self, active: Recording) -> None:
-        """Process the next ticks of the trial.
-
-        Parameters
-        ----------
-        active
-            The ticks that follow those of the previous call. At all of them, the safety supervisor
-            is in the mode active (the drives follow the commands).
-        """
+        """Process the next ticks of the trial."""
         if not len(active):
             return
         self._ticks += len(active)
@@ -236,7 +186,7 @@ class RunningRendering:
             np.sum((force - f) ** 2),
             np.sum(f**2),
         )
-        self._earlier = self._earlier[:, times > t[-1] - OLDEST]
+        self._earlier = self._earlier[:, times > t[-1] - OLDEST_POSITION]
 
     def result(self, fault: bool) -> Rendering:
         """Return the stiffness, force error, energy and stability over all processed ticks.
@@ -247,7 +197,7 @@ class RunningRendering:
             return Rendering(math.nan, math.nan, math.nan, math.nan, stable=False)
         stable = not fault and self._spectra.sustained_share() < MOST_SUSTAINED
         count, remarks = self._evaluated, tuple(self._remarks())
-        if count < FEWEST:
+        if count < FEWEST_TICKS:
             unknown = None if stable else False
             return Rendering(math.nan, math.nan, math.nan, self._lowest, unknown, remarks)
         felt, felt_square, touched, touched_square, error, square = self._sums
@@ -259,26 +209,26 @@ class RunningRendering:
 
     def _remarks(self) -> Iterator[str]:
         """Yield why the felt stiffness is missing, and whether the hand felt the stiff prior."""
-        if self._evaluated < FEWEST:
+        if self._evaluated < FEWEST_TICKS:
             yield (
                 f"no felt stiffness: after {self._settled:.3g} s, the contact force times the "
                 f"force gain was at most {self._strongest:.2g} N and above {LEAST_FORCE:g} N at "
-                f"{self._evaluated} ticks: expected {FEWEST}"
+                f"{self._evaluated} ticks: expected {FEWEST_TICKS}"
             )
         elif self._sums[1] == 0.0:
             yield "no felt stiffness: the hand did not move"
-        if self._of_prior > MOST_PRIOR * self._considered:
+        if self._prior is not None and self._of_prior > MOST_PRIOR * self._considered:
             cause = "the misfit or the interval of each estimate was too large"
-            if self._oldest_report > LATE:
+            if self._oldest_report > LATE_REPORT:
                 cause = f"the estimates of the slave were up to {self._oldest_report:.2g} s old"
-            elif self._deepest < SMALLEST:
+            elif self._deepest < SMALLEST_MOTION:
                 cause = (
                     f"this model kept the motion within {self._deepest * 1e3:.2g} mm, where lost "
                     "motion and noise prevent an estimate"
                 )
             yield (
                 f"at {self._of_prior / self._considered:.0%} of the ticks the hand felt the stiff "
-                f"first model of {self._prior:.0f} N/m and not the specimen: {cause}"
+                f"first model of {STIFFNESS.text(self._prior)} and not the specimen: {cause}"
             )
 
 

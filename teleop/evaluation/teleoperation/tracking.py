@@ -8,18 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from estimation.arrays import Floats
+from teleop.evaluation.teleoperation.thresholds import (
+    FEWEST_PERIODS,
+    FREQUENCY_SPAN,
+    INCOMPLETE_PERIOD,
+    LARGEST_LEAD,
+)
 
-FEWEST = 2.0
-"""Smallest number of periods of the target for which the tracking is computed."""
-ROUNDING = 0.02
-"""Fraction of a period by which the last period may be incomplete, so that a few missing ticks do
-not exclude a whole period."""
-EARLIEST = 0.25
-"""Greatest lead of the position, as a fraction of the period. A larger lead is treated as a
-delay."""
-SPAN = 2.0
-"""Limits of the search for the achieved frequency: the target frequency divided by this factor, and
-multiplied by this factor."""
 SAMPLES, PADDING = 64, 8
 """For the search for the achieved frequency: samples per period of the target, and factor by which
 zero-padding lengthens the signal."""
@@ -44,7 +39,7 @@ class Tracking(NamedTuple):
     """Amplitude of the position divided by the amplitude of the target."""
     phase_deg: float
     """Phase of the position relative to the target [deg]; negative for a lag. The largest value is
-    360 times `EARLIEST`. All values are within 360 deg below this value."""
+    360 times `LARGEST_LEAD`. All values are within 360 deg below this value."""
     delay_s: float
     """Delay of the position relative to the target [s], computed from the phase; negative for a
     lead."""
@@ -61,38 +56,24 @@ class Tracking(NamedTuple):
 def tracking(t: Floats, target: Floats, position: Floats, frequency: float) -> Tracking | None:
     """Return gain, phase and error of a position relative to a sinusoidal target.
 
+    The result is None if the target moves for less than `FEWEST_PERIODS` periods.
+
     The first period of the target is omitted, because the position starts to move in this period.
     After it, the largest possible number of whole periods is evaluated. The last of these periods
     ends when the target stops. Sines and a linear trend are fitted by least squares.
-
-    Parameters
-    ----------
-    t
-        Time [s], of shape (n,), increasing.
-    target
-        Target [m], of shape (n,); NaN at samples without a target, and constant until the target
-        moves.
-    position
-        Position [m], of shape (n,).
-    frequency
-        Frequency of the target [Hz].
-
-    Returns
-    -------
-    The tracking values; None if the target moves for less than `FEWEST` periods.
     """
     moves = np.flatnonzero(np.abs(np.diff(target)) > 0.0)  # not where the target is NaN
     if not len(moves):
         return None
     first, last = int(moves[0]), int(moves[-1]) + 1
     duration = float(t[last] - t[first])
-    if duration * frequency < FEWEST - ROUNDING:
+    if duration * frequency < FEWEST_PERIODS - INCOMPLETE_PERIOD:
         return None
-    periods = math.floor(duration * frequency - 1.0 + ROUNDING)
+    periods = math.floor(duration * frequency - 1.0 + INCOMPLETE_PERIOD)
     used = slice(int(np.searchsorted(t, t[last] - periods / frequency)), last + 1)
     t, target, position = t[used], target[used], position[used]
     ratio = phasor(t, position, frequency) / phasor(t, target, frequency)
-    cycles = (math.degrees(float(np.angle(ratio))) / 360.0 - EARLIEST) % -1.0 + EARLIEST
+    cycles = (math.degrees(float(np.angle(ratio))) / 360.0 - LARGEST_LEAD) % -1.0 + LARGEST_LEAD
     return Tracking(
         gain=abs(ratio),
         phase_deg=360.0 * cycles,
@@ -108,13 +89,6 @@ def design(t: Floats, frequency: float) -> Floats:
     """Return the regressors for a least-squares fit of a sine, of shape (n, 4).
 
     The columns are a cosine, a sine, a constant and a linear trend over time.
-
-    Parameters
-    ----------
-    t
-        Time [s], of shape (n,).
-    frequency
-        Frequency of the sine [Hz].
     """
     angle = 2.0 * math.pi * frequency * t
     middle = t - np.mean(t)
@@ -126,32 +100,13 @@ def phasor(t: Floats, x: Floats, frequency: float) -> complex:
 
     The sine is the real part of c exp(2 pi j frequency t), where c is the complex amplitude. An
     offset and a linear trend are fitted together with the sine.
-
-    Parameters
-    ----------
-    t
-        Time [s], of shape (n,).
-    x
-        The signal, of shape (n,).
-    frequency
-        Frequency of the sine [Hz].
     """
     (cosine, sine, *_), *_ = np.linalg.lstsq(design(t, frequency), x)
     return complex(cosine, -sine)
 
 
 def achieved_frequency(t: Floats, position: Floats, frequency: float) -> float:
-    """Return the frequency of the sine that fits a position best [Hz].
-
-    Parameters
-    ----------
-    t
-        Time [s], of shape (n,).
-    position
-        Position [m], of shape (n,).
-    frequency
-        Expected frequency [Hz]. The search is limited to a range around it (see `SPAN`).
-    """
+    """Return the frequency of the sine that fits a position best [Hz]."""
     from scipy.optimize import minimize_scalar
 
     duration = float(t[-1] - t[0])
@@ -167,7 +122,9 @@ def achieved_frequency(t: Floats, position: Floats, frequency: float) -> float:
 
     padded = PADDING * count
     frequencies = np.fft.rfftfreq(padded, duration / (count - 1))
-    searched = (frequencies >= frequency / SPAN) & (frequencies <= frequency * SPAN)
+    searched = (frequencies >= frequency / FREQUENCY_SPAN) & (
+        frequencies <= frequency * FREQUENCY_SPAN
+    )
     power = np.where(searched, np.abs(np.fft.rfft(x, padded)), 0.0)
     best, half_step = float(frequencies[int(np.argmax(power))]), 0.5 / duration
     bounds = (max(best - half_step, 0.1 * best), best + half_step)

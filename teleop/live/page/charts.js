@@ -26,6 +26,11 @@ function estimated(estimators, key, columns) {
   }));
 }
 
+// Return unit, factor from SI and digits of a quantity of the message `welcome`.
+function shown({ unit, factor, decimals }) {
+  return { unit, factor, digits: decimals };
+}
+
 function levels(values, style, text) {
   return values.filter(Number.isFinite).map((value) => ({ value, text, ...style }));
 }
@@ -36,9 +41,10 @@ export function charts(welcome, trial) {
   const truth = (trial && trial.truth) || {};
   const force = [limits.soft_force, limits.hard_force].filter(Number.isFinite);
   const position = limits.soft_position || [];
+  const { k, b, position: length, velocity: speed, force: load } = welcome.quantities;
   return [
     {
-      id: "position", title: "position", unit: "mm", factor: 1e3, digits: 1, share: 1.5, scale: new Scale(2),
+      id: "position", title: "position", ...shown(length), share: 1.5, scale: new Scale(0.002 * length.factor),
       traces: [
         ...(trial && trial.target ? [{ ...line("target", "target", "target", 4), marker: "target-marker" }] : []),
         line("master_position", "muted", "handle", 1.3, [3, 3]),
@@ -47,7 +53,7 @@ export function charts(welcome, trial) {
       levels: levels(position, LIMIT, "soft limit"),
     },
     {
-      id: "force", title: "contact force", unit: "N", factor: 1, digits: 1, share: 1.1, scale: new Scale(2),
+      id: "force", title: "contact force", ...shown(load), share: 1.1, scale: new Scale(2 * load.factor),
       traces: [line("contact_force", "force", "contact force")],
       levels: [
         ...levels(force.slice(0, 1), LIMIT, "soft limit"),
@@ -55,12 +61,12 @@ export function charts(welcome, trial) {
       ],
     },
     {
-      id: "velocity", title: "velocity", unit: "mm/s", factor: 1e3, digits: 0, share: 0.8, scale: new Scale(10),
+      id: "velocity", title: "velocity", ...shown(speed), share: 0.8, scale: new Scale(0.01 * speed.factor),
       traces: [line("slave_velocity", "velocity", "velocity", 1.6)],
       levels: levels([limits.max_velocity, -limits.max_velocity], LIMIT, "soft limit"),
     },
     {
-      id: "stiffness", title: "stiffness k", unit: "N/m", factor: 1, digits: 0, share: 1.5, scale: new Scale(100),
+      id: "stiffness", title: "stiffness k", ...shown(k), share: 1.5, scale: new Scale(100 * k.factor),
       traces: estimated(welcome.estimators, "k", welcome.columns),
       levels: [
         ...levels([truth.k_surface], TRUTH, "true at the surface"),
@@ -69,7 +75,7 @@ export function charts(welcome, trial) {
       robust: true,
     },
     {
-      id: "damping", title: "damping b", unit: "N s/m", factor: 1, digits: 0, share: 1, scale: new Scale(20),
+      id: "damping", title: "damping b", ...shown(b), digits: Math.max(b.decimals - 1, 0), share: 1, scale: new Scale(20 * b.factor),
       traces: estimated(welcome.estimators, "b", welcome.columns),
       levels: levels([truth.b], TRUTH, "true"),
       robust: true,

@@ -35,6 +35,7 @@ export class Estimates {
       for (const key of ["k", "b", "k_std", "b_std", "held", "misfit"]) columns[key] = name(estimator[key]);
       return { estimator: estimator.name, row, cells, columns };
     });
+    this.quantities = welcome.quantities;
     this.body.replaceChildren(...this.rows.map((one) => one.row));
   }
 
@@ -44,7 +45,7 @@ export class Estimates {
       const newest = store.newest(columns.k);
       const last = (key) => (newest >= 0 && columns[key] ? store.column(columns[key]).at(newest) : NaN);
       for (const [i, key] of ["k", "b"].entries()) {
-        const [value, half] = withInterval(last(key), 1.96 * last(`${key}_std`));
+        const [value, half] = withInterval(last(key), 1.96 * last(`${key}_std`), this.quantities[key]);
         const strong = document.createElement("b");
         strong.textContent = value;
         const interval = document.createElement("span");
@@ -63,7 +64,8 @@ export class Estimates {
   sentence() {
     if (!this.rows.length) return "";
     const { estimator, columns } = this.rows[0];
-    const [value, half] = withInterval(this.store.last(columns.k), 1.96 * this.store.last(columns.k_std));
-    return value === "–" ? "" : `${estimator}: k ${value} ${half.replace("±", "plus or minus")} N/m`;
+    const { k } = this.quantities;
+    const [value, half] = withInterval(this.store.last(columns.k), 1.96 * this.store.last(columns.k_std), k);
+    return value === "–" ? "" : `${estimator}: k ${value} ${half.replace("±", "plus or minus")} ${k.unit}`;
   }
 }

@@ -9,11 +9,15 @@ export function fixed(value, digits = 0) {
   return Number(text) === 0 ? text.replace("-", "") : text.replace("-", MINUS);
 }
 
-// Return a value and the half width of its 95 % interval as texts, with at most one decimal place.
-export function withInterval(value, half) {
+// Return an SI value and the half width of its 95 % interval as texts, in the unit of a quantity of the message
+// `welcome`, with at most its decimal places.
+export function withInterval(value, half, { factor, decimals }) {
+  value *= factor;
+  half *= factor;
+  const most = Math.max(decimals, 1);
   if (!Number.isFinite(value)) return ["–", ""];
   if (!Number.isFinite(half)) return [fixed(value, Math.abs(value) < 10 ? 1 : 0), ""];
-  const digits = half > 0 ? Math.min(Math.max(1 - Math.floor(Math.log10(half)), 0), 1) : 1;
+  const digits = half > 0 ? Math.min(Math.max(1 - Math.floor(Math.log10(half)), 0), most) : most;
   return [fixed(value, digits), half >= 1e5 ? "± >99999" : `± ${fixed(half, digits)}`];
 }
 

@@ -53,6 +53,8 @@ function build() {
   if (!welcome) return;
   strips.build(welcome, trial);
   estimates.build(welcome);
+  for (const [symbol, { unit }] of Object.entries(welcome.quantities))
+    for (const place of document.querySelectorAll(`[data-unit="${symbol}"]`)) place.textContent = `[${unit}]`;
   plane.build(welcome);
   tool.build(trial);
   byId("cue-panel").hidden = !strips.preview;
@@ -71,7 +73,7 @@ connection.on("trial", (message) => {
   build();
 });
 connection.on("summary", (message) => {
-  byId("summary-body").replaceChildren(...summaryParts(message));
+  byId("summary-body").replaceChildren(...summaryParts(message, welcome.quantities));
   byId("summary").show();
 });
 connection.on("closed", () => pointer.release());

@@ -25,7 +25,8 @@ function paragraph(text) {
 }
 
 // Return the elements of the page that show the result. `summary` is the document that `teleop run --json` prints.
-export function summaryParts(summary) {
+// `k` and `b` are quantities of the message `welcome`.
+export function summaryParts(summary, { k, b }) {
   const parts = [];
   const fault = summary.safety && summary.safety.fault;
   if (fault) parts.push(paragraph(`Stopped by a fault: ${fault.text || fault}`));
@@ -33,13 +34,13 @@ export function summaryParts(summary) {
   if (estimates.length) {
     const rows = estimates.map(([name, e]) => [
       name,
-      withInterval(e.k_end, e.k_interval).join(" "),
-      withInterval(e.b_end, e.b_interval).join(" "),
+      withInterval(e.k_end, e.k_interval, k).join(" "),
+      withInterval(e.b_end, e.b_interval, b).join(" "),
       percent(e.held),
       percent(e.misfit),
     ]);
     parts.push(paragraph("Estimates at the end, with 95 % intervals"));
-    parts.push(table(["", "k [N/m]", "b [N s/m]", "held", "misfit"], rows));
+    parts.push(table(["", `k [${k.unit}]`, `b [${b.unit}]`, "held", "misfit"], rows));
   }
   const tracking = summary.tracking;
   if (tracking) {

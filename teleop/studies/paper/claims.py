@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from estimation.quantities import STIFFNESS
 from sim_backend import CUBES
 from teleop.studies.paper.table1 import CONDITIONS, ESTIMATORS
 from teleop.studies.paper.trials import Damping, Outcome, as_rows
@@ -164,8 +165,8 @@ def stiffness_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[C
         for e in ESTIMATORS
     )
     falls = [
-        f"{cube}: {cell['free', cube, 'rls']['k']:.0f} to "
-        f"{cell['autonomous', cube, 'rls']['k']:.0f} N/m"
+        f"{cube}: {STIFFNESS.number(cell['free', cube, 'rls']['k'])} to "
+        f"{STIFFNESS.text(cell['autonomous', cube, 'rls']['k'])}"
         for cube in CUBES
     ]
     held = all(

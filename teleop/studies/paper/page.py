@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from markupsafe import Markup
 
+from estimation.quantities import FORCE_ERROR
 from sim_backend import CUBES
 from teleop.output.effects_table import effect_cells
 from teleop.output.estimate_tables import RMS_RATIO
@@ -15,7 +16,7 @@ from teleop.studies.anova import Effect
 from teleop.studies.paper.claims import Claim
 from teleop.studies.paper.methods import MethodResult
 from teleop.studies.paper.study import RESPONSES, finding
-from teleop.studies.paper.table1 import CONDITIONS, ESTIMATORS, is_calibrated, table1
+from teleop.studies.paper.table1 import CONDITIONS, ESTIMATORS, TABLE_1, is_calibrated, table1
 from teleop.studies.paper.trials import Outcome, SlowTrial
 
 TITLE = "Techniques for environment parameter estimation during telemanipulation, reproduced"
@@ -88,11 +89,11 @@ def table_one(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, list[dict[str,
                 calibrated = is_calibrated(condition, estimator)
                 cells += [
                     {
-                        "ours": f"{ours[name]:.{digits}f}",
-                        "paper": f"{getattr(paper, name):.{digits}f}",
-                        "calibrated": calibrated and name != "e_f",
+                        "ours": one.number(ours[one.symbol]),
+                        "paper": one.number(getattr(paper, one.symbol)),
+                        "calibrated": calibrated and one is not FORCE_ERROR,
                     }
-                    for name, digits in (("b", 1), ("k", 0), ("e_f", 2))
+                    for one in TABLE_1
                 ]
             yield f"{condition} {estimator.upper()}", cells
 
@@ -173,6 +174,7 @@ def reproduction_page(
         __package__,
         title=TITLE,
         cubes=list(CUBES),
+        headings=[one.heading for one in TABLE_1],
         table_one=table_one(outcomes),
         claims=claims,
         figures=figures,

@@ -7,8 +7,11 @@ from functools import cache
 from importlib.resources import files
 from typing import NamedTuple
 
+from estimation.quantities import DAMPING, FORCE_ERROR, STIFFNESS
 from teleop.names import ConditionName
 
+TABLE_1 = (DAMPING, STIFFNESS, FORCE_ERROR)
+"""Columns of Table I."""
 ESTIMATORS = ("rls", "ai", "me")
 """Estimators of the paper: recursive least squares, adaptive identification, multi-estimator."""
 

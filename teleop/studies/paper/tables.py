@@ -8,7 +8,9 @@ from typing import Any
 
 from rich import box
 
-from teleop.output.console import TrimmedTable, number, plain_console
+from estimation.quantities import FORCE_ERROR
+from teleop.output.console import TrimmedTable, plain_console
+from teleop.studies.paper.table1 import TABLE_1
 
 
 def print_reproduction(summary: Mapping[str, Any]) -> None:
@@ -30,21 +32,22 @@ def print_reproduction(summary: Mapping[str, Any]) -> None:
             box=box.SIMPLE_HEAD,
             title_style="bold",
         )
-        for heading in ("", "b [N s/m]", "(paper)", "k [N/m]", "(paper)", "e_f [N]", "(paper)"):
-            table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
+        table.add_column("", justify="left", no_wrap=True)
+        for quantity in TABLE_1:
+            for heading in (quantity.heading, "(paper)"):
+                table.add_column(heading, justify="right", no_wrap=True)
         for row in summary["trials"]:
             if row["cube"] != cube:
                 continue
             paper, mark = row["paper"], "*" if row["calibrated"] else " "
-            table.add_row(
-                f"{row['condition']} {row['estimator']}",
-                number(row["b"], 1) + mark,
-                f"({paper['b']:.1f})",
-                number(row["k"], 0) + mark,
-                f"({number(paper['k'], 0)})",
-                number(row["e_f"], 2),
-                f"({paper['e_f']:.2f})",
-            )
+            cells = []
+            for one in TABLE_1:
+                marked = mark if one is not FORCE_ERROR else ""
+                cells += [
+                    one.number(row[one.symbol]) + marked,
+                    f"({one.number(paper[one.symbol])})",
+                ]
+            table.add_row(f"{row['condition']} {row['estimator']}", *cells)
         console.print(table)
     for claim in summary["claims"]:
         style = "green" if claim["holds"] else "yellow"

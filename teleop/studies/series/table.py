@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.input_file import open_input
+from estimation.quantities import DAMPING, FORCE_ERROR, STIFFNESS
 from teleop.evaluation.teleoperation.tracking import COLUMNS as TRACKING
 from teleop.files import encoded, unreadable, write_text
 from teleop.studies.series.journal import Journal
@@ -16,13 +17,13 @@ from teleop.studies.series.trials import PlannedTrial
 
 NAME = "trials.csv"
 RESULTS = {
-    "k": "k [N/m]",
-    "b": "b [N s/m]",
-    "k_end": "k at the end [N/m]",
-    "k_interval": "k at the end, half of the 95 % interval [N/m]",
-    "b_end": "b at the end [N s/m]",
-    "b_interval": "b at the end, half of the 95 % interval [N s/m]",
-    "e_f": "e_f [N]",
+    "k": STIFFNESS.column,
+    "b": DAMPING.column,
+    "k_end": f"k at the end [{STIFFNESS.si}]",
+    "k_interval": f"k at the end, half of the 95 % interval [{STIFFNESS.si}]",
+    "b_end": f"b at the end [{DAMPING.si}]",
+    "b_interval": f"b at the end, half of the 95 % interval [{DAMPING.si}]",
+    "e_f": FORCE_ERROR.column,
     "one_step_rms": "one-step rms [N]",
     "rise_time_s": "rise time [s]",
     "held": "held",

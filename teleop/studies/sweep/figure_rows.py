@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from estimation.quantities import RESULTS as QUANTITIES
 from teleop.errors import InputError
 from teleop.output.sweep_figures import SweepRows
 from teleop.studies.series.table import RESULTS
@@ -37,11 +38,13 @@ def read_rows(path: Path, factors: Sequence[str], response: str) -> SweepRows:
         rows = [row for row in csv.DictReader(file) if math.isfinite(float(row[heading] or "nan"))]
     if not rows:
         raise InputError(f"{path}: no point has a value of {heading}: nothing to plot")
+    # The table has SI units, the figure the unit in which the quantity is shown.
+    quantity = QUANTITIES.get(response)
     return SweepRows(
         {name: values_of([row[name] for row in rows]) for name in factors},
         np.array([row[ESTIMATOR] for row in rows]),
-        np.array([float(row[heading]) for row in rows]),
-        heading,
+        np.array([float(row[heading]) for row in rows]) * (quantity.factor if quantity else 1.0),
+        quantity.heading if quantity else heading,
     )
 
 

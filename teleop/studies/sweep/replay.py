@@ -12,14 +12,14 @@ from typing import Any
 
 from estimation import Model
 from teleop.errors import InputError
-from teleop.evaluation.online.conditioned import Conditioned, conditioned
+from teleop.evaluation.online.conditioned import ConditionedSamples, conditioned
 from teleop.evaluation.online.datum import OWN_ZERO
 from teleop.evaluation.reading.recorded import recorded_signals
 from teleop.recording.recording import load
 from teleop.settings.configuration import as_recorded_now
-from teleop.settings.documents import DERIVED
+from teleop.settings.problems import DERIVED
 from teleop.settings.trial_settings import TrialSettings
-from teleop.trial.averaged import recorded_part
+from teleop.trial.recorded_trial import recorded_part
 
 
 class RecordedTrial:
@@ -50,9 +50,9 @@ class RecordedTrial:
         self.averaged = recorded_part(recording)
         """The part of the trial over which the estimates are averaged."""
         self._signals = recorded_signals(recording)
-        self._known: dict[tuple[str, float, float, Model], Conditioned] = {}
+        self._known: dict[tuple[str, float, float, Model], ConditionedSamples] = {}
 
-    def conditioned(self, settings: TrialSettings) -> Conditioned:
+    def conditioned(self, settings: TrialSettings) -> ConditionedSamples:
         """Return the samples of the trial after the filters that the settings state.
 
         The result is kept for later calls with the same settings of the filters. The caller must

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
+from estimation.quantities import DAMPING, STIFFNESS
 from estimation.summary import summarise
 from teleop.errors import InputError, SafetyStop
 from teleop.settings.configuration import settings_from
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 CHECKED = 100
 """Approximate number of points that are checked before a sweep begins; see `evenly`."""
-TRUTH = {"k_deepest": "true k [N/m]", "b": "true b [N s/m]"}
+TRUTH = {"k_deepest": f"true {STIFFNESS.column}", "b": f"true {DAMPING.column}"}
 """Headings of the columns with true values of a simulated trial, by the key in its summary."""
 SEED, ESTIMATOR = "seed", "estimator"
 """Headings of the columns with the seed of the trial and the name of the estimator."""

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from estimation.compiled import numbers
 from estimation.methods.conditional_update import ConditionalUpdate
 from estimation.methods.recursive_least_squares import RecursiveLeastSquares
 from estimation.methods.ud_factors import WINDUP
-from estimation.records import numbers
 
 P0 = (1.6e7, 4e8)
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from estimation.compiled import numbers
 from estimation.methods.constant_trace import ConstantTrace
 from estimation.model import WITH_DATUM
-from estimation.records import numbers
 
 P0 = (1.6e7, 4e8)
 

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from estimation.compiled import numbers
 from estimation.methods.directional_forgetting import DirectionalForgetting
 from estimation.methods.recursive_least_squares import RecursiveLeastSquares
 from estimation.methods.ud_factors import WINDUP
-from estimation.records import numbers
 
 P0 = (1.6e7, 4e8)
 

@@ -9,8 +9,8 @@ from filterpy.kalman import KalmanFilter
 from statsmodels.regression.recursive_ls import RecursiveLS
 
 from estimation import RecursiveLeastSquares
+from estimation.compiled import numbers
 from estimation.model import WITH_DATUM
-from estimation.records import numbers
 
 P0 = (1.6e7, 4e8)
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from estimation.compiled import numbers
 from estimation.methods.recursive_least_squares import RecursiveLeastSquares
 from estimation.methods.subspace_forgetting import SubspaceForgetting
 from estimation.model import WITH_DATUM
-from estimation.records import numbers
 
 P0 = (1.6e7, 4e8)
 

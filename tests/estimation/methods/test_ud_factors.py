@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from estimation.compiled import numbers
 from estimation.linear_gain import linear_gain_state
 from estimation.methods.ud_factors import (
     FactoredParameters,
@@ -18,7 +19,6 @@ from estimation.methods.ud_factors import (
     update_covariance,
     variance,
 )
-from estimation.records import numbers
 
 CASES = given(m=st.integers(2, 5), seed=st.integers(0, 2**32 - 1), size=st.floats(-6.0, 6.0))
 

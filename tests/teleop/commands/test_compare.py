@@ -20,7 +20,7 @@ from estimation.summary import EstimatorSummary
 from teleop.cli import main
 from teleop.evaluation.across.comparison import Compared, tidy_rows
 from teleop.evaluation.across.groups import grouped, ranks_of
-from teleop.evaluation.batch.result import Result
+from teleop.evaluation.batch.stiffness_result import StiffnessResult
 from teleop.output.comparison_tables import group_table, print_comparison, published_table
 
 PLAN = """
@@ -115,7 +115,9 @@ def two_kinds_of_damping():
         for i, (cube, b, frequency) in enumerate(
             [("soft", 3.0, 1.0), ("soft", 5.0, 1.0), ("hard", 3.0, 1.0), ("hard", 9.0, None)]
         )
-        for one in [Result(1e3, 990.0, 1010.0, b, b - 1.0, b + 1.0, True, damping_at_hz=frequency)]
+        for one in [
+            StiffnessResult(1e3, 990.0, 1010.0, b, b - 1.0, b + 1.0, True, damping_at_hz=frequency)
+        ]
     ]
 
 
@@ -142,7 +144,7 @@ def test_damping_of_two_kinds_has_no_mean_and_a_note(capsys):
 def results_of_one_body(b, half, remark, frequency=1.0):
     """Return results of three recordings whose values differ less than their intervals."""
     return [
-        Result(
+        StiffnessResult(
             *(1e3, 990.0, 1010.0, value, value - half, value + half, True, (remark,)),
             force=20.0 + i,
             depth=8e-3 + 1e-3 * i,
@@ -173,7 +175,7 @@ def test_a_row_states_from_where_the_depth_of_a_result_is_measured():
 
 def test_values_of_models_with_further_parameters_are_of_another_kind():
     with_k3 = summarised(800.0, 2.0, 0.1)._replace(further={"k3": 1e6})
-    one = Result(1e3, 990.0, 1010.0, 3.0, 2.0, 4.0, True, damping_at_hz=1.0)
+    one = StiffnessResult(1e3, 990.0, 1010.0, 3.0, 2.0, 4.0, True, damping_at_hz=1.0)
     rows = [
         Compared("0.mcap", {}, one, {"rls": summarised(900.0, 2.0, 0.1)}, force_lag=2.66e-3),
         Compared("1.mcap", {}, one, {"rls": with_k3}),
@@ -242,14 +244,14 @@ def test_the_notes_state_force_depth_and_frequency_at_which_the_results_of_each_
         "soft: k at 20.0 to 22.0 N, 8.00 to 10.0 mm from the lowest position, b at 1.00 Hz; "
         "hard: k at 20.0 to 22.0 N, 8.00 to 10.0 mm from the lowest position."
     )
-    without = [Compared("1.mcap", {}, Result(reasons=("no contact",)), {})]
+    without = [Compared("1.mcap", {}, StiffnessResult(reasons=("no contact",)), {})]
     notes = group_table(grouped(without, [], {}), []).notes
     assert not any(text.startswith("Force") for _, text in notes)
 
 
 def test_damping_that_a_recording_does_not_determine_has_no_value_and_no_kind(capsys):
     tiny = 1e-300
-    result = Result(1e3, 990.0, 1010.0, 0.0, -tiny, tiny, True)
+    result = StiffnessResult(1e3, 990.0, 1010.0, 0.0, -tiny, tiny, True)
     rows = [Compared(f"{i}.mcap", {"cube": "soft"}, result, {}) for i in range(2)]
     groups = grouped(rows, ["cube"], {})
     table = group_table(groups, ["cube"])
@@ -410,13 +412,15 @@ def test_a_table_is_written_as_csv_latex_and_markdown(series, tmp_path, capsys):
 
 def test_the_tables_of_the_paper_are_not_divided_in_80_columns(monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "80")
-    result = Result(49057.0, 45870.0, 52244.0, -10.85, -11.69, -10.01, True, force=25.4, depth=8e-4)
+    result = StiffnessResult(
+        49057.0, 45870.0, 52244.0, -10.85, -11.69, -10.01, True, force=25.4, depth=8e-4
+    )
     estimates = {"rls": summarised(27024.7, -398.2, 0.5857)}
     rows = [
         Compared(f"P/recordings/00{i}-s01-autonomous-{cube}-1-1.mcap", levels, one, estimates)
         for i, cube in enumerate(("soft", "medium", "hard"))
         for levels in [{"condition": "autonomous", "cube": cube}]
-        for one in [Result(reasons=("no contact",)) if cube == "hard" else result]
+        for one in [StiffnessResult(reasons=("no contact",)) if cube == "hard" else result]
     ]
     by = ["condition", "cube"]
     print_comparison(rows, grouped(rows, by, {}), by)
@@ -433,8 +437,10 @@ def test_shared_remarks_are_printed_once_with_their_hint_and_others_with_the_fil
 ):
     monkeypatch.setenv("COLUMNS", "80")
     remarks = [("negative", "one is 1"), ("negative", "one is 2"), ("negative",)]
-    results = [Result(1.0, 0.9, 1.1, -1.0, -1.1, -0.9, True, one, ("lag",)) for one in remarks]
-    results.append(Result(reasons=("no contact",), hints=("touch",)))
+    results = [
+        StiffnessResult(1.0, 0.9, 1.1, -1.0, -1.1, -0.9, True, one, ("lag",)) for one in remarks
+    ]
+    results.append(StiffnessResult(reasons=("no contact",), hints=("touch",)))
     rows = [Compared(f"{i}.mcap", {"cube": "soft"}, one, {}) for i, one in enumerate(results)]
     print_comparison(rows, grouped(rows, ["cube"], {}), ["cube"])
     lines = capsys.readouterr().out.splitlines()
@@ -450,7 +456,7 @@ def test_shared_remarks_are_printed_once_with_their_hint_and_others_with_the_fil
 
 def test_the_comparison_of_one_recording_prints_its_remarks_with_their_numbers(capsys):
     remark = "bad fit: 12% of the force variance in contact is not explained"
-    result = Result(1.0, 0.9, 1.1, -1.0, -1.1, -0.9, True, (remark,))
+    result = StiffnessResult(1.0, 0.9, 1.1, -1.0, -1.1, -0.9, True, (remark,))
     row = Compared("1.mcap", {"cube": "soft"}, result, {})
     print_comparison([row], grouped([row], ["cube"], {}), ["cube"])
     assert f"1.mcap: {remark}" in " ".join(capsys.readouterr().out.split())

@@ -14,7 +14,7 @@ from teleop.control.excitation_signals import Sine
 from teleop.output.settings_rows import value_text
 from teleop.recording.recording import load
 from teleop.settings.trial_settings import TrialSettings
-from teleop.trial.performed import performed
+from teleop.trial.recorded_trial import performed
 
 from ..html_page import Page
 

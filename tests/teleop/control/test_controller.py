@@ -18,7 +18,7 @@ from teleop.control.clock import Tick, VirtualClock
 from teleop.control.conditions import Teleoperation
 from teleop.control.controller import Controller
 from teleop.control.coupling import Coupling
-from teleop.control.estimation import Estimation
+from teleop.control.estimates import Estimation
 from teleop.control.link import DirectLink
 from teleop.control.tare import NO_TARE, Tare
 from teleop.recording.message import Layout

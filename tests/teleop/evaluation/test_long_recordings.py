@@ -35,7 +35,7 @@ from teleop.recording import recovery, stream
 from teleop.recording.mcap_reader import read_intact
 from teleop.recording.recording import load
 from teleop.recording.recovery import messages, write_contents
-from teleop.trial.averaged import recorded_part
+from teleop.trial.recorded_trial import recorded_part
 
 
 @pytest.fixture(scope="module")

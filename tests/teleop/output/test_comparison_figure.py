@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from teleop.evaluation.across.comparison import Compared
 from teleop.evaluation.across.groups import grouped
-from teleop.evaluation.batch.result import Result
+from teleop.evaluation.batch.stiffness_result import StiffnessResult
 from teleop.output.comparison_figure import comparison_figure
 from teleop.output.comparison_scales import set_scale
 
@@ -24,14 +24,14 @@ SIZE = {"soft": (2400.0, -10.0), "medium": (6000.0, -60.0), "hard": (49000.0, -1
 
 def compared(condition, cube, scale=1.0):
     k, b = (scale * value for value in SIZE[cube])
-    result = Result(k, 0.9 * k, 1.1 * k, b, 1.1 * b, 0.9 * b, True)
+    result = StiffnessResult(k, 0.9 * k, 1.1 * k, b, 1.1 * b, 0.9 * b, True)
     return Compared(f"{condition}-{cube}.mcap", {"condition": condition, "cube": cube}, result, {})
 
 
 def figure_of(cubes, conditions=("free", "mimic"), by=BY, missing=()):
     rows = [compared(x, cube, 1.0 + 0.1 * i) for i, x in enumerate(conditions) for cube in cubes]
     rows += [
-        Compared(f"{cube}.mcap", {"condition": x, "cube": cube}, Result(), {})
+        Compared(f"{cube}.mcap", {"condition": x, "cube": cube}, StiffnessResult(), {})
         for x, cube in missing
     ]
     return comparison_figure(rows, grouped(rows, by, {}), by)

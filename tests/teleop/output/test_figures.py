@@ -18,8 +18,7 @@ from estimation.figure_style import (
     figure_style,
     line,
 )
-from estimation.figures import TOGETHER, Truth, estimates_figure
-from estimation.force_figure import force_figure
+from estimation.figures import TOGETHER, Truth, estimates_figure, force_figure
 from teleop.evaluation.evaluate import EstimateSettings, evaluate
 from teleop.evaluation.reading.signals import Signals
 from teleop.output.figure_files import save

@@ -14,9 +14,9 @@ from estimation import MatchedFilter
 from teleop.cli import main
 from teleop.errors import InputError
 from teleop.evaluation.evaluate import evaluate
+from teleop.evaluation.online.conditioned import PiecewiseConditioner
 from teleop.evaluation.reading.recorded import RecordedSamples, recorded_settings, recorded_signals
 from teleop.evaluation.reading.samples import is_replayed
-from teleop.evaluation.reading.sampling_gaps import PiecewiseConditioner
 from teleop.evaluation.reading.signals import Signals, periods, read_signals
 from teleop.evaluation.settings import EstimateSettings
 from teleop.recording.gaps import GapFinder, missing_text, missing_ticks

@@ -17,9 +17,9 @@ from teleop.settings.configuration import read_configuration
 from teleop.settings.documents import from_document, to_document
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.assembly import make_simulated_rig
+from teleop.trial.recorded_trial import recorded_truth
 from teleop.trial.result import Trial
 from teleop.trial.run import run_trial
-from teleop.trial.true_values import recorded_truth
 
 SETTINGS = TrialSettings(
     condition="autonomous", clock="virtual", duration=1.0, estimators=("rls",), seed=7

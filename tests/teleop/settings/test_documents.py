@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from drivers.rig_file import read_rig_file
 from estimation import MODELS, paper_preset
-from estimation.own_settings import OwnSettings
+from estimation.method_settings import OwnSettings
 from sim_backend import (
     RIGID,
     Changing,

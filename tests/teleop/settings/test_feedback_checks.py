@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -20,8 +19,8 @@ from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.errors import InputError
 from teleop.settings.configuration import read_configuration, write_configuration
+from teleop.settings.documents import from_document
 from teleop.settings.feedback_checks import (
-    PASSIVITY_OFFERED,
     arm_damping,
     check_feedback,
     delayed_loop,
@@ -165,7 +164,7 @@ def test_on_a_rig_the_arm_is_not_assumed_to_damp():
             assert check_feedback(trial) == ""
 
 
-@pytest.mark.parametrize("law", ["none", "position-force", "passivity"])
+@pytest.mark.parametrize("law", ["none", "position-force"])
 def test_a_law_without_a_model_approaches_by_the_expected_stiffness_of_the_specimen(law):
     simulated = settings(law, ChannelSettings(0.05))
     at_aim = simulated.setup.cube.k1 + 3.0 * simulated.setup.cube.k3 * (4.6e-3) ** 2
@@ -195,27 +194,19 @@ def test_a_configuration_with_unstable_feedback_is_refused(tmp_path, refused):
     assert "unstable" in refused("config", "check", file)
 
 
-def test_passivity_control_is_offered_only_where_all_trials_were_stable(refused):
-    line = refused(*RUN, "--cube", "hard", "--feedback", "passivity")
-    assert "not stable in all tests" in line
-    with (ROOT / "benchmarks" / "results" / "feedback-passivity.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    for cube, (shortest, longest) in PASSIVITY_OFFERED.items():
-        offered = [
-            row
-            for row in rows
-            if row["cube"] == cube and shortest <= float(row["round_trip"]) <= longest
-        ]
-        assert len(offered) >= 20 * 3 * 2
-        assert all(row["stable"] == "True" for row in offered)
-        for trip in (shortest, longest):
-            check_feedback(settings("passivity", ChannelSettings(0.5 * trip), cube=cube))
-
-
-def test_passivity_control_is_refused_without_a_delay(refused):
-    line = refused(*RUN, "--feedback", "passivity")
-    assert "round trip of 0 ms" in line
-    assert "expected the soft cube of the simulated rig with a round trip of 50 to 500 ms" in line
+def test_a_removed_law_is_refused_but_its_recordings_are_evaluated(tmp_path, refused):
+    of_before = settings("passivity", ChannelSettings(0.05), duration=0.5)
+    with pytest.raises(InputError, match="feedback passivity: is not in this version"):
+        run_trial(of_before)
+    file = tmp_path / "trial.toml"
+    file.write_text(write_configuration(of_before))
+    assert "expected one of none, position-force, model-mediated" in refused(
+        "run", "--config", file
+    )
+    present = replace(of_before, feedback=FeedbackSettings("position-force"))
+    document = run_trial(present).recording.settings
+    document["feedback"]["law"] = "passivity"
+    assert from_document(document) == of_before
 
 
 @pytest.mark.parametrize(

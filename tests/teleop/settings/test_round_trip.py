@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from estimation import MODELS
-from estimation.own_settings import OwnSettings
+from estimation.method_settings import OwnSettings
 from sim_backend import OperatorModel, Sensors
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.channel import ChannelSettings

@@ -13,7 +13,7 @@ from teleop.cli import main
 from teleop.evaluation.settings import WHOLE
 from teleop.output.trial_tables import print_trial
 from teleop.settings.trial_settings import TrialSettings
-from teleop.trial.averaged import averaged_part, recorded_part
+from teleop.trial.recorded_trial import averaged_part, recorded_part
 from teleop.trial.run import run_trial
 
 SETTINGS = TrialSettings(clock="virtual", duration=5.0, estimators=("rls", "me"))

@@ -50,7 +50,7 @@ TRIALS = {
     "free": [
         ("none", "soft", False),
         ("model-mediated", "medium", True),
-        ("passivity", "soft", False),
+        ("position-force", "soft", False),
     ],
     "mimic": [("none", "hard", False), ("position-force", "soft", False)],
     "autonomous": [("none", "medium", False)],

@@ -22,8 +22,8 @@ from teleop.recording.recording import load
 from teleop.recording.recording_file import RecordingFile, recorded_ticks
 from teleop.recording.recovery import messages, write_contents
 from teleop.settings.trial_settings import TrialSettings
+from teleop.trial.recorded_trial import tracked_ticks
 from teleop.trial.run import run_trial
-from teleop.trial.tracked import tracked_ticks
 
 STIFFENING = MODELS["stiffening"]
 QUICK = TrialSettings(clock="virtual", duration=2.0, seed=2)

@@ -195,7 +195,7 @@ def test_the_hand_of_a_stiffer_arm_follows_its_intention_with_more_force():
 
 
 def test_position_coupling_keeps_the_slave_closer_to_the_master():
-    from teleop.commands.choices import make_coupling
+    from teleop.commands.trial_options import make_coupling
 
     lag = {}
     for name in ("velocity", "position"):

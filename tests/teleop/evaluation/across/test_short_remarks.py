@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from teleop.evaluation.across.groups import remark_counts, short
-from teleop.evaluation.batch.result import Result
+from teleop.evaluation.batch.stiffness_result import StiffnessResult
 
 
 @pytest.mark.parametrize(
@@ -48,12 +48,14 @@ def test_a_short_remark_has_no_numbers(remark, expected):
 
 @given(st.lists(st.integers(0, 999), min_size=1, max_size=5))
 def test_remarks_that_differ_in_their_numbers_are_counted_together(sizes):
-    results = [Result(reasons=(f"adhesion: the force falls by {size} N",)) for size in sizes]
+    results = [
+        StiffnessResult(reasons=(f"adhesion: the force falls by {size} N",)) for size in sizes
+    ]
     assert remark_counts(results) == {"adhesion": len(sizes)}
 
 
 def test_a_result_is_counted_once_for_each_remark():
-    one = Result(reasons=("bad fit: 12%", "bad fit: 13%", "negative"))
+    one = StiffnessResult(reasons=("bad fit: 12%", "bad fit: 13%", "negative"))
     assert remark_counts([one, replace(one, reasons=("negative",))]) == {
         "bad fit": 1,
         "negative": 2,

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from teleop.cli import main
-from teleop.evaluation.batch.motion import motion_of
-from teleop.evaluation.batch.prepared import prepare
+from teleop.evaluation.batch.analysis import motion_of
+from teleop.evaluation.batch.smoothed_record import smoothed_signals
 from teleop.evaluation.evaluate import evaluate
 from teleop.evaluation.reading.signals import Signals
 from teleop.evaluation.settings import EstimateSettings
@@ -100,7 +100,7 @@ def test_a_contact_has_its_models_and_lines():
 @pytest.mark.parametrize("k", [0.0, 500.0])
 @pytest.mark.parametrize(("frequency", "amplitude"), [(0.7, 1e-3), (2.0, 3e-3)])
 def test_frequency_and_amplitude_are_those_of_the_sine(k, frequency, amplitude):
-    motion = motion_of(prepare(signals(frequency, amplitude, k)))
+    motion = motion_of(smoothed_signals(signals(frequency, amplitude, k)))
     assert motion.frequency_hz == pytest.approx(frequency, rel=0.01)
     assert motion.amplitude_m == pytest.approx(amplitude, rel=0.01)
     assert motion.travel_m == pytest.approx(2.0 * amplitude, rel=0.01)
@@ -108,7 +108,9 @@ def test_frequency_and_amplitude_are_those_of_the_sine(k, frequency, amplitude):
 
 def test_a_ramp_has_a_travel_and_no_frequency():
     x = 1e-3 * np.minimum(T, 4.0)
-    motion = motion_of(prepare(Signals(T, x, 500.0 * x + NOISE, np.full(T.size, 4e-3), "x")))
+    motion = motion_of(
+        smoothed_signals(Signals(T, x, 500.0 * x + NOISE, np.full(T.size, 4e-3), "x"))
+    )
     assert math.isnan(motion.frequency_hz)
     assert motion.travel_m == pytest.approx(4e-3, rel=0.01)
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from estimation.robust_error import robust_fit
 from estimation.smoothing import slope, smooth
 from teleop.evaluation.batch.analysis import analyse
-from teleop.evaluation.batch.result import Result
+from teleop.evaluation.batch.stiffness_result import StiffnessResult
 from teleop.evaluation.evaluate import evaluate
 from teleop.evaluation.reading.signals import Signals, periods
 from teleop.evaluation.settings import EstimateSettings
@@ -31,7 +31,7 @@ def signals(t, x, f) -> Signals:
     return Signals(t, x, f, periods(t), "position")
 
 
-def result(t, x, f) -> Result:
+def result(t, x, f) -> StiffnessResult:
     return analyse(signals(t, x, f)).result
 
 

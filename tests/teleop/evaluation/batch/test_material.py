@@ -8,14 +8,16 @@ from hypothesis import strategies as st
 
 from teleop.errors import InputError
 from teleop.evaluation.batch.material import Indenter, elastic_modulus
-from teleop.evaluation.batch.result import Result
+from teleop.evaluation.batch.stiffness_result import StiffnessResult
 
 DEPTH = 2e-3
 SPHERE, CONE = Indenter("sphere", radius=5e-3), Indenter("cone", angle=0.8)
 
 
-def result(k_error: float, depth_error: float) -> Result:
-    return Result(500.0, 500.0 - k_error, 500.0 + k_error, depth=DEPTH, depth_error=depth_error)
+def result(k_error: float, depth_error: float) -> StiffnessResult:
+    return StiffnessResult(
+        500.0, 500.0 - k_error, 500.0 + k_error, depth=DEPTH, depth_error=depth_error
+    )
 
 
 def relative_interval(

@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from teleop.evaluation.batch.analysis import Analysis, analyse
-from teleop.evaluation.batch.motion import motion_of
-from teleop.evaluation.batch.turning_points import cycle_frequency
+from teleop.evaluation.batch.analysis import Analysis, analyse, motion_of
+from teleop.evaluation.batch.strokes import cycle_frequency
 from teleop.evaluation.evaluate import evaluate
 from teleop.evaluation.reading.signals import Signals, periods
 from teleop.evaluation.settings import EstimateSettings

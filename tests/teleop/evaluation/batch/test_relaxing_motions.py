@@ -5,7 +5,7 @@ import pytest
 
 from estimation.testing_records import relaxed, smooth_ramps
 from teleop.evaluation.batch.analysis import analyse
-from teleop.evaluation.batch.result import Result
+from teleop.evaluation.batch.stiffness_result import StiffnessResult
 from teleop.evaluation.reading.signals import Signals, periods
 
 RATE, DEPTH, K, RELAXING = 100.0, 2e-3, 1000.0, 600.0
@@ -17,7 +17,7 @@ def triangle(t: np.ndarray, period: float) -> np.ndarray:
 
 def result_and_truth(
     x: np.ndarray, time: float, cubic: float = 0.0, seed: int = 0
-) -> tuple[Result, float]:
+) -> tuple[StiffnessResult, float]:
     """Return the result of a standard linear solid, and its tangent at half of the force range."""
     t = np.arange(len(x)) / RATE
     f = K * x + cubic * K * x**3 / DEPTH**2 + RELAXING * relaxed(x, RATE, time)
@@ -32,7 +32,7 @@ def result_and_truth(
     return analyse(Signals(t, x, f, periods(t), "position")).result, truth
 
 
-def check(found: Result, truth: float) -> None:
+def check(found: StiffnessResult, truth: float) -> None:
     assert found.k_low is not None
     assert found.k_high is not None
     assert found.k_low <= truth <= found.k_high

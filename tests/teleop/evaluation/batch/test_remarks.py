@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from teleop.evaluation.batch.analysis import analyse
-from teleop.evaluation.batch.local_stiffness import merged
+from teleop.evaluation.batch.local_stiffness import reported_times
 from teleop.evaluation.evaluate import evaluate
 from teleop.evaluation.reading.signals import Signals, periods
 from teleop.evaluation.settings import EstimateSettings
@@ -62,8 +62,8 @@ def relaxation(record):
 
 
 def test_two_nearly_equal_time_constants_are_one():
-    assert merged((6.3, 6.6)) == (pytest.approx(6.45, rel=1e-3),)
-    assert merged((0.3, 6.0)) == (0.3, 6.0)
+    assert reported_times((6.3, 6.6)) == (pytest.approx(6.45, rel=1e-3),)
+    assert reported_times((0.3, 6.0)) == (0.3, 6.0)
 
 
 def test_offset_and_drift_of_a_short_contact_are_not_identifiable():

@@ -13,12 +13,11 @@ from teleop.cli import main
 from teleop.errors import InputError
 from teleop.evaluation.across.groups import short
 from teleop.evaluation.batch.analysis import analyse
-from teleop.evaluation.batch.force_levels import clipped
-from teleop.evaluation.batch.prepared import prepare
-from teleop.evaluation.batch.result import Result
+from teleop.evaluation.batch.phases import clipped
+from teleop.evaluation.batch.smoothed_record import smoothed_signals
+from teleop.evaluation.batch.stiffness_result import StiffnessResult
 from teleop.evaluation.evaluate import evaluate
-from teleop.evaluation.reading.signals import Signals, periods
-from teleop.evaluation.reading.smallest_step import smallest_step
+from teleop.evaluation.reading.signals import Signals, periods, smallest_step
 from teleop.evaluation.settings import EstimateSettings
 
 RATE, K, AMPLITUDE = 500.0, 3000.0, 2e-3
@@ -35,12 +34,12 @@ def lost(x: np.ndarray, play: float) -> np.ndarray:
     return np.array(found)
 
 
-def result(x: np.ndarray, f: np.ndarray, seed: int, noise: float = 0.01) -> Result:
+def result(x: np.ndarray, f: np.ndarray, seed: int, noise: float = 0.01) -> StiffnessResult:
     f = f + np.random.default_rng(seed).normal(0.0, noise, len(f))
     return analyse(Signals(T, x, f, periods(T), "position")).result
 
 
-def saturated(found: Result) -> bool:
+def saturated(found: StiffnessResult) -> bool:
     return any("saturated" in reason for reason in found.reasons)
 
 
@@ -140,5 +139,5 @@ def test_a_clipped_sensor_is_found_where_a_cycle_has_few_samples_at_the_limit():
     x = 1e-3 * np.sin(2.0 * np.pi * 2.9 * t)
     f = 5.0 + 500.0 * x + np.random.default_rng(0).normal(0.0, 2e-3, len(t))
     limited = np.minimum(f, np.percentile(f, 80.0))  # at most 6 samples in a cycle
-    assert not clipped(prepare(Signals(t, x, f, periods(t), "position")))
-    assert clipped(prepare(Signals(t, x, limited, periods(t), "position")))
+    assert not clipped(smoothed_signals(Signals(t, x, f, periods(t), "position")))
+    assert clipped(smoothed_signals(Signals(t, x, limited, periods(t), "position")))

@@ -10,9 +10,9 @@ import pytest
 
 from estimation.testing_records import relaxed
 from teleop.cli import main
-from teleop.evaluation.batch.analysis import analyse
-from teleop.evaluation.batch.motion import motion_of
-from teleop.evaluation.batch.prepared import SINE, prepare
+from teleop.evaluation.batch.analysis import analyse, motion_of
+from teleop.evaluation.batch.smoothed_record import smoothed_signals
+from teleop.evaluation.batch.thresholds import SINE_SHARE
 from teleop.evaluation.reading.signals import Signals, periods
 
 FREQUENCY = 0.5
@@ -72,7 +72,7 @@ def test_a_sine_with_outliers_of_the_position_is_a_sine():
     x = 3e-3 + 1e-3 * np.sin(2.0 * np.pi * t)
     f = 5.0 + 2000.0 * (x - 3e-3) + rng.normal(0.0, 0.01, len(t))
     x[rng.choice(len(t), 5, replace=False)] += 0.02
-    assert prepare(Signals(t, x, f, periods(t), "position")).sinusoidal
+    assert smoothed_signals(Signals(t, x, f, periods(t), "position")).sinusoidal
 
 
 def test_an_oscillation_of_the_drive_within_the_lost_motion_leaves_a_sine_a_sine():
@@ -80,7 +80,7 @@ def test_an_oscillation_of_the_drive_within_the_lost_motion_leaves_a_sine_a_sine
     tip = 2e-3 * np.sin(4.0 * np.pi * t)
     x = tip + 2e-5 * np.sin(30.0 * np.pi * t)
     f = 20.0 + 5000.0 * tip + np.random.default_rng(0).normal(0.0, 0.01, len(t))
-    record = prepare(Signals(t, x, f, periods(t), "position"))
+    record = smoothed_signals(Signals(t, x, f, periods(t), "position"))
     assert record.sinusoidal
     assert record.fundamental_share == pytest.approx(1.0 / (1.0 + 0.075**2), abs=2e-3)
 
@@ -91,7 +91,7 @@ def test_a_sine_with_gaps_is_a_sine():
     x = 2e-3 * np.sin(2.0 * np.pi * t)
     f = 20.0 + 5000.0 * x + np.random.default_rng(0).normal(0.0, 0.01, len(t))
     gaps = tuple((1 + np.flatnonzero(np.diff(t) > 0.1)).tolist())
-    record = prepare(Signals(t, x, f, periods(t), "position", gaps))
+    record = smoothed_signals(Signals(t, x, f, periods(t), "position", gaps))
     assert len(record.starts) == 3
     assert record.sinusoidal
 
@@ -100,14 +100,14 @@ def test_a_slow_motion_with_small_cycles_is_no_sine():
     t = np.arange(10_000) / 1000.0
     x = 2e-3 * np.sin(0.2 * np.pi * t) + 3e-4 * np.sin(2.0 * np.pi * t)
     f = 20.0 + 5000.0 * x + np.random.default_rng(0).normal(0.0, 0.01, len(t))
-    assert not prepare(Signals(t, x, f, periods(t), "position")).sinusoidal
+    assert not smoothed_signals(Signals(t, x, f, periods(t), "position")).sinusoidal
 
 
 def test_the_fundamental_share_of_a_triangle_wave_is_that_of_its_fourier_series():
     t = np.arange(10_000) / 1000.0
     x = 2e-3 * (1.0 + 2.0 / np.pi * np.arcsin(np.sin(2.0 * np.pi * t)))
     f = 5.0 + 5000.0 * x + np.random.default_rng(0).normal(0.0, 0.01, len(t))
-    record = prepare(Signals(t, x, f, periods(t), "position"))
+    record = smoothed_signals(Signals(t, x, f, periods(t), "position"))
     assert not record.sinusoidal
     assert record.fundamental_share == pytest.approx(
         1.0 / sum(n**-2.0 for n in (1, 3, 5, 7, 9)), abs=0.01
@@ -145,7 +145,7 @@ def test_the_kind_of_b_follows_from_the_shape_of_the_motion(hold):
     x = x + rng.normal(0.0, 1e-6, len(t))
     found = analyse(Signals(t, x, f, periods(t), "position"))
     assert found.result.k == pytest.approx(2000.0, rel=0.01)
-    sine = found.record.fundamental_share > SINE
+    sine = found.record.fundamental_share > SINE_SHARE
     assert sine == (hold == 0.0)
     assert (found.result.damping_at_hz is not None) == sine
     assert motion_of(found.record).fundamental_share == found.record.fundamental_share

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from estimation.testing_records import relaxing_body
 from teleop.evaluation.batch.analysis import Analysis, analyse
-from teleop.evaluation.batch.single_stroke import typical_speed
+from teleop.evaluation.batch.strokes import typical_speed
 from teleop.evaluation.evaluate import evaluate
 from teleop.evaluation.reading.signals import Signals, periods
 from teleop.evaluation.settings import EstimateSettings

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from sim_backend import CUBES
 from teleop.evaluation.batch.analysis import analyse
-from teleop.evaluation.batch.turning_points import (
+from teleop.evaluation.batch.strokes import (
     cycle_frequency,
     turning_points,
     without_lost_motion,

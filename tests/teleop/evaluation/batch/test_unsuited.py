@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from teleop.evaluation.batch.analysis import analyse
-from teleop.evaluation.batch.result import Result
+from teleop.evaluation.batch.stiffness_result import StiffnessResult
 from teleop.evaluation.reading.signals import Signals, periods
 
 
-def result(t: np.ndarray, x: np.ndarray, f: np.ndarray, noise: float = 5e-3) -> Result:
+def result(t: np.ndarray, x: np.ndarray, f: np.ndarray, noise: float = 5e-3) -> StiffnessResult:
     f = f + np.random.default_rng(0).normal(0.0, noise, len(f))
     return analyse(Signals(t, x, f, periods(t), "position")).result
 
 
-def only_reason(found: Result) -> str:
+def only_reason(found: StiffnessResult) -> str:
     assert found.k is None
     (reason,) = found.reasons
     return reason

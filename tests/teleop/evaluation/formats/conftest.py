@@ -37,7 +37,7 @@ def in_this_process(request, monkeypatch):
             raise result
         return result
 
-    monkeypatch.setattr("teleop.evaluation.formats.registry.read_apart", read)
+    monkeypatch.setattr("teleop.evaluation.formats.reader_process.read_apart", read)
 
 
 @pytest.fixture

@@ -27,7 +27,7 @@ from teleop.studies.series.conduct import conduct as conduct_series
 from teleop.studies.series.conduct import is_complete
 from teleop.studies.series.journal import Journal
 from teleop.studies.series.trials import read_series
-from teleop.trial.averaged import recorded_part
+from teleop.trial.recorded_trial import recorded_part
 from teleop.trial.run import run_trial
 from teleop.trial.stop_switch import StopSwitch
 

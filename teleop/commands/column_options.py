@@ -1,4 +1,4 @@
-"""Define the options with which a user selects the columns of a measurement file."""
+"""The options that select the columns of a measurement file."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
+from teleop.commands.options import COLUMNS
 from teleop.commands.quantities import Hertz, Length
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Columns:
+class ColumnOptions:
     """Options that select the columns of a file, and that set the zeros of position and force."""
 
     position: str | None = None
@@ -51,32 +52,13 @@ class Columns:
     def read(
         self, file: Path, is_wanted: Callable[[str], bool] = bool
     ) -> tuple[Samples, Recording | None]:
-        """Read position, force and time from a file.
+        """Read position, force and time from a file; also the trial if it is a recording.
 
-        Parameters
-        ----------
-        file
-            A recording of `teleop run`, a file of `teleop export`, or a file of another program.
-        is_wanted
-            For a recording of `teleop run`: function that takes the name of a column, and returns
-            whether the returned `recording` contains this column. By default, it contains all
-            columns.
-
-        Returns
-        -------
-        samples
-            Position, force and time.
-        recording
-            The recorded trial; None for a file of another program. If a recording of `teleop run`
-            is long, this is only its end, see `RecordedSamples`.
-
-        Raises
-        ------
-        InputError
-            The file cannot be read, an option is out of range, or an option that selects columns
-            was given for a recording of `teleop run`.
+        `is_wanted` chooses the columns of the recorded trial by their names, and by default
+        chooses all. If the recording is long, only its end is returned, see `RecordedSamples`.
         """
         from teleop.errors import InputError
+        from teleop.evaluation.formats.columns import Wanted
         from teleop.evaluation.reading import exported
         from teleop.evaluation.reading.samples import Samples
         from teleop.evaluation.reading.signals import chosen_table, signals_of
@@ -98,7 +80,7 @@ class Columns:
             recorded = recording.estimated().estimates()
             samples = Samples(recorded_signals(recording), recorded)
             return samples, recording if recording.settings else None
-        for option in OF_TABLES:
+        for option in Wanted._fields:
             if getattr(self, option) is not None:
                 raise InputError(
                     f"{file}: --{option} is for a table; a recorded trial has its own columns"
@@ -109,14 +91,7 @@ class Columns:
         return recorded_samples, recorded_samples.recording
 
     def wanted(self) -> Wanted:
-        """Check the options that describe the columns of a table, and return their values.
-
-        Raises
-        ------
-        InputError
-            The sampling rate or the length of the lever is out of range, or both the sampling rate
-            and a column of the time are given.
-        """
+        """Check the options that describe the columns of a table, and return their values."""
         from teleop.errors import InputError
         from teleop.evaluation.formats.columns import Wanted
 
@@ -126,24 +101,8 @@ class Columns:
             raise InputError(f"rate {self.rate:g}: expected 0.001 to 1e9 Hz")
         if self.rate is not None and self.time is not None:
             raise InputError("--rate and --time exclude each other: expected one of them")
-        return Wanted(
-            self.position,
-            self.force,
-            self.time,
-            self.block,
-            self.rate,
-            self.lever,
-            self.invert,
-            self.topic,
-        )
+        return Wanted(**{option: getattr(self, option) for option in Wanted._fields})
 
 
-OF_TABLES = ("position", "force", "time", "block", "topic", "rate", "lever", "invert")
-"""Options that are invalid for a recording of `teleop run`."""
-ColumnOptions = Annotated[Columns, Parameter(name="*")]
-"""Type of the parameter with which a command receives `Columns`.
-
-Each field of `Columns` is an option with the name of the field, for example --position.
-"""
-BY_NAME = Columns()
-"""Default options, with which the columns of a file are found by their usual names."""
+Columns = Annotated[ColumnOptions, Parameter(name="*", group=COLUMNS)]
+BY_USUAL_NAMES = ColumnOptions()

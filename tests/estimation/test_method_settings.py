@@ -7,8 +7,9 @@ from dataclasses import fields, replace
 import pytest
 
 from estimation import paper_preset
+from estimation.method_settings import OwnSettings
 from estimation.methods.grid import Axis, Grid
-from estimation.own_settings import OwnSettings
+from estimation.methods.recursive_least_squares import RecursiveLeastSquares
 from estimation.registry import BUILT_IN
 
 OTHERS = {
@@ -71,3 +72,15 @@ def test_candidates_whose_squares_overflow_are_refused():
     for first, last in ((-1e308, 0.0), (0.0, 1e300)):
         with pytest.raises(ValueError, match="candidates must be below"):
             Axis(first, last, 5)
+
+
+def test_an_estimator_that_does_not_declare_its_settings_refuses_none(monkeypatch):
+    class Undeclared(RecursiveLeastSquares):
+        used_settings = None
+
+    monkeypatch.setitem(BUILT_IN, "rls", Undeclared.from_settings)
+    preset = replace(paper_preset(), estimators=("rls",), own={"rls": OwnSettings(segment=1.0)})
+    assert isinstance(preset.bank()["rls"], Undeclared)
+    monkeypatch.undo()
+    with pytest.raises(ValueError, match="segment: not a setting of this estimator"):
+        preset.bank()

@@ -1,16 +1,16 @@
 """Prepare a record for batch evaluation: resample it evenly, and smooth it without delay.
 
 1. The record is interpolated linearly onto a grid of constant period
-   (`teleop.evaluation.batch.prepared`).
+   (`teleop.evaluation.batch.smoothed_record`).
 2. If the sampling rate is much higher than necessary for the bandwidth of the force, successive
    samples are averaged in blocks.
 3. Position and force are smoothed with the same Gaussian kernel (`estimation.smoothing`). If the
    relation between the measured signals is linear, such as f = b v + k x, it also holds for the
    smoothed signals, with the same b and k.
 
-The corner (half-power) frequency of the kernel is `CORNER` times the upper end of the coherent
-band, or lower if the sampling rate is low. The coherent band is the band of frequencies in which
-the force follows the displacement (`estimation.coherent_band`).
+The corner (half-power) frequency of the kernel is `SMOOTHING_CORNER` times the upper end of the
+coherent band, or lower if the sampling rate is low. The coherent band is the band of frequencies in
+which the force follows the displacement (`estimation.coherent_band`).
 """
 
 from __future__ import annotations
@@ -28,17 +28,13 @@ from estimation.baseline import FEWEST_CYCLES, baseline_order, without_baseline
 from estimation.coherent_band import CoherentBand, block_means, coherent_band
 from estimation.filters import Lag
 from estimation.smoothing import kernel_width, slope, smooth, smooth_pieces
-from teleop.evaluation.batch.single_stroke import combined, stroke_band
-from teleop.evaluation.batch.turning_points import cycle_frequency, turning_points
-from teleop.evaluation.reading.signals import Signals
-from teleop.evaluation.reading.smallest_step import repeated_rounding, smallest_step
-
-FEWEST = 16
-"""Smallest number of samples in a piece between two gaps. Shorter pieces are not used."""
+from teleop.evaluation.batch.strokes import combined, cycle_frequency, stroke_band, turning_points
+from teleop.evaluation.batch.thresholds import FEWEST_IN_PIECE, SINE_SHARE, SMOOTHING_CORNER
+from teleop.evaluation.reading.signals import Signals, repeated_rounding, smallest_step
 
 
 @dataclass(frozen=True)
-class Resampled:
+class ResampledRecord:
     """A record that is interpolated onto a grid of constant period, but not smoothed.
 
     Gaps, in which samples are missing, divide the record into pieces.
@@ -52,7 +48,7 @@ class Resampled:
     """Frequency band in which the force follows the position, computed from the longest piece."""
     ramp: bool
     """Whether `band` is computed from the duration of a motion that never reverses, such as a ramp
-    (`teleop.evaluation.batch.single_stroke`). False if it is computed from the spectra."""
+    (`teleop.evaluation.batch.strokes`). False if it is computed from the spectra."""
     x_noise: float
     """Standard deviation of the noise of the position [m], of the longest piece."""
     f_noise: float
@@ -67,24 +63,11 @@ class Resampled:
     """Time constant of the force channel that is compensated [s]; 0 if no lag is compensated."""
 
 
-def resample(signals: Signals, force_lag: float = 0.0) -> Resampled:
+def resample(signals: Signals, force_lag: float = 0.0) -> ResampledRecord:
     """Interpolate a record linearly onto a grid of constant period.
 
     Gaps, in which samples are missing, divide the record into pieces. Each piece is interpolated
     separately.
-
-    Parameters
-    ----------
-    signals
-        The record.
-    force_lag
-        Time constant of the first-order lag of the force channel [s]. The lag is compensated by
-        filtering the position with the same lag.
-
-    Raises
-    ------
-    ValueError
-        No piece has `FEWEST` samples or more.
     """
     period = float(np.median(signals.dt))
     bounds = sorted({0, len(signals.t), *signals.gaps})
@@ -92,7 +75,7 @@ def resample(signals: Signals, force_lag: float = 0.0) -> Resampled:
     for start, end in pairwise(bounds):
         t = signals.t[start:end]
         count = int(np.floor((t[-1] - t[0]) / period + 0.5)) + 1 if len(t) > 1 else 1
-        if count < FEWEST:
+        if count < FEWEST_IN_PIECE:
             continue
         even = t[0] + period * np.arange(count)
         x, f = (np.interp(even, t, channel[start:end]) for channel in (signals.x, signals.f))
@@ -100,14 +83,14 @@ def resample(signals: Signals, force_lag: float = 0.0) -> Resampled:
         pieces.append((even, x, f))
     if not pieces:
         raise ValueError(
-            f"no piece between gaps has {FEWEST} samples or more: expected longer pieces"
+            f"no piece between gaps has {FEWEST_IN_PIECE} samples or more: expected longer pieces"
         )
     _, x, f = max(pieces, key=lambda piece: len(piece[0]))
     x_noise, f_noise = measurement_noise(x), measurement_noise(f)
     spectral = coherent_band(x, f, period)
     stroke = stroke_band(x, f, period, x_noise)
     band = combined(spectral, stroke) if stroke else spectral
-    return Resampled(
+    return ResampledRecord(
         pieces,
         period,
         band,
@@ -126,31 +109,20 @@ def measurement_noise(values: Floats) -> float:
 
     It is computed from the third differences of the signal. The differences remove slow motion, but
     not the noise.
-
-    Parameters
-    ----------
-    values
-        Evenly sampled values of the signal, shape (n,).
     """
     return float(1.4826 * np.median(np.abs(np.diff(values, 3))) / np.sqrt(20.0))
 
 
-CORNER = 5.0
-"""Corner frequency of the smoothing kernel, as a multiple of the upper end of the coherent band. In
-this band of frequencies, the force follows the displacement."""
 FINENESS = 4.0
 """Smallest number of grid points per standard deviation of the smoothing kernel, if the sampling
 rate of the record is high enough."""
-SINE = 0.9
-"""Fundamental share (see `Prepared.fundamental_share`) above which a motion counts as a sine. The
-share is 1 for a sine and 0.84 for a triangle wave."""
 OUTLIERS = 5
 """Length of the median filter that removes outliers before the fundamental share is computed
 [samples]."""
 
 
 @dataclass(frozen=True)
-class Prepared:
+class SmoothedRecord:
     """A record that is prepared for the batch evaluation: position and force at n times.
 
     The times have a constant period, except at gaps, where samples are missing. The object contains
@@ -191,7 +163,7 @@ class Prepared:
     is the same whenever the force has the same value."""
     ramp: bool
     """Whether `band` is computed from the duration of a motion that never reverses, such as a ramp
-    (`teleop.evaluation.batch.single_stroke`). False if it is computed from the spectra."""
+    (`teleop.evaluation.batch.strokes`). False if it is computed from the spectra."""
     force_lag: float
     """Time constant of the force channel that is compensated [s]; 0 if no lag is compensated."""
 
@@ -245,8 +217,8 @@ class Prepared:
 
     @property
     def sinusoidal(self) -> bool:
-        """Whether the motion counts as a sine: `fundamental_share` is larger than `SINE`."""
-        return self.fundamental_share > SINE
+        """Whether the motion counts as a sine: `fundamental_share` is larger than `SINE_SHARE`."""
+        return self.fundamental_share > SINE_SHARE
 
     @cached_property
     def frequency(self) -> float:
@@ -306,33 +278,23 @@ class Prepared:
         return max(1, round(2.5 * self.width / self.period))
 
 
-def prepare(signals: Signals) -> Prepared:
+def smoothed_signals(signals: Signals) -> SmoothedRecord:
     """Interpolate, average and smooth a record.
 
     The bandwidth of the smoothing is chosen from the coherent band of the record (the frequencies
     at which the force follows the displacement).
-
-    Raises
-    ------
-    ValueError
-        Gaps divide the record into pieces, and all pieces have too few samples.
     """
     return smoothed_record(resample(signals))
 
 
-def smoothed_record(resampled: Resampled, bandwidth: float | None = None) -> Prepared:
-    """Average successive samples of a resampled record, smooth it, and return the prepared record.
+def smoothed_record(resampled: ResampledRecord, bandwidth: float | None = None) -> SmoothedRecord:
+    """Average successive samples of a resampled record, and smooth it.
 
-    Parameters
-    ----------
-    resampled
-        The record, on a grid of constant period.
-    bandwidth
-        Half-power frequency of the smoothing kernel [Hz]. None: it is chosen from the coherent band
-        of the record (the frequencies at which the force follows the displacement).
+    `bandwidth` is the half-power frequency of the kernel [Hz]; None chooses it from the coherent
+    band of the record.
     """
     period, band = resampled.period, resampled.band
-    corner = bandwidth or min(CORNER * band.high, 0.2 / period)
+    corner = bandwidth or min(SMOOTHING_CORNER * band.high, 0.2 / period)
     width = kernel_width(corner)
     length = max(1, int(width / period / FINENESS))
     step = resampled.step / np.sqrt(12.0 * length)
@@ -347,7 +309,7 @@ def smoothed_record(resampled: Resampled, bandwidth: float | None = None) -> Pre
             column.append(values)
         starts.append(starts[-1] + len(t))
     t, raw_x, raw_f, x, v, f = (np.concatenate(column) for column in grid)
-    return Prepared(
+    return SmoothedRecord(
         t,
         raw_x,
         raw_f,

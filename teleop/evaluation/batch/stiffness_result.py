@@ -8,7 +8,7 @@ if the zero of the position had an error of `DATUM_ERROR`.
 
 The intervals of k and b include three causes of error: the autocorrelation of the residual, the
 differences between the fitted models, and the change of k and b with the smoothing bandwidth. If
-the data are not sufficient for k, both k and b are None, and `Result.reasons` states why.
+the data are not sufficient for k, both k and b are None, and `StiffnessResult.reasons` states why.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from typing import Any
 from estimation.estimator import LEVEL_95
 from teleop.evaluation.batch.constancy import change_over_cycles
 from teleop.evaluation.batch.kinds import BESIDES_RELAXATION, LOSS, TANGENT, UNDETERMINED
-from teleop.evaluation.batch.local_stiffness import LocalStiffness, merged
+from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
 from teleop.evaluation.batch.phases import Phases
-from teleop.evaluation.batch.prepared import Prepared
 from teleop.evaluation.batch.reasons import reasons_after_fit, reasons_before_fit, remarks
+from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.reason import Reason
 
 DATUM_ERROR = 1e-4
@@ -33,7 +33,7 @@ reported."""
 
 
 @dataclass(frozen=True)
-class Result:
+class StiffnessResult:
     """Stiffness and damping with 95 % intervals, or the reasons why they are not reported.
 
     The result also contains the force and the depth at which the stiffness is evaluated.
@@ -134,25 +134,16 @@ class Result:
         return document
 
 
-def publishable(
-    record: Prepared, phases: Phases, local: LocalStiffness | None, other: LocalStiffness | None
-) -> Result:
-    """Return the result of a record for publication.
+def stiffness_result(
+    record: SmoothedRecord,
+    phases: Phases,
+    local: LocalStiffness | None,
+    other: LocalStiffness | None,
+) -> StiffnessResult:
+    """Return k and b of a record with 95 % intervals, or the reasons why they are not reported.
 
-    It contains k and b with 95 % intervals, or the reasons why they are not reported.
-
-    Parameters
-    ----------
-    record
-        The prepared record.
-    phases
-        Phases of the record.
-    local
-        Fitted stiffness and damping in contact; None if there are too few samples for a fit.
-    other
-        Stiffness and damping, fitted with another smoothing bandwidth than `local`. The difference
-        between `other` and `local` widens the intervals. If `other` is None, the intervals do not
-        include the effect of the smoothing bandwidth.
+    `local` is None if there are too few samples for a fit. `other` is fitted with another smoothing
+    bandwidth; its difference from `local` widens the intervals.
     """
     against = reasons_before_fit(record, phases)
     if local is None and not against:
@@ -183,7 +174,7 @@ def publishable(
     if level is not None and depth > 0.0:
         secant = (force - level) / depth
         secant_change = DATUM_ERROR / depth
-    return Result(
+    return StiffnessResult(
         local.k,
         local.k - half_k,
         local.k + half_k,
@@ -196,34 +187,23 @@ def publishable(
         depth,
         secant,
         secant_change,
-        merged(local.best.times),
+        reported_times(local.best.times),
         0.5 * (point.high - point.low) if point else 0.0,
         "contact point" if point else "lowest position",
         local.frequency if math.isfinite(local.frequency) else None,
     )
 
 
-def without_result(against: Sequence[Reason]) -> Result:
-    """Return a result in which k and b are None, for a record that does not determine them.
-
-    Parameters
-    ----------
-    against
-        Reasons why k and b are not reported.
-    """
+def without_result(against: Sequence[Reason]) -> StiffnessResult:
+    """Return a result in which k and b are None, for a record that does not determine them."""
     reasons, hints = texts_and_hints(against)
-    return Result(reasons=reasons, hints=hints)
+    return StiffnessResult(reasons=reasons, hints=hints)
 
 
 def texts_and_hints(found: Sequence[Reason]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the texts of reasons, and their hints: the two fields of `Reason`, as two tuples.
 
     A hint that several reasons have is returned once. Empty hints are omitted.
-
-    Parameters
-    ----------
-    found
-        Reasons why a record gives no stiffness, or remarks on its stiffness.
     """
     hints = dict.fromkeys(one.hint for one in found if one.hint)
     return tuple(one.text for one in found), tuple(hints)

@@ -32,7 +32,7 @@ class Estimated(NamedTuple):
     excitation: float
     """Measure of the excitation: 0 for no excitation, 1 for a sine of 1 Hz about x = 0."""
     contact: float
-    """1 if the contact gate (the part that detects contact and motion) detects contact, else 0;
+    """1 if the contact gate detects contact, else 0;
     NaN if the estimators have no contact gate."""
     estimates: tuple[float, ...]
     """Three groups of numbers in this order: the model's regressors other than v and x; the
@@ -105,11 +105,7 @@ class Estimation:
 
         The results are the same as those of n calls of `update`.
 
-        Parameters
-        ----------
-        position, force, dt
-            Position of the slave [m], contact force [N], and time since the previous pair [s],
-            each of shape (n,).
+        All arrays have the shape (n,).
         """
         bank = self._bank
         regression = self._conditioner.run(position, force, dt)

@@ -1,0 +1,120 @@
+"""The options of the estimation: of a new trial, and of a file that is evaluated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from teleop.commands.options import ESTIMATION
+from teleop.commands.quantities import Hertz, Seconds
+from teleop.names import ConditioningName, CubeName, ModelName, PresetName
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from estimation.figures import Truth
+    from estimation.model import Model
+    from teleop.evaluation.settings import EstimateSettings
+    from teleop.recording.recording import Recording
+
+
+@dataclass(frozen=True)
+class EstimationOptions:
+    """Options that replace settings of the estimation; None keeps the setting.
+
+    Each option has the name of the setting in `TrialSettings` and in `EstimateSettings`.
+    """
+
+    conditioning: ConditioningName | None = None
+    """How velocity is computed from position: by a state-variable filter on position and force
+    (matched), or on position only (svf); by first-order adaptive windowing (foaw); or by a filtered
+    difference (difference). Default: that of the recording, and otherwise matched."""
+    bandwidth: Hertz | None = None
+    """Bandwidth of the conditioning filter [Hz]; not used by foaw. Default: that of the recording;
+    20 for a new trial, and with the paper's settings; for other files, ten times the highest
+    frequency at which force follows displacement."""
+    force_lag: Seconds | None = None
+    """Lag of the force channel, such as 2.66ms, as measured by `teleop lag`; matched conditioning
+    compensates for it. Default: that of the recording, and otherwise 0; for other files, the delay
+    of the force filter if the file states this filter."""
+    estimators: str | None = None
+    """Names of estimators, such as rls,kalman,rls_sift, or all. The message about an unknown name
+    lists all names. Default: the estimators of the recording, and rls,ai,me for a new trial or a
+    file of another program."""
+    model: ModelName | None = None
+    """Model of the environment, for the estimators that support several models. Default: that of
+    the recording, and otherwise kelvin-voigt."""
+
+    def given(self) -> dict[str, Any]:
+        """Values of the settings for which an option was given."""
+        settings = {name: value for name, value in vars(self).items() if value is not None}
+        if self.estimators is not None:
+            settings["estimators"] = chosen_estimators(self.estimators)
+        if self.model:
+            settings["model"] = chosen_model(self.model)
+        return settings
+
+
+@dataclass(frozen=True)
+class FileOptions(EstimationOptions):
+    """Options of the estimation from a file."""
+
+    preset: PresetName | None = None
+    """Settings of the estimators: scaled from the data (scaled), or the paper's (paper). Default:
+    the settings of the run for a recording, and scaled for other files."""
+    cube: CubeName | None = None
+    """Cube of the paper whose adaptation gain is used. Only with the paper's settings. Default: the
+    cube of the run for a recording, and soft for other files."""
+    whole: bool | None = None
+    """Also use the samples at rest before and after the motion."""
+
+    def changes(self, datum: str) -> dict[str, Any]:
+        """Values of the settings for which an option was given, with the option --datum."""
+        return self.given() | ({} if datum == "auto" else {"datum": datum})
+
+
+Estimation = Annotated[EstimationOptions, Parameter(name="*", group=ESTIMATION)]
+FileEstimation = Annotated[FileOptions, Parameter(name="*", group=ESTIMATION)]
+NEW_TRIAL = EstimationOptions()
+AS_RECORDED = FileOptions()
+
+
+def file_settings(recording: Recording | None, changes: Mapping[str, Any]) -> EstimateSettings:
+    """Settings of the recorded trial, or the defaults for a foreign file, with these changes."""
+    from teleop.evaluation.settings import EstimateSettings
+
+    settings = EstimateSettings()
+    if recording:
+        from teleop.evaluation.reading.recorded import recorded_settings
+        from teleop.trial.recorded_trial import recorded_part
+
+        settings = replace(recorded_settings(recording), averaged=recorded_part(recording))
+    return replace(settings, **changes)
+
+
+def true_values(recording: Recording) -> Truth | None:
+    """The true stiffness and damping, if the recorded trial was on the simulated rig."""
+    from estimation.figures import known_truth
+    from teleop.trial.recorded_trial import recorded_truth
+
+    return known_truth(recorded_truth(recording))
+
+
+def chosen_estimators(names: str) -> tuple[str, ...]:
+    """The estimators in a list separated by commas, or `all`; InputError for a wrong name."""
+    from estimation.registry import named_estimators
+    from teleop.errors import as_input_error
+
+    with as_input_error():
+        return named_estimators(names)
+
+
+def chosen_model(name: str) -> Model:
+    """The model of the environment with this name; InputError for a wrong name."""
+    from estimation.model import model_named
+    from teleop.errors import as_input_error
+
+    with as_input_error():
+        return model_named(name)

@@ -1,0 +1,156 @@
+"""The options of a trial, and the objects that they name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from teleop.commands.options import CONTROL, TRIAL
+from teleop.commands.quantities import Hertz, Length, Seconds
+from teleop.names import (
+    ClockName,
+    ConditionName,
+    CouplingName,
+    CubeName,
+    FeedbackName,
+    SignalName,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from teleop.control.coupling import Coupling
+    from teleop.control.excitation_signals import AnySignal
+    from teleop.settings.trial_settings import TrialSettings
+
+POSITION_GAIN = 10.0
+"""Position gain of the coupling with `--coupling position` [1/s]."""
+
+
+@dataclass(frozen=True)
+class TrialOptions:
+    """Options that replace settings of a trial; None keeps the setting."""
+
+    config: Path | None = None
+    """Configuration file (TOML), as written by `teleop config init`, or a recording, whose trial is
+    run again. The other options override the settings of this file. The defaults below apply
+    without such a file."""
+    condition: ConditionName | None = None
+    """Control condition: the operator palpates freely (free); the operator moves the slave along a
+    sine (mimic); or an excitation signal moves the slave, and nobody holds the handle (autonomous).
+    Default: free."""
+    rig: Path | None = None
+    """Rig file (TOML) that lists the devices of the rig. Default: the simulated rig."""
+    cube: CubeName | None = None
+    """Cube on the simulated rig. Not with a rig file. Default: soft."""
+    specimen: str | None = None
+    """Name of the specimen. Needed with a rig file. Default: the cube of the simulated rig."""
+    operator: str | None = None
+    """Name of the operator, for the recording. With the name pointer and --live, the mouse or a
+    finger in the live page moves the handle of the simulated rig."""
+    notes: str | None = None
+    """Notes, for the recording."""
+    duration: Seconds | None = None
+    """Duration of the trial [s]. Default: 10."""
+    clock: ClockName | None = None
+    """real: the trial runs in real time. virtual: the trial runs as fast as possible, with exactly
+    the same result for the same seed. Default: real."""
+    depth: Length | None = None
+    """Depth of the palpation with its unit, such as 5mm. Needed with a rig file. Default: the
+    paper's depth for the cube."""
+    seed: int | None = None
+    """Seed of the simulated operator and of the sensor noise. Default: 0."""
+    tare: Path | None = None
+    """File with the zero offsets of the channels, from `teleop rig tare`."""
+    rate: Annotated[Hertz | None, Parameter(group=CONTROL)] = None
+    """Sampling rate of the control loop [Hz]. Default: the rate in the rig file, or 1000."""
+    signal: Annotated[SignalName | None, Parameter(group=CONTROL)] = None
+    """Excitation signal of the autonomous condition. Default: sine."""
+    frequency: Annotated[Hertz | None, Parameter(group=CONTROL)] = None
+    """Frequency of the excitation signal, or of the sine that the operator follows in mimic [Hz].
+    For a multisine, it is the lowest of five harmonics; for a chirp over two octaves, the lowest
+    frequency. Default: 1 in mimic, 2 otherwise."""
+    coupling: Annotated[CouplingName | None, Parameter(group=CONTROL)] = None
+    """velocity: the slave follows the velocity of the master, as in the paper. position: the slave
+    also follows the position of the master. Default: velocity."""
+    feedback: Annotated[FeedbackName | None, Parameter(group=CONTROL)] = None
+    """Force feedback to the hand: none; the contact force (position-force); or a local model of
+    the specimen at the master (model-mediated). Default: none."""
+    channel: Annotated[str | None, Parameter(group=CONTROL)] = None
+    """Communication channel between master and slave, such as delay=100ms,jitter=20ms,loss=5%. The
+    delay is one-way, so the round trip is twice the delay. Default: none."""
+
+    def settings(self, others: Mapping[str, Any]) -> TrialSettings:
+        """The settings of the trial, changed by these options and by `others`, all at once.
+
+        Settings are checked together when they are created, so that a valid combination of changes
+        must not pass through an invalid one.
+        """
+        from teleop.control.channel import parse_channel
+        from teleop.control.conditions import CONDITIONS
+        from teleop.control.tare import read_tare
+        from teleop.errors import InputError, as_input_error
+        from teleop.settings.configuration import read_configuration
+        from teleop.settings.rig_loading import load_rig_file
+        from teleop.settings.trial_settings import TrialSettings
+
+        settings = read_configuration(self.config) if self.config else TrialSettings()
+        given = {name: value for name, value in vars(self).items() if value is not None}
+        if self.rig:
+            given["rig"] = load_rig_file(self.rig)
+            # a recorded rate is that of the recorded rig
+            settings = replace(settings, custom_rig=None, rate=None)
+        if self.condition:
+            settings = replace(settings, custom_condition=None)
+        if self.signal or self.frequency is not None:
+            usual = CONDITIONS[self.condition or settings.condition].default_frequency
+            frequency = usual if self.frequency is None else self.frequency
+            given["signal"] = make_signal(self.signal or settings.excitation.kind, frequency)
+        if self.coupling:
+            given["coupling"] = make_coupling(self.coupling)
+        if self.feedback:
+            given["feedback"] = replace(settings.feedback, law=self.feedback)
+        if self.channel:
+            with as_input_error():
+                given["channel"] = parse_channel(self.channel)
+        if self.tare:
+            given["tare"] = read_tare(self.tare)
+        for name in ("config", "frequency"):  # no settings
+            given.pop(name, None)
+        settings = replace(settings, **given, **others)
+        if self.cube and settings.rig:
+            raise InputError(
+                "--cube: belongs to the simulated rig: expected --specimen and --depth"
+            )
+        return settings
+
+
+Trial = Annotated[TrialOptions, Parameter(name="*", group=TRIAL)]
+DEFAULTS = TrialOptions()
+
+
+def make_signal(name: SignalName, frequency: float) -> AnySignal:
+    """The signal with this name and lowest frequency [Hz]; InputError for a wrong frequency."""
+    from teleop.control.excitation_signals import Chirp, Multisine, Sine
+    from teleop.errors import InputError
+
+    try:
+        match name:
+            case "sine":
+                return Sine(frequency)
+            case "multisine":
+                return Multisine(tuple(frequency * harmonic for harmonic in range(1, 6)))
+            case "chirp":
+                return Chirp(frequency, 4.0 * frequency)
+    except ValueError as error:
+        raise InputError(f"frequency {frequency:g} Hz: {error}") from error
+
+
+def make_coupling(name: CouplingName) -> Coupling:
+    """The coupling that follows the velocity of the master, or also its position."""
+    from teleop.control.coupling import Coupling
+
+    return Coupling(position_gain=POSITION_GAIN) if name == "position" else Coupling()

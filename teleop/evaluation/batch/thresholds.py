@@ -1,0 +1,231 @@
+"""Thresholds of the batch evaluation.
+
+A length, force or time is compared with a fraction of its range in the record, so that the result
+does not depend on the size of the specimen, and with a multiple of its noise, so that noise is not
+taken for motion or contact: white Gaussian noise exceeds 4 standard deviations in one of 16 000
+samples, 5 in one of 1.7 million, and 6 in one of 500 million.
+"""
+
+from __future__ import annotations
+
+from estimation.baseline import FEWEST_CYCLES
+
+# Sampling and smoothing
+
+FEWEST_IN_PIECE = 16
+"""Smallest number of samples in a piece between two gaps. Shorter pieces are not used."""
+SMOOTHING_CORNER = 5.0
+"""Corner frequency of the smoothing kernel, as a multiple of the upper end of the coherent band. In
+this band of frequencies, the force follows the displacement."""
+WIDEST_KERNEL = 0.04
+"""Largest width of the smoothing kernel, as a fraction of the median duration of a loading
+phase."""
+SINE_SHARE = 0.9
+"""Fundamental share (see `SmoothedRecord.fundamental_share`) above which a motion counts as a sine.
+The share is 1 for a sine and 0.84 for a triangle wave."""
+SHARP_CORNER_NOISE = 5.0
+"""Smallest difference between measured and smoothed values that indicates a sharp corner of the
+signal, in standard deviations of the noise."""
+
+# Strokes and cycles of the motion
+
+LEAST_STROKE = 0.2
+"""Smallest stroke in a record that is mostly at rest, as a fraction of the range of the position.
+A stroke is the motion between two successive reversals."""
+LEAST_WHOLE_STROKE = 0.7
+"""Smallest inward stroke that is used, relative to the median stroke. The first stroke is smaller
+if the motion begins in the middle of its range."""
+FEWEST_INNER_STROKES = 5
+"""If there are more inward strokes, the first and the last are not used, because the removal of the
+baseline shifts them."""
+REGULAR_CYCLE = 0.5
+"""Largest relative difference of the duration of a cycle from the typical duration, which is the
+median. If the number of cycles is even, it is the shorter one of the two middle cycles."""
+LEAST_FOLLOWED_SLOPE = 0.1
+"""Smallest slope of the force in a stroke on a specimen, relative to the mean slope. On the cubes
+of the simulated rig, the slope at the surface is at least 0.13 times the mean slope up to 40 N."""
+FEWEST_STROKES = round(2 * FEWEST_CYCLES) - 1
+"""Smallest number of whole strokes for which a frequency is computed. A stroke is the motion from
+one reversal to the next."""
+LEAST_STROKE_NOISE = 6.0
+"""Smallest median travel of the strokes that counts as a motion, in standard deviations of the
+noise of the position."""
+LARGEST_BACKWARD_MOTION = 0.05
+"""Largest motion in the opposite direction that does not count as a reversal, as a fraction of the
+travel."""
+LEAST_TRAVEL_NOISE = 25.0
+"""Least travel, in standard deviations of the noise of the position."""
+LEAST_RISE_OF_FORCE = 4.0
+"""Least change of the force, in standard deviations of its scatter about a parabola over the
+position."""
+STROKE_BAND_END = 5.0
+"""Upper end of the band, as a multiple of the inverse of the duration of the motion. With this
+value, about 80 independent samples are fitted in a stroke that is in contact throughout."""
+WIDEST_COHERENT_BAND = 3.0
+"""Largest upper end of the coherent band, as a multiple of the upper end of the stroke band. The
+limit is necessary because the tapers of the coherent band leak a little power from the ends of a
+slow stroke to all frequencies."""
+
+# Contact and phases
+
+LEAST_LEVEL_WIDTH = 0.015
+"""Smallest value of `level_width`, as a fraction of the force range."""
+LEVEL_WIDTH_NOISE = 6.0
+"""Smallest value of `level_width`, in standard deviations of the noise of the smoothed force."""
+LEAST_TURN = 0.05
+"""Smallest reversal of the motion that separates loading from unloading, as a fraction of the
+travel."""
+LARGEST_HOLD_MOTION = 0.02
+"""Largest change of the position in a hold, as a fraction of the range of the monotone part."""
+SHORTEST_HOLD = 0.33
+"""Shortest hold, as a fraction of the median duration of the motion in the monotone parts."""
+GUARD_WIDTHS = 3.5
+"""Samples nearer than this distance to the beginning or end of a contact are not fitted. The unit
+is the standard deviation of the smoothing kernel."""
+LONG_RECORD_GUARDS = 4
+"""Samples near the start and the end of a record (nearer than `GUARD_WIDTHS`) are not fitted if the
+record is long. The record is long if it has more than `LONG_RECORD_GUARDS` times this number of
+samples in contact for each start, gap and end."""
+FREE_TRAVEL = 4.0
+"""Smallest travel at a nearly constant force that counts as free motion or as saturation, as a
+multiple of the travel that the stiffness of the specimen permits."""
+LAG_FACTOR = 1.5
+"""Safety factor on the travel between a peak of the force and the later peak of the position."""
+LEAST_MOVED = 0.5
+"""The travel is computed from the position without its baseline. The position with its baseline
+must travel at least this fraction of the required travel. Otherwise the tip is at rest, and only
+the removed baseline changes."""
+LEAST_PEAK = 0.3
+"""Smallest height (`peak_height`) of a smooth peak of the force, as a fraction of the parameter
+`width` of `free_and_saturated`. A force with a smaller height counts as constant."""
+SHORTEST_CLIPPING = 3
+"""Smallest number of successive samples at exactly the highest force that indicate saturation."""
+FEWEST_CLIPPED = 8
+"""Smallest number of all samples at exactly the highest force that indicate saturation."""
+
+# Fit of the models in contact
+
+FEWEST_FIT_SAMPLES = 10
+"""Smallest number of independent samples for a fit: in contact for a model, and in a hold for the
+relaxation."""
+SPARE_SAMPLES = 6
+"""Smallest difference between number of samples and number of parameters."""
+STEADY_FREE_FORCE = 0.01
+"""Largest standard deviation of the force out of contact, as a fraction of the force range, for
+which this force counts as steady."""
+LEAST_SPEED_NOISE = 4.0
+"""Least speed in loading, in standard deviations of the noise of the smoothed velocity."""
+SLOPE_BAND = 0.08
+"""Samples are used for the slope if the distance of their force from half of the force range is
+less than this fraction of the range."""
+FEWEST_SLOPE_SAMPLES = 3
+"""Smallest average number of samples for the slope in one pass through half of the force range. If
+there are fewer, the neighbouring samples are used in addition (`with_neighbours`)."""
+LEAST_SLOPE_STEP_NOISE = 50.0
+"""Smallest distance between two positions from which a slope is computed (`surroundings`), in
+standard deviations of the noise of the smoothed position."""
+SMOOTHING_ERROR = 0.0005
+"""Relative standard deviation of k due to smoothing and resampling, for models with relaxing parts.
+
+This value is the median error of k for synthetic records without noise
+(`estimation.testing_records`). For a model without relaxing parts the error is zero, because such a
+model holds exactly for the smoothed signals.
+"""
+LEAST_R2_FOR_RELAXATION = 0.9
+"""If the baseline contains cosines, relaxing parts are fitted only if R^2 without them exceeds this
+value. A larger misfit is not caused by relaxation: the baseline describes slow relaxation."""
+NEGLIGIBLE_BIC = 60.0
+"""Difference of the Bayesian information criterion from which a model is ignored. The weight of
+such a model is less than exp(-30) times that of the best model."""
+FRICTION_RESIDUAL = 0.5
+"""Friction is reported if the residual with Coulomb friction is less than this fraction of the
+residual of the best candidate."""
+SAME_TIME_RATIO = 1.5
+"""Ratio of two time constants below which they are reported as one."""
+
+# Records without a stiffness, or with a remark
+
+FEWEST_SAMPLES_PER_CYCLE = 8.0
+"""Smallest number of samples per cycle of the motion that is sufficient."""
+PUNCTURE_FALL = 0.25
+"""Smallest fall of the force in loading that counts as a puncture, as a fraction of its range."""
+PUNCTURE_NOISE = 12.0
+"""Smallest fall of the force that counts as a puncture, in standard deviations of its noise."""
+PUNCTURE_TRAVEL = 0.02
+"""Largest travel during a puncture, as a fraction of the travel of the record."""
+SHORTEST_CREEP = 0.3
+"""Shortest time at a constant force in a creep test, as a fraction of the record."""
+LEAST_CREEP = 0.1
+"""Smallest travel at the constant force of a creep test, as a fraction of the travel of the
+record."""
+LARGEST_ZERO_FORCE = 0.1
+"""Largest magnitude of the highest force that counts as zero, as a fraction of the force range."""
+OUT_OF_CONTACT_TRAVEL = 0.1
+"""Fraction of the travel, from the lowest position, that is assumed to be out of contact."""
+CONSTANT_FREE_FORCE = 0.02
+"""Largest standard deviation of the force out of contact, as a fraction of the force range."""
+LEAST_ADHESION = 0.05
+"""Smallest adhesion that is reported, as a fraction of the force range."""
+ADHESION_NOISE = 6.0
+"""Smallest adhesion that is reported, in standard deviations of the noise of the smoothed force."""
+WIDEST_INTERVAL = 0.5
+"""If the half width of the 95 % interval of k is larger than this fraction of k, k is not
+identifiable."""
+LEAST_CONTACT_MOTION = 10.0
+"""Smallest travel in contact with which k is fitted, in units of 2.5 standard deviations of the
+noise of the position."""
+LEAST_DEPTH = 0.02
+"""Smallest travel in contact with which k is fitted, as a fraction of the travel of the record."""
+BAD_FIT_R2 = 0.9
+"""If R^2 of the best model is below this limit, a remark on the bad fit is made."""
+NO_RESULT_R2 = 0.8
+"""If R^2 of the best model is below this limit, no stiffness is reported, provided that the record
+contains free motion or the misfit is structural (`STRUCTURAL_DEGREE`)."""
+STRUCTURAL_DEGREE = 4
+"""If the best polynomial has at least this degree, a bad fit is attributed to the structure of the
+model (structural misfit). With a lower degree, it is attributed to noise."""
+CONSTANT_SPEED = 1e-9
+"""If the standard deviation of the velocity is below this fraction of the mean speed, the speed
+counts as constant."""
+SUFFICIENT_RESIDUAL = 0.02
+"""If the residual of the Kelvin-Voigt model is below this fraction of the typical force, the model
+is sufficient. The typical force is 0.35 times the force range, which is the root mean square of a
+sine."""
+SMALL_BASELINE = 0.05
+"""Peak-to-peak size of the baseline below which no remark on it is made, as a fraction of the force
+range. The baseline is the part of the force that is slower than the palpation."""
+FEWEST_INDEPENDENT = 35
+"""Number of independent samples that the intervals need. If there are fewer, a remark says so.
+
+With fewer samples, the error model for four parameters has fewer than four cosines
+(`robust_error`).
+"""
+SHORTEST_RELAXATION_HOLD = 0.5
+"""Shortest hold in contact [s] in which a relaxation of the force can be distinguished from lost
+motion (backlash). Both have a similar effect on the force in a motion without such a hold."""
+REST_SPEED = 0.02
+"""Largest speed at rest, relative to the 95 % quantile of the speed."""
+UNUSED_REST = 0.2
+"""Part of a rest that is not used, at its start and at its end, as a fraction of the rest."""
+SHORTEST_REST = 0.03
+"""Shortest used part of a rest, as a fraction of the record."""
+LEAST_DRIFT = 0.01
+"""Smallest rise of the force at rest that counts as a drift, as a fraction of the force range."""
+DRIFT_NOISE = 6.0
+"""Smallest rise of the force that counts as a drift, in standard deviations of the noise of the
+smoothed force."""
+STIFFEST_AT_REST = 3.0
+"""Assumed largest stiffness at the position of a rest, divided by the mean stiffness."""
+FEWEST_COMPARED_CYCLES = 6
+"""Smallest number of cycles to detect a change of the stiffness."""
+FEWEST_CYCLE_SAMPLES = 8
+"""Smallest number of samples in a cycle that is compared."""
+TREMOR_TRAVEL = 0.25
+"""Least travel of a cycle, relative to the largest travel of a cycle. A smaller cycle is tremor."""
+LEAST_CHANGE = 0.15
+"""Smallest relative change of the stiffness that is reported."""
+CHANGE_SCATTER = 5.0
+"""Smallest change of the stiffness that is reported, in standard errors."""
+FREQUENCY_CHANGE = 1.5
+"""If the ratio of the frequencies of the first and last cycles is larger, a change of the stiffness
+is attributed to the frequency."""

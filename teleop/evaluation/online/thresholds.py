@@ -1,0 +1,34 @@
+"""Thresholds of the evaluation with the online estimators."""
+
+from __future__ import annotations
+
+# Samples and settings
+
+FEWEST_SAMPLES = 10
+"""Smallest number of moving samples that are evaluated."""
+RESOLUTIONS = 1e-12, 1.0
+"""Range of the setting `resolution` of `EstimateSettings` [m]."""
+FARTHEST_ANALYSED = 1.0
+"""Distance from the next analysed sample above which a time is between two analysed sections [s].
+
+The analysis of a long record contains only sections of the record. The distance must also exceed
+two sample periods of the analysis.
+"""
+
+# Remarks and comparison
+
+LEAST_KEPT_VARIANCE = 0.9
+"""A message is reported if the conditioning keeps less than this fraction of the force variance."""
+LEAST_EXCITATION = 0.01
+"""Excitation below which a remark on b of the online estimators is reported.
+
+Below this excitation, the standard deviation of b omega is more than ten times that of k. If k is
+known to 10 %, a loss tangent b omega / k below one can then not be measured.
+"""
+WINDOW = 1.0
+"""Length of the sliding window of batch least squares [s]. The force prediction errors of all
+estimators are divided by the error of this method. A time of the same length is omitted at the
+start of the record."""
+ROUNDING_OF_FORCE = 1e-9
+"""If the error of batch least squares is below this fraction of the force, it is only a rounding
+error, and no error is divided by it: `Comparison.one_step_ratio` is NaN."""

@@ -1,0 +1,118 @@
+"""Compute from a recorded trial and its settings: averaged part, motion, tracking, true values."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from sim_backend import Law, Setup
+from teleop.errors import InputError
+from teleop.evaluation.reading.recorded import Last
+from teleop.evaluation.settings import WHOLE, AveragedPart
+from teleop.evaluation.teleoperation.tracking import Tracking, tracking
+from teleop.recording.recording import Recording
+from teleop.recording.recording_file import RecordingFile
+from teleop.settings.documents import from_document
+from teleop.settings.trial_settings import TrialSettings
+
+
+def trial_settings(recording: Recording) -> TrialSettings | None:
+    """Return the settings of a recorded trial; None if it has none, or if they are not valid."""
+    try:
+        return from_document(recording.settings) if recording.settings else None
+    except InputError:
+        return None
+
+
+def averaged_part(recording: Recording | RecordingFile, settings: TrialSettings) -> AveragedPart:
+    """Return the part of a recorded trial over which the estimates are averaged."""
+    part = AveragedPart(*settings.condition_type.averaged_times(settings.intended_motion))
+    if settings.target and "target" not in recording.units:
+        part = WHOLE  # recorded by a version whose target had no count-in
+    armed = next((event["time"] for event in recording.events if event["mode"] == "active"), 0.0)
+    return part.after(armed)
+
+
+def recorded_part(recording: Recording) -> AveragedPart:
+    """Return `averaged_part` for the settings in a recording; the whole trial without settings."""
+    settings = trial_settings(recording)
+    return averaged_part(recording, settings) if settings else WHOLE
+
+
+def performed(settings: TrialSettings) -> dict[str, str]:
+    """Return texts by name that describe the motion in a trial, including default values."""
+    if settings.custom_condition:
+        return {name: f"{v}" for name, v in settings.custom_condition.parameters.items()}
+    return settings.condition_type.motion_texts(settings.intended_motion)
+
+
+def recorded_motion(recording: Recording) -> dict[str, str]:
+    """Return `performed` for the settings in a recording; no text without settings."""
+    settings = trial_settings(recording)
+    return performed(settings) if settings else {}
+
+
+def tracking_of(recording: Recording, settings: TrialSettings) -> Tracking | None:
+    """Return how well the slave followed the target.
+
+    The result is None if the condition or the recording has no target, or if the target moved for
+    too few periods (`FEWEST` in `teleop.evaluation.teleoperation.tracking`).
+    """
+    target_motion = settings.target
+    if target_motion is None or "target" not in recording.columns:
+        return None
+    t, target, position = (recording[name] for name in ("time", "target", "slave_position"))
+    return tracking(t, target, position, target_motion.frequency)
+
+
+def tracked_ticks(ticks: Recording | RecordingFile) -> Recording:
+    """Return the ticks for `tracking_of`: all in memory, or the last ones of a long recording."""
+    if isinstance(ticks, Recording):
+        return ticks
+    names = [name for name in ("time", "target", "slave_position") if name in ticks.units]
+    last = Last()
+    for block in ticks.blocks(names.__contains__):
+        last.add(block.columns)
+    return Recording(last.columns(names), ticks.units)
+
+
+def recorded_tracking(recording: Recording) -> Tracking | None:
+    """Return `tracking_of` for the settings in a recording; None without settings."""
+    settings = trial_settings(recording)
+    return tracking_of(recording, settings) if settings else None
+
+
+def truth(settings: TrialSettings, depth: float) -> dict[str, Any]:
+    """Return the true values of a trial on the simulated rig, with which estimates are compared.
+
+    The stiffness is that of the palpated body in series with the transmission, because the encoder
+    measures the position of the motor, before the transmission. `k_deepest` is the static force at
+    `depth`, divided by `depth`. If the body has other values for fast motion or after a change, the
+    key `further_laws` contains these values by name.
+    """
+    setup = settings.setup
+    further = {name: known(setup, law, depth) for name, law in setup.cube.further_laws.items()}
+    return {
+        **known(setup, setup.cube.slow, depth),
+        "force_lag_s": setup.force_lag,
+        "lost_motion_m": setup.transmission.lost_motion,
+        **({"further_laws": further} if further else {}),
+    }
+
+
+def known(setup: Setup, law: Law, depth: float) -> dict[str, float]:
+    """Return the true damping and stiffness of a simulated body in series with the transmission."""
+    return {
+        "b": law.b,
+        "k_surface": law.k1 / (1.0 + setup.transmission.compliance * law.k1),
+        "k_deepest": setup.static_force(law, depth) / depth if depth else law.k1,
+    }
+
+
+def recorded_truth(recording: Recording) -> dict[str, Any] | None:
+    """Return `truth` for a recorded trial on the simulated rig; None for every other recording."""
+    settings = trial_settings(recording)
+    if not settings or not settings.is_simulated:
+        return None
+    return truth(settings, float(np.max(np.abs(recording["slave_position"]), initial=0.0)))
