@@ -12,7 +12,7 @@ from estimation import Bank
 from estimation.presets import GATE
 from teleop.control.feedback.law import STIFF_PRIOR, MasterHalf
 from teleop.control.feedback.settings import LAWS
-from teleop.evaluation.online.run import RunningAverages
+from teleop.evaluation.online.averages import RunningAverages
 from teleop.evaluation.teleoperation.rendering import RunningHand, RunningRendering
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile

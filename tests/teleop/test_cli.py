@@ -225,7 +225,7 @@ def test_the_help_has_groups_names_and_a_text_for_each_option(command, capsys, m
     monkeypatch.setenv("COLUMNS", "100")
     assert main([command, "--help"]) == 0
     out = capsys.readouterr().out
-    for word in ("Estimation", "Output", "rls_conditional", "me_switching", "kelvin-voigt"):
+    for word in ("Estimation", "Output", "rls_sift", "kelvin-voigt"):
         assert word in out
     assert "Parameters" not in out
     lines = [line.strip(" │") for line in out.splitlines() if line.startswith("│ --")]
