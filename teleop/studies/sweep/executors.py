@@ -1,10 +1,10 @@
 """Run the points of a sweep in several processes of this machine.
 
-Why `concurrent.futures` and `distributed` are used directly, and not joblib (1.6, measured with 40
-short trials and 2 processes): joblib starts new interpreters and takes 11.6 s instead of 5.9 s; if
-a process is killed, joblib ends with the results so far (2 of 40; here 40, one with an error), so
-that the bookkeeping below is needed all the same; if the command is killed, its processes run on
-for more than 20 s (here they end after 0.2 s, see `workers`). Ctrl-C ends both within 1 s.
+Why `concurrent.futures` and `distributed` are used directly, and not joblib (1.6, 2 processes): 40
+short trials take 11.6 s instead of 5.9 s, because joblib starts new interpreters. With artificial
+tasks: if a process is killed, joblib ends with the results so far (2 of 40; here 40, one with an
+error), so that the bookkeeping below is needed all the same; if the command is killed, processes of
+joblib run on for more than 20 s (here they end after 0.2 s, see `workers`).
 """
 
 from __future__ import annotations
