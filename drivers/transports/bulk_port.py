@@ -86,7 +86,7 @@ class DescriptorPort(PortablePort):
     def read(self, timeout: float | None) -> bytes:
         """Return all bytes that have arrived. If there are none, wait for the first byte.
 
-        See `PortablePort.read` for the timeout and the errors.
+        See `PortablePort.read` for the timeout. OSError: the port is gone.
         """
         if not select.select([self._descriptor], [], [], timeout)[0]:
             return b""

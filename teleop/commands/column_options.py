@@ -55,7 +55,8 @@ class ColumnOptions:
         """Read position, force and time from a file; also the trial if it is a recording.
 
         `is_wanted` chooses the columns of the recorded trial by their names, and by default
-        chooses all. If the recording is long, only its end is returned, see `RecordedSamples`.
+        chooses all. If the recording is long, the `Recording` has only its end, and the signals of
+        the `Samples` only sections, see `RecordedSamples`.
         """
         from teleop.errors import InputError
         from teleop.evaluation.formats.columns import Wanted

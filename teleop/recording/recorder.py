@@ -141,7 +141,10 @@ class RecorderProcess(Sink):
             self._failure = "the recorder was killed"
 
     def event(self, event: Event) -> None:
-        """Keep an event. The next `push` (before the message of its tick) or `close` sends it."""
+        """Keep an event. The next `push` sends it before its own message, or `close` sends it.
+
+        The message of the tick of the event was pushed before the event.
+        """
         data = json.dumps(event_record(event)).encode()
         self._waiting.append(FRAME.pack(EVENT, len(data)) + data)
 

@@ -58,7 +58,7 @@ from teleop.settings.values import (
 )
 
 CONFIG = ConfigDict(extra="forbid", use_attribute_docstrings=True, validate_by_name=True)
-"""The dataclasses of the settings have the same configuration, because they have no own one."""
+"""The dataclasses within the settings also use this configuration, because they define none."""
 
 
 @dataclass(frozen=True, config=CONFIG)

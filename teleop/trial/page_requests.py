@@ -14,7 +14,7 @@ from teleop.live.cells import ARM, END, LONGEST_ROUND_TRIP, PROCESS, STOP, CellR
 from teleop.safety import Fault
 from teleop.safety.channels import DetectedFault
 
-SILENCE = 0.15
+POINTER_SILENCE = 0.15
 """Longest time between two samples of the pointer while the hand holds the handle [s]."""
 
 
@@ -22,16 +22,16 @@ class PagePointer:
     """Callable that returns the latest position of the pointer in the live page.
 
     The hand of a simulated operator follows the pointer. If no new sample of the pointer arrives
-    for longer than `SILENCE`, the hand no longer holds the handle. It does not hold the handle
-    either while the page is more than `LONGEST_ROUND_TRIP` behind, because the person then sees and
-    moves too late.
+    for longer than `POINTER_SILENCE`, the hand no longer holds the handle. It does not hold the
+    handle either while the page is more than `LONGEST_ROUND_TRIP` behind, because the person then
+    sees and moves too late.
     """
 
     def __init__(self, cells: CellReader, now: Callable[[], float] = monotonic) -> None:
         self._cells = cells
         self._now = now
         self._sequence = -1
-        self._time = -SILENCE
+        self._time = -POINTER_SILENCE
         self._depth, self._grip = 0.0, False
         if sample := cells.pointer():
             self._sequence = sample[0]
@@ -47,7 +47,7 @@ class PagePointer:
             self._sequence, self._depth, self._grip = sample
             self._time = now
         is_late = self._cells.age(self._now) > LONGEST_ROUND_TRIP
-        return self._depth, self._grip and now - self._time <= SILENCE and not is_late
+        return self._depth, self._grip and now - self._time <= POINTER_SILENCE and not is_late
 
 
 PROCESS_SILENCE = 0.3

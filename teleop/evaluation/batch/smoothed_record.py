@@ -1,7 +1,6 @@
 """Prepare a record for batch evaluation: resample it evenly, and smooth it without delay.
 
-1. The record is interpolated linearly onto a grid of constant period
-   (`teleop.evaluation.batch.smoothed_record`).
+1. The record is interpolated linearly onto a grid of constant period (`resample`).
 2. If the sampling rate is much higher than necessary for the bandwidth of the force, successive
    samples are averaged in blocks.
 3. Position and force are smoothed with the same Gaussian kernel (`estimation.smoothing`). If the
@@ -79,6 +78,7 @@ def resample(signals: Signals, force_lag: float = 0.0) -> ResampledRecord:
             continue
         even = t[0] + period * np.arange(count)
         x, f = (np.interp(even, t, channel[start:end]) for channel in (signals.x, signals.f))
+        # the position gets the same lag as the force: both signals are then in phase
         x = Lag(force_lag).run(x, np.full(count, period))
         pieces.append((even, x, f))
     if not pieces:

@@ -113,7 +113,7 @@ class ConditionedBlocks:
     """Filters a record for the estimators, one block of samples after another.
 
     The results are the same as those of `conditioned`, which filters the whole record in one call.
-    The parameters are explained there.
+    The datum is subtracted from position and force. Only the samples in `motion` are used.
     """
 
     def __init__(self, conditioner: Conditioner, datum: Datum, motion: slice = slice(None)) -> None:

@@ -75,8 +75,9 @@ def chosen_table(path: Path, wanted: Wanted, whole: Collection[str] = ()) -> Tab
     """Select the table to evaluate from the tables in a measurement file, and return it.
 
     If the user states the number of a table, the table with this number is returned. Otherwise, the
-    result is the table that has columns of position, force and time. If no table has these columns,
-    the table with the most samples is returned.
+    result is the only table that has columns of position, force and time; several are an error. If
+    no table has these columns, the table with the most samples is returned. Of a table that has all
+    columns in `whole`, all columns are read.
     """
     tables = read_tables(path, Picker(wanted, whole), wanted)
     if wanted.block is not None:
