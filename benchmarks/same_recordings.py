@@ -32,6 +32,7 @@ from teleop.safety.tightened_limits import TightenedLimits
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
 
+ROOT = Path(__file__).parents[1]
 SECONDS = 3.0
 CHANNEL = ChannelSettings(delay=10e-3, jitter=5e-3, loss=0.02)
 
@@ -71,12 +72,14 @@ def digests() -> dict[str, str]:
     return found
 
 
-def in_process(tree: Path | None) -> subprocess.Popen[str]:
-    """Start the trials of a version in another process."""
-    environment = dict(os.environ, **({"PYTHONPATH": str(tree)} if tree else {}))
+def in_process(tree: Path) -> subprocess.Popen[str]:
+    """Start the trials of a version in another process, by its own copy of this program.
+
+    Modules can have other names in another version. Trials are compared by their names.
+    """
     return subprocess.Popen(
-        [sys.executable, __file__, "--digests", "-"],
-        env=environment,
+        [sys.executable, tree / "benchmarks" / "same_recordings.py", "--digests", "-"],
+        env=os.environ | {"PYTHONPATH": str(tree)},
         cwd=tree,
         stdout=subprocess.PIPE,
         text=True,
@@ -91,7 +94,7 @@ def main() -> int:
     if options.digests:
         print(json.dumps(digests()))
         return 0
-    processes = [in_process(tree) for tree in (None, options.path.absolute())]
+    processes = [in_process(tree) for tree in (ROOT, options.path.absolute())]
     this, other = (json.loads(process.communicate()[0]) for process in processes)
     different = [name for name in this if this[name] != other.get(name)]
     for name in different:
