@@ -44,7 +44,7 @@ VELOCITIES = {
 
 # Name of the column, attribute of the tick's `Record`, unit, meaning.
 TABLE: tuple[tuple[str, str, str, str], ...] = (
-    ("time", "t", "s", "time since the trial began; negative before the drives are armed"),
+    ("time", "t", "s", "time since the drives were permitted to be armed; negative before"),
     ("dt", "dt", "s", "time since the previous tick"),
     *((c, f"measurement.{c}", UNITS[c], CHANNEL_MEANINGS[c]) for c in CHANNELS),
     *(
@@ -114,20 +114,24 @@ REGRESSOR = "regressor_"
 """Prefix of the names of columns that contain regressors other than v and x."""
 MODEL = "of the body that is rendered at the master; NaN if no body is rendered"
 FEEDBACK_COLUMNS = (
-    Column("displayed_force", "N", "of the environment, as the hand feels it"),
+    Column("displayed_force", "N", "force of the environment, as the hand feels it"),
     Column("model_stiffness", "N/m", f"stiffness {MODEL}"),
     Column("model_stiffening", "N/m^3", f"stiffening {MODEL}"),
     Column("model_damping", "N s/m", f"damping {MODEL}"),
     Column("tank", "J", "energy in the tank; NaN if the law has no tank"),
-    Column("port_energy", "J", "from the hand, at most what the displayed dynamics can store"),
-    Column("master_energy", "J", "from the hand to the channel, for passivity control"),
+    Column("port_energy", "J", "energy from the hand, at most what the dynamics can store"),
+    Column(
+        "master_energy",
+        "J",
+        "energy from the hand to the channel; 0, not used by a law",
+    ),
     Column(
         "slave_energy",
         "J",
-        "from the environment to the channel, as in the packet at the master",
+        "energy from the environment to the channel; 0, not used by a law",
     ),
-    Column("report_age", "s", "of the packet from the slave that the master uses"),
-    Column("motion_age", "s", "of the packet from the master that the slave uses"),
+    Column("report_age", "s", "age of the packet from the slave that the master uses"),
+    Column("motion_age", "s", "age of the packet from the master that the slave uses"),
 )
 """Additional columns of a trial with force feedback or a communication channel: the fields of
 `teleop.control.bilateral.LinkValues`."""

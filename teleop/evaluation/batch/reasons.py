@@ -17,8 +17,11 @@ from teleop.evaluation.batch.strokes import is_single_stroke, typical_speed
 from teleop.evaluation.batch.thresholds import (
     ADHESION_NOISE,
     BAD_FIT_R2,
+    BETTER_BIC,
+    BETTER_RESIDUAL,
     CONSTANT_FREE_FORCE,
     CONSTANT_SPEED,
+    CREEP_NOISE,
     FEWEST_INDEPENDENT,
     FEWEST_SAMPLES_PER_CYCLE,
     LARGEST_ZERO_FORCE,
@@ -26,7 +29,10 @@ from teleop.evaluation.batch.thresholds import (
     LEAST_CONTACT_MOTION,
     LEAST_CREEP,
     LEAST_DEPTH,
+    LEAST_LEVEL_WIDTH,
     LEAST_RISE_OF_FORCE,
+    LEVEL_WIDTH_NOISE,
+    LOADING_SPEED,
     NO_RESULT_R2,
     OUT_OF_CONTACT_TRAVEL,
     PUNCTURE_FALL,
@@ -130,14 +136,14 @@ def creep_force(record: SmoothedRecord, phases: Phases) -> float | None:
     """
     f, noise = record.f, record.f_noise_smoothed
     level = float(np.median(f[len(f) // 2 :]))
-    width = max(6.0 * noise, 0.015 * float(np.ptp(f)))
+    width = max(LEVEL_WIDTH_NOISE * noise, LEAST_LEVEL_WIDTH * float(np.ptp(f)))
     for start, end in runs((np.abs(f - level) < width) & phases.contact):
         if end - start < SHORTEST_CREEP * len(f):
             continue
         travels = np.diff(record.x[np.linspace(start, end - 1, 5).astype(np.int_)])
         if (
             (np.diff(travels) < 0.0).all()
-            and travels[-1] > 3.0 * record.x_noise
+            and travels[-1] > CREEP_NOISE * record.x_noise
             and travels.sum() > LEAST_CREEP * float(np.ptp(record.x))
         ):
             return level
@@ -151,7 +157,7 @@ def puncture(record: SmoothedRecord) -> tuple[float, float, float] | None:
     """
     f = median_filter(record.raw_f, SMOOTHED, mode="nearest")
     x, v = record.x, record.v
-    fast = v > 0.3 * typical_speed(v)
+    fast = v > LOADING_SPEED * typical_speed(v)
     least = max(PUNCTURE_FALL * float(np.ptp(f)), PUNCTURE_NOISE * record.f_noise)
     for start, end in runs(fast):
         if end - start < 4 * SMOOTHED:
@@ -321,8 +327,8 @@ def remarks(
     elif (
         best is not plain
         and not slight
-        and best.bic < plain.bic - 10.0
-        and plain.rms > 1.05 * best.rms
+        and best.bic < plain.bic - BETTER_BIC
+        and plain.rms > BETTER_RESIDUAL * best.rms
     ):
         what = [f"the stiffness depends on depth (degree {best.degree})"] if best.degree > 1 else []
         if best.times:

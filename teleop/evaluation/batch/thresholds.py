@@ -229,3 +229,13 @@ CHANGE_SCATTER = 5.0
 FREQUENCY_CHANGE = 1.5
 """If the ratio of the frequencies of the first and last cycles is larger, a change of the stiffness
 is attributed to the frequency."""
+CREEP_NOISE = 3.0
+"""Smallest motion in the last quarter of a creep, in standard deviations of the noise of the
+position."""
+LOADING_SPEED = 0.3
+"""Smallest speed of a loading in which a puncture is sought, as a fraction of the typical speed."""
+BETTER_BIC = 10.0
+"""Smallest difference of the BIC with which another model is better than Kelvin-Voigt: very strong
+evidence (Kass and Raftery, J. American Statistical Association 90, 1995)."""
+BETTER_RESIDUAL = 1.05
+"""Smallest ratio of the residuals with which another model is better than Kelvin-Voigt."""
