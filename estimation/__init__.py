@@ -20,3 +20,8 @@ if TYPE_CHECKING:
 def __getattr__(name: str) -> Any:
     """Return a public name of the package, and load the estimators at its first use."""
     return getattr(import_module("estimation.public"), name)
+
+
+def __dir__() -> list[str]:
+    """Return also the public names, for the completion in a terminal or a notebook."""
+    return [*globals(), *import_module("estimation.public").__all__]

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+import estimation
+
 ROOT = Path(__file__).parents[1]
 ALLOWED = {
     "estimation": {"numpy", "scipy", "numba", "pandas", "matplotlib"},
@@ -216,6 +218,9 @@ def test_only_the_controller_commands_a_rig_so_that_the_supervisor_sees_every_mo
 
 
 def test_no_public_name_of_estimation_is_the_name_of_one_of_its_modules():
-    import estimation
 
     assert not set(estimation.__all__) & {path.stem for path in (ROOT / "estimation").iterdir()}
+
+
+def test_the_public_names_of_estimation_are_listed_for_completion():
+    assert {"identify", "Bank", "RecursiveLeastSquares"} <= set(dir(estimation))
