@@ -32,6 +32,8 @@ def live(
     open
         Open the page in the browser.
     """
+    import asyncio
+
     from teleop.commands.live_options import check_installed, show_address
     from teleop.errors import InputError
     from teleop.interruption import stop_signals
@@ -40,7 +42,7 @@ def live(
 
     check_installed()
     from teleop.live.replay import Replay
-    from teleop.live.server import serve_until
+    from teleop.live.server import serve
 
     recording = load(file)
     if not len(recording):
@@ -53,5 +55,5 @@ def live(
         recorded_document(recording),
     )
     with stop_signals() as stopped:
-        serve_until(stopped, replay, host, port, lambda url: show_address(url, host, open))
+        asyncio.run(serve(stopped, replay, host, port, lambda url: show_address(url, host, open)))
     return 0

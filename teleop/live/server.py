@@ -260,17 +260,6 @@ def page_url(host: str, port: int, token: str) -> str:
     return f"http://{name}:{port}/#t={token}"
 
 
-def serve_until(
-    stopped: Callable[[], bool],
-    feed: Feed,
-    host: str,
-    port: int,
-    ready: Callable[[str], object],
-) -> None:
-    """Serve the live page until `stopped` returns True; `ready` gets its URL when it is open."""
-    asyncio.run(serve(stopped, feed, host, port, ready))
-
-
 async def serve(
     stopped: Callable[[], bool],
     feed: Feed,
@@ -278,7 +267,7 @@ async def serve(
     port: int,
     ready: Callable[[str], object],
 ) -> None:
-    """Serve the live page as an asyncio task; see `serve_until`."""
+    """Serve the live page until `stopped` returns True; `ready` gets its URL when it is open."""
     if not 0 <= port <= 65535:
         raise InputError(f"port {port}: expected 0 to 65535")
     token = new_token()

@@ -94,11 +94,11 @@ def test_a_recording_with_an_invalid_rate_in_its_settings_is_shown(recording, mo
     monkeypatch.setattr("teleop.recording.recording.load", lambda file: changed)
     rows = []
 
-    def show(stopped, replay, host, port, ready):
+    async def show(stopped, replay, host, port, ready):
         replay.request({"type": "seek", "t": 0.3})
         rows.append(replay.history.end)
 
-    monkeypatch.setattr("teleop.live.server.serve_until", show)
+    monkeypatch.setattr("teleop.live.server.serve", show)
     assert main(["live", str(recording)]) == 0
     assert 50 < rows[0] <= 100  # at most 250 rows per second
 
