@@ -5,7 +5,7 @@ from __future__ import annotations
 from fault_case import Case
 
 from teleop.safety.checks import LONGEST_HALT
-from teleop.settings.palpation_limits import FROZEN, FROZEN_SPEED
+from teleop.settings.simulated_rig_limits import FROZEN, FROZEN_SPEED
 
 
 def at_once(case: Case, travel: float, change: float) -> bool:

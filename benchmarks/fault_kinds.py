@@ -34,7 +34,7 @@ from sim_backend.faults import (
 )
 from sim_backend.plant import Intention
 from teleop.safety import Fault
-from teleop.settings.palpation_limits import STOPPING
+from teleop.settings.simulated_rig_limits import STOPPING
 from teleop.trial.page_requests import PAGE_AGE, PROCESS_SILENCE
 
 PERIOD = 1e-3

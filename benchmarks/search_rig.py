@@ -12,14 +12,14 @@ from sim_backend.faults import FaultyRig
 from sim_backend.operators import Hand
 from teleop.control.conditions import Condition
 from teleop.safety import Limits
-from teleop.settings.palpation_limits import palpation_limits
+from teleop.settings.simulated_rig_limits import simulated_rig_limits
 
 WATCHDOG = 0.05
 """Timeout of the simulated drives' watchdogs [s]."""
 PERIOD = 1e-3
 DEPTH = 10e-3
 LIMITS: Limits = replace(
-    palpation_limits(CUBES["soft"], DEPTH, 1.0, 2.0, 1e-6),
+    simulated_rig_limits(CUBES["soft"], DEPTH, 1.0, 2.0, 1e-6),
     preflight=5e-3,
     start_ramp=2e-3,
     following_error=2e-3,

@@ -56,7 +56,7 @@ class VelocityDrive(ABC):
         """Request that the drive goes into operation with zero velocity.
 
         In operation, the drive follows velocity commands, and its watchdog is active. This method
-        is called once per tick (cycle of the control loop) until it returns True.
+        is called once per tick until it returns True.
 
         Returns
         -------
@@ -143,15 +143,14 @@ class Device(ABC):
         """Return the SI unit of each signal, by the name of the signal.
 
         If the scale of a sensor is unknown, the signal has the unit of the raw value, for example
-        `V`. The rig file must then give a scale for each channel (measured quantity of the rig)
-        that is computed from the signal.
+        `V`. The rig file must then give a scale for each channel that is computed from the signal.
         """
 
     def update(self, now: float) -> None:  # noqa: B027
         """Do the periodic work of the device, for example detect that messages are missing.
 
-        This method is called at each tick (cycle of the control loop), after all received messages
-        were processed. The default method does nothing.
+        This method is called at each tick, after all received messages were processed. The default
+        method does nothing.
 
         Parameters
         ----------

@@ -23,7 +23,7 @@ class RigError(Exception):
     """A device failed or sends no data. The message names the device and what was expected."""
 
 
-STOPPING = 0.5
+LONGEST_STOP = 0.5
 """Longest time from the first call of `Rig.idle` until all drives confirm that they are out of
 operation [s]."""
 
@@ -51,7 +51,7 @@ Velocity = Annotated[float, "m/s"]
 
 
 class Ages(NamedTuple):
-    """Age of the latest sample of each channel (measured quantity) [s].
+    """Age of the latest sample of each channel [s].
 
     The age is the time since the sample was taken. The fields have the order of `CHANNELS`.
     """
@@ -95,7 +95,7 @@ class Measurement(NamedTuple):
 
     @property
     def channels(self) -> tuple[float, ...]:
-        """Values of the channels (measured quantities), in the order of `CHANNELS`."""
+        """Values of the channels, in the order of `CHANNELS`."""
         return self[1:6]
 
 

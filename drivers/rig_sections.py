@@ -47,7 +47,7 @@ BusSettings = Annotated[SerialSettings | CanSettings, Field(discriminator="kind"
 
 
 class MeasurementSettings(Section):
-    """Section of a rig file for one channel (measured quantity).
+    """Section of a rig file for one channel.
 
     The value of the channel is computed from a signal of a device. In SI units, the value is
     sign * scale * signal + offset.
@@ -119,7 +119,7 @@ class VelocitySettings(MeasurementSettings):
 
 
 class ChannelsSettings(Section):
-    """Section `[channels]` of a rig file: the settings of all channels (measured quantities).
+    """Section `[channels]` of a rig file: the settings of all channels.
 
     The position of the handle (`master_position`) and the velocity of the slave
     (`slave_velocity`) are optional.

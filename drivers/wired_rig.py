@@ -11,8 +11,8 @@ from drivers.device import CanDevice, DerivedDevice, Device, SerialDevice, Veloc
 from drivers.rig import (
     AXES,
     CHANNELS,
+    LONGEST_STOP,
     STANDSTILL,
-    STOPPING,
     Ages,
     Command,
     Measurement,
@@ -27,13 +27,13 @@ from drivers.transports.can_bus import CanBus
 from drivers.transports.serial_port import SerialPort
 
 FIRST_SAMPLES = 2.0
-"""Longest wait until every channel (measured quantity) has a first sample [s]."""
+"""Longest wait until every channel has a first sample [s]."""
 ENABLING = 2.0
 """Longest time from the first call of `enable` until all drives are in operation [s]."""
 
 
 class Channel(NamedTuple):
-    """A channel (measured quantity) of the rig, and the signal of a device that measures it.
+    """A channel of the rig, and the signal of a device that measures it.
 
     The value of the channel in SI units is gain * signal + offset.
     """
@@ -106,7 +106,7 @@ class WiredRig(Rig):
         return {name: device.rejected for name, device in self.devices.items() if device.rejected}
 
     def open(self) -> None:
-        """Connect to every device, and wait for a sample of every channel (measured quantity)."""
+        """Connect to every device, and wait for a sample of every channel."""
         for bus in self.buses.values():
             bus.open()
             bus.pump = self._poll
@@ -177,7 +177,7 @@ class WiredRig(Rig):
             raise error
 
     def read(self) -> Measurement:
-        """Read every bus, and return the latest sample of every channel (measured quantity)."""
+        """Read every bus, and return the latest sample of every channel."""
         self._poll()
         now = self._now()
         values, ages = [], []
@@ -246,10 +246,10 @@ class WiredRig(Rig):
         if not running:
             self._operating, self._stopping = False, math.nan
             return True
-        if self._now() - self._stopping > STOPPING:
+        if self._now() - self._stopping > LONGEST_STOP:
             raise NotStoppedError(
-                f"drive {' and '.join(running)}: no confirmation within {STOPPING:g} s that it is "
-                "out of operation: if it moves, use the hardware emergency stop"
+                f"drive {' and '.join(running)}: no confirmation within {LONGEST_STOP:g} s that it "
+                "is out of operation: if it moves, use the hardware emergency stop"
             )
         return False
 
@@ -271,7 +271,7 @@ class WiredRig(Rig):
             for device in self.devices.values():
                 stack.callback(device.stop)
             if self._operating:
-                next(iter(self.buses.values())).wait_for(self.idle, 2.0 * STOPPING)
+                next(iter(self.buses.values())).wait_for(self.idle, 2.0 * LONGEST_STOP)
 
 
 def make_bus(name: str, file: RigFile, now: Callable[[], float]) -> Bus:

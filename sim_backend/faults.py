@@ -41,7 +41,7 @@ def with_channel(measurement: Measurement, channel: str, value: float) -> Measur
 
 @dataclass
 class Replaced(RigFault):
-    """Fault: the value of a channel (measured quantity) is replaced by a constant."""
+    """Fault: the value of a channel is replaced by a constant."""
 
     channel: str
     """Name of the channel."""
@@ -55,7 +55,7 @@ class Replaced(RigFault):
 
 @dataclass
 class Shifted(RigFault):
-    """Fault: an offset and a drift are added to the value of a channel (measured quantity)."""
+    """Fault: an offset and a drift are added to the value of a channel."""
 
     channel: str
     """Name of the channel."""
@@ -77,7 +77,7 @@ class Shifted(RigFault):
 
 
 class Frozen(RigFault):
-    """Fault: the value of a channel (measured quantity) does not change after the fault began."""
+    """Fault: the value of a channel does not change after the fault began."""
 
     def __init__(self, channel: str, ageing: bool) -> None:
         self._channel, self._ageing = channel, ageing

@@ -17,7 +17,7 @@ LONGEST = 8e-3
 class CanopenMaster:
     """CANopen master. All drives on a bus share one master.
 
-    At each tick (cycle of the control loop), each drive object sends its command, in the order in
+    At each tick, each drive object sends its command, in the order in
     which the drives were started. After the last command, the master sends a SYNC frame. All drives
     then apply their commands and take their samples.
 

@@ -29,7 +29,7 @@ class Mount(ABC):
     def sense(self, signal: str) -> float:
         """Return the present value of a signal of the device, in the unit of the signal.
 
-        If the rig file assigns the signal to a channel (measured quantity), the signal is computed
+        If the rig file assigns the signal to a channel, the signal is computed
         from the simulated value of the channel. If not, the signals `position`, `velocity` and
         `force` are the true position [m], velocity [m/s] and motor force [N] of the first drive of
         the device. For another signal, or if the device has no drive, the value is 0.

@@ -29,7 +29,7 @@ enabled before. With this number, the operator and the sensor noise can differ f
 
 
 class Source(NamedTuple):
-    """Channel (measured quantity) from which a signal of an emulated device is computed.
+    """Channel from which a signal of an emulated device is computed.
 
     signal = (value of the channel - offset) / gain
 
@@ -56,7 +56,7 @@ class Mechanism:
     ----------
     file
         The rig file (TOML file that describes the telemanipulator). It states which device measures
-        each channel (measured quantity), and which device has the drive of each axis.
+        each channel, and which device has the drive of each axis.
     make_rig
         Function that returns a new telemanipulator in its initial state.
     now
@@ -196,7 +196,7 @@ class DeviceMount(Mount):
     def sense(self, signal: str) -> float:
         """Return the present value of a signal of the device.
 
-        If the rig file assigns the signal to a channel (measured quantity), the signal is computed
+        If the rig file assigns the signal to a channel, the signal is computed
         from the simulated value of the channel. If not, the signals `position`, `velocity` and
         `force` are those of the axis that the first drive of the device moves, multiplied by the
         sign of the drive. For another signal, or if the device has no drive, the result is 0.

@@ -52,44 +52,10 @@ class ColumnOptions:
     def read(
         self, file: Path, is_wanted: Callable[[str], bool] = bool
     ) -> tuple[Samples, Recording | None]:
-        """Read position, force and time from a file; also the trial if it is a recording.
+        """Read the file with these options, see `read_measurement_file`."""
+        from teleop.evaluation.reading.measurement_file import read_measurement_file
 
-        `is_wanted` chooses the columns of the recorded trial by their names, and by default
-        chooses all. If the recording is long, the `Recording` has only its end, and the signals of
-        the `Samples` only sections, see `RecordedSamples`.
-        """
-        from teleop.errors import InputError
-        from teleop.evaluation.formats.columns import Wanted
-        from teleop.evaluation.reading import exported
-        from teleop.evaluation.reading.samples import Samples
-        from teleop.evaluation.reading.signals import chosen_table, signals_of
-        from teleop.files import RECORDING
-
-        is_recording = file.suffix.lower() == RECORDING
-        if is_recording:
-            from teleop.evaluation.formats.mcap import is_foreign
-
-            is_recording = not is_foreign(file)
-        if not is_recording:
-            wanted = self.wanted()
-            table = chosen_table(file, wanted, () if any(wanted) else exported.COLUMNS)
-            recording = exported.exported_recording(table)
-            if recording is None:
-                return Samples(signals_of(table, wanted)), None
-            from teleop.evaluation.reading.recorded import recorded_signals
-
-            recorded = recording.estimated().estimates()
-            samples = Samples(recorded_signals(recording), recorded)
-            return samples, recording if recording.settings else None
-        for option in Wanted._fields:
-            if getattr(self, option) is not None:
-                raise InputError(
-                    f"{file}: --{option} is for a table; a recorded trial has its own columns"
-                )
-        from teleop.evaluation.reading.recorded import RecordedSamples
-
-        recorded_samples = RecordedSamples(file, is_wanted)
-        return recorded_samples, recorded_samples.recording
+        return read_measurement_file(file, self.wanted(), is_wanted)
 
     def wanted(self) -> Wanted:
         """Check the options that describe the columns of a table, and return their values."""

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 
 from drivers import STANDSTILL, Ages, Command, Measurement, NotStoppedError, Rig, new_tuple
-from drivers.rig import STOPPING as LONGEST_STOP
+from drivers.rig import LONGEST_STOP
 from teleop.control.alignment import Alignment, Pair
 from teleop.control.clock import Tick
 from teleop.control.conditions import Condition
@@ -36,7 +36,7 @@ NO_PAIR = Pair(math.nan, math.nan, math.nan)
 
 
 class Controller:
-    """Runs the ticks (periods) of the control loop.
+    """Runs the ticks of the control loop.
 
     In each tick, the controller reads the rig, computes and limits the velocities, commands the
     drives, and updates the estimates.

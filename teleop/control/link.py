@@ -18,10 +18,7 @@ from teleop.safety.channels import DetectedFault
 
 
 class Link(ABC):
-    """Base class of links. A link computes the desired velocities of master and slave at each tick.
-
-    A tick is one period of the control loop.
-    """
+    """Base class of links, which compute the desired velocities of master and slave."""
 
     faults: tuple[DetectedFault, ...] = ()
     """Faults that the link detected in the last call of `step`."""

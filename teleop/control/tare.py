@@ -45,7 +45,7 @@ class Tare:
     def zeros(self) -> dict[str, float]:
         """Zero offsets that are not 0, in SI units.
 
-        The keys are the names of the channels (measured quantities), for example `contact_force`.
+        The keys are the names of the channels, for example `contact_force`.
         """
         return {name: value for name, value in asdict(self).items() if name in CHANNELS and value}
 

@@ -14,7 +14,7 @@ from teleop.output.console import number, plain_console, print_table, small
 from teleop.output.result_tables import print_models, print_result, with_half
 from teleop.recording.gaps import Gap, missing_text
 
-STALL = 20.0
+LARGE_JITTER = 20.0
 """Deviation of a sample period from the median, as a fraction of the median, above which a warning
 is printed."""
 GAPS_LISTED = 3
@@ -222,7 +222,7 @@ def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
         )
     if len(gaps) > GAPS_LISTED:
         console.print(f"  and {len(gaps) - GAPS_LISTED} more gaps", style="yellow")
-    if summary["jitter"] > STALL:
+    if summary["jitter"] > LARGE_JITTER:
         console.print(
             f"  the longest time between two samples is {summary['longest_gap_s']:.3g} s: position "
             "and force are interpolated linearly in between",

@@ -14,7 +14,7 @@ from teleop.output.next_command import print_command
 from teleop.recording.gaps import Gap, missing_text
 from teleop.safety.events import time_text
 
-STALL = 0.05
+LONG_GAP = 0.05
 """Time between two ticks above which a warning is printed [s]."""
 
 
@@ -182,7 +182,7 @@ def print_loop(console: Console, summary: Mapping[str, Any]) -> None:
         console.print(f"  real time: {'; '.join(missing)}", style="yellow")
     elif steps:
         console.print(f"  real time: {', '.join(steps)}")
-    if loop["longest_gap_s"] > STALL:
+    if loop["longest_gap_s"] > LONG_GAP:
         console.print(
             f"  the loop stalled for {loop['longest_gap_s']:.2f} s: the estimates around that "
             "time are not valid",

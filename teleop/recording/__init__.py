@@ -1,1 +1,1 @@
-"""Write and read recordings of trials: MCAP files with one message per tick (loop cycle)."""
+"""Write and read recordings of trials: MCAP files with one message per tick."""

@@ -1,7 +1,8 @@
 """The columns of a recording, and the message of a tick, which contains one double per column.
 
-The tables of this file are the only place that names the columns. The message, the MCAP file and
-its readers, the export, the live page and the progress line find each column by its name.
+The tables of this file define the columns. The message, the MCAP file and its readers, the export,
+the live page and the progress line find each column by its name. To add a column, add a line here
+and the value to `Record` (`teleop.control.tick_record`), which the controller fills.
 """
 
 from __future__ import annotations

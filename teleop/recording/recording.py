@@ -30,8 +30,7 @@ if TYPE_CHECKING:
 class Recording:
     """Ticks, events and settings of a recorded trial, in memory.
 
-    A tick is one period of the control loop. The recorded values form columns, with one value per
-    tick.
+    The recorded values form columns, with one value per tick.
 
     Examples
     --------

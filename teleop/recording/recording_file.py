@@ -14,7 +14,7 @@ from teleop.errors import InputError
 from teleop.recording.recording import Recording, load_intact
 from teleop.recording.stream import RecordingStream
 
-IN_MEMORY = 1 << 22
+MOST_VALUES_IN_MEMORY = 1 << 22
 """Largest number of values (ticks times columns) of a recorded trial that are kept in memory."""
 
 
@@ -58,9 +58,10 @@ class RecordingFile:
     def evenly_spaced(self) -> Recording:
         """Return every n-th of the ticks at which the estimators were updated, and the last one.
 
-        n is chosen such that the result has at most about `IN_MEMORY` values (ticks times columns).
+        n is chosen such that the result has at most about `MOST_VALUES_IN_MEMORY` values (ticks
+        times columns).
         """
-        every = max(1, math.ceil(self._ticks * len(self.units) / IN_MEMORY))
+        every = max(1, math.ceil(self._ticks * len(self.units) / MOST_VALUES_IN_MEMORY))
         parts: list[Recording] = []
         last, count = replace(self._empty, columns={name: np.empty(0) for name in self.units}), 0
         for block in self.blocks():
@@ -83,11 +84,11 @@ class RecordingFile:
 def recorded_ticks(path: Path) -> Recording | RecordingFile | None:
     """Return the intact ticks of a recording; None if the file cannot be read.
 
-    If the file is larger than `IN_MEMORY` values of 8 bytes, they are read from the file at each
-    use.
+    If the file is larger than `MOST_VALUES_IN_MEMORY` values of 8 bytes, they are read from the
+    file at each use.
     """
     try:
-        if path.stat().st_size > 8 * IN_MEMORY:
+        if path.stat().st_size > 8 * MOST_VALUES_IN_MEMORY:
             return RecordingFile(path)
         return load_intact(path)
     except (OSError, InputError):

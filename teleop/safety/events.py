@@ -33,9 +33,10 @@ In Python 3.11, access to `Mode.IDLE` takes 90 ns. Access to `IDLE` takes 7 ns.
 class Fault(StrEnum):
     """Kinds of fault, in the order of severity, with the most severe kind first.
 
-    Faults that are detected at the same tick are reported in this order. For example, a measured
-    NaN can cause an error in the controller. NOT_A_NUMBER is therefore before CONTROL_FAILURE, so
-    that the cause is reported first.
+    The kinds up to NOT_AT_REST stop the drives immediately, those after it on a ramp, see
+    `stops_immediately`. Faults that are detected at the same tick are reported in this order. For
+    example, a measured NaN can cause an error in the controller. NOT_A_NUMBER is therefore before
+    CONTROL_FAILURE, so that the cause is reported first.
     """
 
     MOVES_AFTER_STOP = "motion after a stop"

@@ -76,7 +76,11 @@ def default_channel_limits() -> dict[str, ChannelLimits]:
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of motion and force of the telemanipulator, and of its channels (measured quantities).
+    """Limits of motion and force of the telemanipulator, and of its channels.
+
+    The limits of a trial are computed by `rig_limits` from the rig file, or by
+    `simulated_rig_limits` from the palpation depth and the body. The defaults are those of
+    `teleop rig tare` on the simulated rig.
 
     If a soft limit is reached, the supervisor reduces the command, but permits motion away from the
     limit. If a hard limit is exceeded, the supervisor stops the drives because of a fault.

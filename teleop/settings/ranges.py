@@ -9,7 +9,7 @@ DEEPEST = 0.1
 """Largest depth of palpation [m]."""
 MOST_TICKS = 1 << 32
 """Largest number of ticks of a trial. The number of a tick in a recording has 32 bits."""
-IN_MEMORY = 3_600_000
+MOST_TICKS_IN_MEMORY = 3_600_000
 """Largest number of ticks of a trial that is not recorded. Its ticks are kept in memory, about
 0.4 kB for each tick."""
 NAME = 100

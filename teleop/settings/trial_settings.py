@@ -43,8 +43,8 @@ from teleop.safety.tightened_limits import NOT_TIGHTENED, TightenedLimits
 from teleop.settings import ranges
 from teleop.settings.checks import check_settings
 from teleop.settings.custom_class import CustomClass
-from teleop.settings.palpation_limits import palpation_limits
 from teleop.settings.problems import all_problems
+from teleop.settings.simulated_rig_limits import simulated_rig_limits
 from teleop.settings.values import (
     Hertz,
     Metres,
@@ -268,7 +268,7 @@ class TrialSettings:
         if self.rig:
             return rig_limits(self.rig.sections)
         setup = self.setup
-        return palpation_limits(
+        return simulated_rig_limits(
             setup.cube.fast,
             setup.depth,
             self.coupling.scale,

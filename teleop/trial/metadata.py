@@ -58,7 +58,7 @@ def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
 
 
 def estimated_channels(settings: TrialSettings) -> Iterator[str]:
-    """Yield the names of the channels (measured quantities) for which the rig has no sensor.
+    """Yield the names of the channels for which the rig has no sensor.
 
     An observer estimates these channels, for example `contact_force`.
     """

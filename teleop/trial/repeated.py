@@ -97,7 +97,7 @@ def repeated(recording: Recording) -> Recording:
     Returns
     -------
     Recording of the repetition. It contains the same numbers as `recording`, except the durations
-    of reading, computing and writing in each tick (period of the control loop).
+    of reading, computing and writing in each tick.
 
     Raises
     ------

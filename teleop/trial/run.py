@@ -12,7 +12,7 @@ from teleop.control.conditions import Condition
 from teleop.errors import InputError
 from teleop.names import RealtimeName
 from teleop.settings.custom_class import described
-from teleop.settings.ranges import IN_MEMORY
+from teleop.settings.ranges import MOST_TICKS_IN_MEMORY
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.arming import check_stated
 from teleop.trial.assembly import (
@@ -85,7 +85,7 @@ def run_trial(
         The rig cannot be opened, a device cannot be read before the loop starts, or the drives did
         not become ready.
     Exception
-        An exception in a tick (period of the control loop). It is raised after the drives have
+        An exception in a tick. It is raised after the drives have
         stopped and the recording is complete.
     """
     if switch is None:
@@ -114,14 +114,14 @@ def run_trial(
         outputs.begin(time.time_ns() + round((settings.limits.preflight + clock.period) * 1e9))
         rejected: dict[str, dict[str, int]] = {}
         try:
-            with switch.reading_keys(), realtime(real) as real_time, rig:
+            with switch.reading_keys(), realtime(real) as applied, rig:
                 if settings.rig:
                     check_wire(rig, clock, cost)
                 controller = make_controller(settings, rig, bank, clock, condition, outputs.later)
                 loop = Loop(controller, clock, layout, outputs.sinks, switch, settings.duration)
                 if live:
                     switch.page = live.begin(settings, layout)
-                real_time.start(outputs.recorder_pid, live.pid if live else None)
+                applied.start(outputs.recorder_pid, live.pid if live else None)
                 loop.run()
                 # no signal may interrupt the closing of rig and files
                 switch.clean_up()
@@ -149,7 +149,7 @@ def run_trial(
         bank,
         switch.interrupted,
         outputs.outcome,
-        real_time.report,
+        applied.report,
         outputs.fault,
         rejected,
         outputs.black_box,
@@ -159,11 +159,11 @@ def run_trial(
 
 def check_memory(settings: TrialSettings, record: Path | None) -> None:
     """Check that the ticks of a trial without a recording fit into the memory."""
-    if not record and settings.duration * settings.loop_rate > IN_MEMORY:
+    if not record and settings.duration * settings.loop_rate > MOST_TICKS_IN_MEMORY:
         raise InputError(
             f"duration {settings.duration:g} s without a recording: expected at most "
-            f"{IN_MEMORY / settings.loop_rate:g} s, because the ticks are kept in memory, or a "
-            "recording"
+            f"{MOST_TICKS_IN_MEMORY / settings.loop_rate:g} s, because the ticks are kept in "
+            "memory, or a recording"
         )
 
 

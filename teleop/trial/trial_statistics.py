@@ -78,7 +78,7 @@ class TrialStatistics:
             self._add(block)
 
     def _add(self, block: Recording) -> None:
-        """Add a block of successive ticks (periods of the control loop) to the statistics."""
+        """Add a block of successive ticks to the statistics."""
         self._timing.add(block)
         self.ticks += int(np.isin(block["mode"], (ACTIVE, STOPPING)).sum())
         flags = block["limited"].astype(int)

@@ -12,7 +12,7 @@ from drivers import rig_file as module
 from drivers import wired_rig as wiring
 from drivers.device import Device, DeviceSettings, Sample, VelocityDrive
 from drivers.transports.bus import Bus
-from drivers.wired_rig import ENABLING, STOPPING, WiredRig
+from drivers.wired_rig import ENABLING, LONGEST_STOP, WiredRig
 
 TEXT = """
 name = "fake"
@@ -235,7 +235,7 @@ def test_a_drive_that_does_not_confirm_a_stop_is_named(rig, device, time):
     assert not rig.idle()
     with pytest.raises(NotStoppedError, match=r"drive slave: no confirmation within 0.5 s"):
         rig.close()
-    assert time.now > 5.0 + STOPPING
+    assert time.now > 5.0 + LONGEST_STOP
     assert rig.enable()
     assert not rig.idle()
 

@@ -56,7 +56,7 @@ class EmulatedCia402(CanopenNode):
     Attributes
     ----------
     state
-        SimulatedState of the drive, which the host changes with the controlword (object 6040h).
+        State of the drive, which the host changes with the controlword (object 6040h).
     """
 
     settings: Cia402Settings

@@ -14,8 +14,8 @@ in E. The observer therefore also detects an oscillation that reaches the limits
 If the displayed dynamics are passive, the hand can only take back the stored energy, and E never
 decreases by more than this energy. The damping d dissipates energy during motion. After some
 seconds, E is therefore much larger than the stored energy. If the displayed environment then starts
-to generate energy, it takes long until E is negative. Therefore E is limited at each tick (period
-of the control loop) to an upper bound of the stored energy:
+to generate energy, it takes long until E is negative. Therefore E is limited at each tick to an
+upper bound of the stored energy:
 
     E <- min(E + dE, 1/2 m max v^2 + max |f_d| max |x| + tank)
 

@@ -67,7 +67,7 @@ def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
         values = np.array([getattr(r, symbol) for r in results.values()])
         highest = np.array([getattr(r, f"{symbol}_high") for r in results.values()])
         ratios[symbol] = compare_values(values, (highest - values) / LEVEL_95)
-    misfit = {
+    differing = {
         symbol: found["ratio"]
         for symbol, found in ratios.items()
         if found["p_value"] < 1e-3 and not found["ratio"] <= LARGE
@@ -78,7 +78,7 @@ def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
         if math.isfinite(ratio)
         else f"Kelvin-Voigt does not fit all files: the sign of {symbol} differs between them, or "
         f"{symbol} is negative"
-        for symbol, ratio in misfit.items()
+        for symbol, ratio in differing.items()
     ]
     within = [
         f"Kelvin-Voigt is insufficient within {file}"
@@ -92,7 +92,7 @@ def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
         if file not in results
     ]
     worse = fit.rms > WORSE * alone
-    if worse and not misfit:
+    if worse and not differing:
         reasons.append("one fit to all files has a larger residual than one fit to each file")
     if not reasons:
         reasons.append(
@@ -112,8 +112,8 @@ def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
         "rms": fit.rms,
         "rms_alone": alone,
         "ratios": ratios,
-        "misfit": misfit,
-        "insufficient": bool(misfit or within or worse),
+        "misfit": differing,
+        "insufficient": bool(differing or within or worse),
         "reasons": reasons,
         "modulus": [{"file": file, **modulus} for file, modulus in moduli if modulus],
     }

@@ -15,9 +15,9 @@ from estimation.batch_models import BatchData, BatchFit, compare_models
 from estimation.batch_models.prony import Relaxation, fit_prony
 from estimation.robust_error import robust_fit
 from estimation.smoothing import CORNER
-from teleop.evaluation.batch.contact_rows import Rows
+from teleop.evaluation.batch.contact_phases import Phase, Phases, find_phases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, local_stiffness
-from teleop.evaluation.batch.phases import Phase, Phases, find_phases
+from teleop.evaluation.batch.regression_rows import RegressionRows
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord, resample, smoothed_record
 from teleop.evaluation.batch.stiffness_result import StiffnessResult, stiffness_result
 from teleop.evaluation.batch.strokes import cycle_frequency, least_stroke, turning_points
@@ -98,15 +98,15 @@ class Analysis:
     def data(self) -> BatchData | None:
         """Samples to which the models are fitted; None if too few samples are in contact."""
         record, phases = self.record, self.phases
-        rows = Rows(record, phases)
-        if len(rows.rows) < FEWEST_FIT_SAMPLES:
+        rows = RegressionRows(record, phases)
+        if len(rows.index) < FEWEST_FIT_SAMPLES:
             return None
         f, slow, regressors = record.f, np.zeros(len(record.f)), None
         if rows.order and self.local:
             seconds = float(record.clock[-1])
             coefficients = self.local.best.theta[: rows.v_column]
             slow = baseline(record.clock, 0.0, seconds, coefficients)
-            slow -= slow[rows.rows].mean()
+            slow -= slow[rows.index].mean()
             regressors = rows.basis[:, 1:] - rows.basis[:, 1:].mean(axis=0)
         return BatchData(
             t=record.t,
@@ -115,7 +115,7 @@ class Analysis:
             v=record.v,
             f=f - slow,
             raw_f=record.raw_f - slow,
-            rows=rows.rows,
+            rows=rows.index,
             inside=rows.fine,
             starts=record.starts,
             width=record.width,
@@ -152,7 +152,7 @@ class Analysis:
         point = self.phases.contact_point
         return {
             "motion": motion_of(self.record)._asdict(),
-            "phases": self.rows,
+            "phases": self.phase_rows,
             "cycles": self.cycles(),
             "contact_point": point
             and dict(zip(("position_m", "low_m", "high_m"), point, strict=True)),
@@ -160,7 +160,7 @@ class Analysis:
         }
 
     @cached_property
-    def rows(self) -> list[dict[str, Any]]:
+    def phase_rows(self) -> list[dict[str, Any]]:
         """The phases of the motion in the order of time, as dictionaries for JSON (`phase_row`)."""
         return [self.phase_row(phase) for phase in self.phases.phases]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from estimation.arrays import Floats
 from estimation.robust_error import bayesian_criterion
-from teleop.evaluation.batch.contact_rows import Rows
+from teleop.evaluation.batch.regression_rows import RegressionRows
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
     FEWEST_SLOPE_SAMPLES,
@@ -58,7 +58,7 @@ class Candidate(NamedTuple):
 
 
 def fit_candidate(
-    rows: Rows,
+    rows: RegressionRows,
     degree: int,
     times: tuple[float, ...],
     relaxing: list[Floats],

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from estimation.arrays import Floats
 from estimation.quantities import STIFFNESS
+from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.masks import runs
-from teleop.evaluation.batch.phases import Phases
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
     CHANGE_SCATTER,

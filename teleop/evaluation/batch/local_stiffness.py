@@ -46,8 +46,8 @@ from scipy.special import ndtr
 from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
 from teleop.evaluation.batch.candidate import Candidate, fit_candidate
-from teleop.evaluation.batch.contact_rows import DEGREES, Rows
-from teleop.evaluation.batch.phases import Phases
+from teleop.evaluation.batch.contact_phases import Phases
+from teleop.evaluation.batch.regression_rows import DEGREES, RegressionRows
 from teleop.evaluation.batch.relaxation_search import with_relaxation
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
@@ -92,7 +92,7 @@ def local_stiffness(
     record: SmoothedRecord, phases: Phases, baseline: bool = True
 ) -> LocalStiffness | None:
     """Return stiffness and damping in contact; None if there are too few samples."""
-    rows = Rows(record, phases, baseline)
+    rows = RegressionRows(record, phases, baseline)
     found = [fit_candidate(rows, degree, (), [], []) for degree in DEGREES if rows.allow(degree)]
     if not found:
         return None
@@ -126,7 +126,7 @@ def local_stiffness(
     )
 
 
-def explained(rows: Rows, found: list[Candidate]) -> float:
+def explained(rows: RegressionRows, found: list[Candidate]) -> float:
     """Return the coefficient of determination R^2 of the fitted model with the smallest residual.
 
     R^2 is 1 minus the mean square of the residual, divided by that of the force. The baseline (slow
@@ -136,7 +136,7 @@ def explained(rows: Rows, found: list[Candidate]) -> float:
     return 1.0 - least**2 / max(float(np.mean(rows.fits.rest**2)), 1e-300)
 
 
-def has_friction(rows: Rows, best: Candidate) -> bool:
+def has_friction(rows: RegressionRows, best: Candidate) -> bool:
     """Return whether Coulomb friction describes the loss of energy better than viscous damping.
 
     For this test, the damping b v and the relaxing parts of the best model (`best`) are replaced by
@@ -144,7 +144,7 @@ def has_friction(rows: Rows, best: Candidate) -> bool:
     residual is less than `FRICTION_RESIDUAL` times that of the best model.
     """
     record = rows.record
-    sign = record.smoothed(np.sign(record.v))[rows.rows]
+    sign = record.smoothed(np.sign(record.v))[rows.index]
     columns = np.column_stack([sign, *rows.powers[: best.degree]])
     return bool(np.std(rows.fits.fit(columns).residual) < FRICTION_RESIDUAL * best.rms)
 

@@ -9,9 +9,9 @@ from estimation.arrays import Floats
 from estimation.baseline import BELOW
 from estimation.quantities import STIFFNESS
 from teleop.evaluation.batch.constancy import Change, rise_at_rest
+from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
 from teleop.evaluation.batch.masks import runs
-from teleop.evaluation.batch.phases import Phases
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.strokes import is_single_stroke, typical_speed
 from teleop.evaluation.batch.thresholds import (

@@ -15,13 +15,13 @@ from estimation.arrays import Floats
 from estimation.batch_models.relaxation import relaxing_part, value_at_start
 from estimation.robust_error import bayesian_criterion
 from teleop.evaluation.batch.candidate import Candidate, fit_candidate
-from teleop.evaluation.batch.contact_rows import Rows, with_corners
+from teleop.evaluation.batch.regression_rows import RegressionRows, with_corners
 from teleop.evaluation.batch.smoothed_record import measurement_noise
 from teleop.evaluation.batch.thresholds import NEGLIGIBLE_BIC
 
 TIMES = 10
 """Number of relaxation time constants that are tried. They are between 4 widths of the smoothing
-kernel and `Rows.longest_time`."""
+kernel and `RegressionRows.longest_time`."""
 REFINEMENTS = 3
 """Number of times that the step of log tau is halved in the search around the best time
 constant."""
@@ -46,7 +46,7 @@ class TriedTimes(NamedTuple):
 class RelaxingParts:
     """The relaxing parts of a signal, each computed once for a time constant."""
 
-    def __init__(self, rows: Rows, y: Floats) -> None:
+    def __init__(self, rows: RegressionRows, y: Floats) -> None:
         self._record = record = rows.record
         y = rows.in_contact(y)
         y = (y - y[0]) / max(float(np.std(y)), 1e-300)
@@ -76,7 +76,7 @@ class RelaxingParts:
 
 
 def with_relaxation(
-    rows: Rows, y: Floats, degrees: tuple[int, ...], least_bic: float
+    rows: RegressionRows, y: Floats, degrees: tuple[int, ...], least_bic: float
 ) -> list[Candidate]:
     """Return fitted models of the force that contain one or two relaxing parts.
 
@@ -104,7 +104,7 @@ def with_relaxation(
 
 
 def search(
-    rows: Rows, parts: RelaxingParts, degree: int, chosen: tuple[float, ...]
+    rows: RegressionRows, parts: RelaxingParts, degree: int, chosen: tuple[float, ...]
 ) -> list[TriedTimes]:
     """Search the time constant of a further relaxing part; return all models that were fitted."""
 

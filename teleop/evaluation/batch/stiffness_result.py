@@ -20,9 +20,9 @@ from typing import Any
 
 from estimation.estimator import LEVEL_95
 from teleop.evaluation.batch.constancy import change_over_cycles
+from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.kinds import BESIDES_RELAXATION, LOSS, TANGENT, UNDETERMINED
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
-from teleop.evaluation.batch.phases import Phases
 from teleop.evaluation.batch.reasons import reasons_after_fit, reasons_before_fit, remarks
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.reason import Reason

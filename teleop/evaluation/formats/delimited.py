@@ -19,7 +19,7 @@ from teleop.evaluation.formats.layout import (
     is_number,
     is_samples,
 )
-from teleop.evaluation.formats.numbers import Rows
+from teleop.evaluation.formats.numbers import NumberReader
 from teleop.evaluation.formats.table import Heading, Pick, Places, Table, stated_filter
 from teleop.files import unreadable
 from teleop.json_documents import dumps, loads
@@ -140,8 +140,8 @@ class Scan:
         self._before: list[tuple[int, str]] = []
         self._stated: list[str] = []
         self._comment: tuple[int, str] | None = None
-        self._tables: list[tuple[Table, Rows]] = []
-        self._rows: Rows | None = None
+        self._tables: list[tuple[Table, NumberReader]] = []
+        self._rows: NumberReader | None = None
 
     def feed(self, first: int, lines: list[str]) -> None:
         """Parse the next lines of the file. The first of them has the line number `first`."""
@@ -217,7 +217,7 @@ class Scan:
         if len(self._stated) < PREAMBLE:
             self._stated.append(line)
 
-    def _start(self, number: int, cells: list[str]) -> Rows | None:
+    def _start(self, number: int, cells: list[str]) -> NumberReader | None:
         """Begin a table at its first row of samples; return None if the row cannot begin a table.
 
         If there is no header above the row, the table has the headings of the previous table if
@@ -253,8 +253,8 @@ class Scan:
             return re.findall(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?", line)
         return cells
 
-    def _add(self, number: int, headings: list[Heading], title: str) -> Rows:
-        rows = Rows(self._place, headings, self._pick(headings), self._dialect)
+    def _add(self, number: int, headings: list[Heading], title: str) -> NumberReader:
+        rows = NumberReader(self._place, headings, self._pick(headings), self._dialect)
         where = self._place(number)
         table = Table(where, headings, {}, 0, str, title[:60])
         if found := stated_filter(self._stated):

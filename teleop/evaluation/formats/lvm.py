@@ -15,7 +15,7 @@ from teleop.evaluation.formats.columns import Wanted
 from teleop.evaluation.formats.delimited import HEAD, not_text, parts
 from teleop.evaluation.formats.dialect import Dialect
 from teleop.evaluation.formats.encoding import encoding_of
-from teleop.evaluation.formats.numbers import Rows
+from teleop.evaluation.formats.numbers import NumberReader
 from teleop.evaluation.formats.table import Heading, Pick, Places, Table, stated_filter
 
 END = "***End_of_Header***"
@@ -56,8 +56,8 @@ class Segments:
         self._stated: list[str] = []
         self._x_columns = "One"
         self._in_header = True
-        self._rows: Rows | None = None
-        self._found: list[tuple[Table, Rows, list[float] | None]] = []
+        self._rows: NumberReader | None = None
+        self._found: list[tuple[Table, NumberReader, list[float] | None]] = []
 
     def feed(self, first: int, lines: list[str]) -> None:
         """Parse the next lines of the file. The first of them has the line number `first`."""
@@ -118,7 +118,7 @@ class Segments:
             waveform = [self._number(key, number) for key in ("X0", "Delta_X")]
         place = f"{self._path}, line "
         dialect = Dialect(self._delimiter, self._decimal)
-        self._rows = Rows(lambda n: f"{place}{n}", headings, picked, dialect)
+        self._rows = NumberReader(lambda n: f"{place}{n}", headings, picked, dialect)
         title = f"segment {len(self._found) + 1}"
         table = Table(f"{place}{number}", headings, {}, 0, str, title)
         if stated := stated_filter(self._stated):

@@ -31,7 +31,7 @@ def count_cells(line: str, delimiter: str | None) -> int:
     return line.count(delimiter) + 1 if delimiter else len(line.split())
 
 
-class Rows:
+class NumberReader:
     """Reader of the samples of one table in a text file. It stores the columns to load."""
 
     def __init__(

@@ -1,4 +1,9 @@
-"""Detect the format of a measurement file, and read the file with the module for this format."""
+"""Detect the format of a measurement file, and read the file with the module for this format.
+
+To add a format, write a module in this folder with a function `read(path, pick, wanted)`, and add
+the first bytes of its files to `BEGINNINGS`. If another library reads the format, also add it to
+`FOREIGN`, so that it is read in a separate process.
+"""
 
 from __future__ import annotations
 

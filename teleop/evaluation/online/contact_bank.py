@@ -10,8 +10,8 @@ from estimation.arrays import Floats
 from estimation.compiled import Samples
 from estimation.estimator import Estimator
 from teleop.evaluation.batch.analysis import Analysis
+from teleop.evaluation.batch.contact_phases import level_width
 from teleop.evaluation.batch.masks import hysteresis
-from teleop.evaluation.batch.phases import level_width
 from teleop.evaluation.online.thresholds import FARTHEST_ANALYSED
 
 

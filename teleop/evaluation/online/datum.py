@@ -8,7 +8,7 @@ import numpy as np
 
 from estimation.arrays import Floats
 from teleop.errors import InputError
-from teleop.evaluation.batch.phases import Phases, find_phases
+from teleop.evaluation.batch.contact_phases import Phases, find_phases
 from teleop.evaluation.batch.smoothed_record import smoothed_signals
 from teleop.evaluation.formats.units import quantity
 from teleop.evaluation.reading.signals import Signals

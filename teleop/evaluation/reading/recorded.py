@@ -35,8 +35,7 @@ palpation. Therefore, the duration of a section is constant, not its number of s
 SECTIONS = 5
 """Largest number of sections of a recording that are kept in memory."""
 LAST = 1 << 15
-"""Approximate largest number of ticks (steps of the control loop) at the end of a recording whose
-columns are kept."""
+"""Approximate largest number of ticks at the end of a recording whose columns are kept."""
 
 
 class Sections:
@@ -91,20 +90,14 @@ class Sections:
 
 
 class Last:
-    """Stores the end of a recording that arrives in blocks: about the last `LAST` ticks.
-
-    A tick is one step of the control loop. Earlier ticks are dropped.
-    """
+    """Stores the end of a recording that arrives in blocks: about the last `LAST` ticks."""
 
     def __init__(self) -> None:
         self._blocks: deque[dict[str, Floats]] = deque()
         self._count = 0
 
     def add(self, block: dict[str, Floats]) -> None:
-        """Add the next ticks: arrays of shape (n,) by the name of the column.
-
-        A tick is one step of the control loop. Each block must have the same columns.
-        """
+        """Add the next ticks: arrays of shape (n,) by name, of the same columns in each block."""
         size = len(next(iter(block.values()), ()))
         self._blocks.append({name: column.copy() for name, column in block.items()})
         self._count += size
@@ -117,7 +110,7 @@ class Last:
         return len(next(iter(self._blocks[0].values()), ()))
 
     def columns(self, names: Iterable[str]) -> dict[str, Floats]:
-        """Return columns of the stored ticks (steps of the control loop), by name.
+        """Return columns of the stored ticks, by name.
 
         To save memory, the returned columns are removed from this object. Each column can therefore
         be returned only once.

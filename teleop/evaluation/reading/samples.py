@@ -15,7 +15,7 @@ from teleop.evaluation.reading.signals import Signals
 
 BLOCK = 1 << 14
 """Number of samples in a block of a record that is too long for a single block."""
-WHOLE = 1 << 16
+LONGEST_SINGLE_BLOCK = 1 << 16
 """A record with at most this number of samples is processed in a single block."""
 
 
@@ -47,7 +47,7 @@ class Samples:
     @property
     def _block(self) -> int:
         """Largest number of samples in a block into which this record is divided."""
-        return WHOLE if self.count <= WHOLE else BLOCK
+        return LONGEST_SINGLE_BLOCK if self.count <= LONGEST_SINGLE_BLOCK else BLOCK
 
     def blocks(self) -> Iterator[Block]:
         """Yield all samples of the record in blocks, in the order of time."""

@@ -115,7 +115,7 @@ def achieved_frequency(t: Floats, position: Floats, frequency: float) -> float:
     x = np.interp(even, t, position)
     x -= np.mean(x)
 
-    def misfit(f: float) -> float:
+    def squared_error(f: float) -> float:
         regressors = design(even, f)
         found = np.linalg.lstsq(regressors, x)[0]
         return float(np.sum((x - regressors @ found) ** 2))
@@ -128,4 +128,4 @@ def achieved_frequency(t: Floats, position: Floats, frequency: float) -> float:
     power = np.where(searched, np.abs(np.fft.rfft(x, padded)), 0.0)
     best, half_step = float(frequencies[int(np.argmax(power))]), 0.5 / duration
     bounds = (max(best - half_step, 0.1 * best), best + half_step)
-    return float(minimize_scalar(misfit, bounds=bounds, method="bounded").x)
+    return float(minimize_scalar(squared_error, bounds=bounds, method="bounded").x)

@@ -33,7 +33,7 @@ bandwidth."""
 NO_METHODS = FurtherMethods()
 """Value of a parameter `methods`: no estimator is run in addition to the three of the paper."""
 DRAWN = 10
-"""Number of ticks (periods of the control loop) from one point of a figure to the next point."""
+"""Number of ticks from one point of a figure to the next point."""
 
 
 class Damping(NamedTuple):

@@ -18,7 +18,7 @@ def test_blocks_of_any_size_give_the_same_bits(monkeypatch):
     recording = load(RECORDING)
     signals, settings = recorded_signals(recording), recorded_settings(recording)
     whole = evaluate(signals, settings)
-    monkeypatch.setattr(samples, "WHOLE", 77)
+    monkeypatch.setattr(samples, "LONGEST_SINGLE_BLOCK", 77)
     monkeypatch.setattr(samples, "BLOCK", 77)
     parts = evaluate(signals, settings)
     assert np.array_equal(parts.excitation, whole.excitation)

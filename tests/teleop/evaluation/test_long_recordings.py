@@ -61,7 +61,7 @@ def small(monkeypatch):
     """Make all blocks and sections short, so that a recording of seconds is long."""
     monkeypatch.setattr(kept_parts, "SECTION", 0.256)
     monkeypatch.setattr(kept_parts, "SECTIONS", 8)
-    monkeypatch.setattr(samples, "WHOLE", 512)
+    monkeypatch.setattr(samples, "LONGEST_SINGLE_BLOCK", 512)
     monkeypatch.setattr(samples, "BLOCK", 512)
     monkeypatch.setattr(kept_parts, "LAST", 1000)
     monkeypatch.setattr(stream, "BLOCK", 300)
@@ -226,7 +226,7 @@ def test_a_changed_recorded_estimate_is_noticed(trials):
 def test_summaries_do_not_depend_on_the_size_of_the_blocks(trials, monkeypatch, names):
     signals, settings = recorded_signals(load(trials[3])), settings_of(trials[3], *names)
     one = evaluate(signals, settings)
-    monkeypatch.setattr(samples, "WHOLE", 0)
+    monkeypatch.setattr(samples, "LONGEST_SINGLE_BLOCK", 0)
     monkeypatch.setattr(samples, "BLOCK", 77)
     some = evaluate(signals, settings, most=300.0)
     assert len(some.t) < 150

@@ -44,7 +44,7 @@ TRIALS = {
 @pytest.fixture
 def small(monkeypatch):
     """Make all blocks short, so that a trial of seconds is long."""
-    monkeypatch.setattr(recording_file, "IN_MEMORY", 1000)
+    monkeypatch.setattr(recording_file, "MOST_VALUES_IN_MEMORY", 1000)
     monkeypatch.setattr(stream, "BLOCK", 300)
     monkeypatch.setattr(loop_oscillation, "FIRST", 1500)
 
@@ -87,7 +87,7 @@ def assert_close(found, expected, where=""):
 
 def test_the_summary_of_a_trial_in_blocks_is_that_of_the_trial_in_memory(trial, small, monkeypatch):
     expected, long = trial.summary(), in_blocks(trial)
-    monkeypatch.setattr(recording_file, "IN_MEMORY", 1 << 22)  # all ticks are shown
+    monkeypatch.setattr(recording_file, "MOST_VALUES_IN_MEMORY", 1 << 22)  # all ticks are shown
     assert len(list(long.ticks.blocks())) > 3
     assert_close(long.summary(), expected)
 
@@ -102,7 +102,7 @@ def test_all_ticks_of_a_long_trial_can_be_loaded(trial, small):
 def test_figures_and_texts_of_a_long_trial_have_evenly_spaced_ticks_and_the_last(
     trial, small, monkeypatch
 ):
-    monkeypatch.setattr(recording_file, "IN_MEMORY", 40_000)
+    monkeypatch.setattr(recording_file, "MOST_VALUES_IN_MEMORY", 40_000)
     long = in_blocks(trial)
     shown = long.shown.t
     assert 0.02 * len(trial.t) < len(shown) < 0.9 * len(trial.t)

@@ -359,7 +359,7 @@ def test_the_rehearsal_is_active_for_any_tare_and_limits(monkeypatch, tare):
 
 def test_a_rehearsal_with_a_safety_stop_is_refused(monkeypatch):
     limits = replace(QUICK.raw_limits, soft_force=0.1, hard_force=0.2)
-    monkeypatch.setattr("teleop.settings.trial_settings.palpation_limits", lambda *_: limits)
+    monkeypatch.setattr("teleop.settings.trial_settings.simulated_rig_limits", lambda *_: limits)
     with pytest.raises(InputError, match="rehearsal on the simulated rig: stopped .* force limit"):
         tick_cost(TrialSettings(condition="autonomous", duration=1.0))
 

@@ -13,7 +13,7 @@ from teleop.cli import main
 from teleop.errors import InputError
 from teleop.evaluation.across.groups import short
 from teleop.evaluation.batch.analysis import analyse
-from teleop.evaluation.batch.phases import clipped
+from teleop.evaluation.batch.contact_phases import clipped
 from teleop.evaluation.batch.smoothed_record import smoothed_signals
 from teleop.evaluation.batch.stiffness_result import StiffnessResult
 from teleop.evaluation.evaluate import evaluate

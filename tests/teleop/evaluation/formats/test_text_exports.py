@@ -14,7 +14,7 @@ from teleop.errors import InputError
 from teleop.evaluation.formats.columns import Wanted, split_heading
 from teleop.evaluation.formats.delimited import PART
 from teleop.evaluation.formats.dialect import Dialect
-from teleop.evaluation.formats.numbers import Rows
+from teleop.evaluation.formats.numbers import NumberReader
 from teleop.evaluation.formats.table import Heading
 from teleop.evaluation.formats.units import canonical
 from teleop.evaluation.reading.signals import read_signals
@@ -308,7 +308,7 @@ def test_lines_read_in_bulk_give_what_single_lines_give(data, dialect):
     headings = [Heading("a"), Heading("b"), Heading("c")]
 
     def result(parts):
-        rows = Rows(str, headings, (0, 2), dialect)
+        rows = NumberReader(str, headings, (0, 2), dialect)
         place = 0
         for part in parts:
             taken = rows.feed(1 + place, part)
@@ -318,7 +318,7 @@ def test_lines_read_in_bulk_give_what_single_lines_give(data, dialect):
         values = {i: repr(column.tolist()) for i, column in rows.columns().items()}
         return values, rows.numbers().tolist() if not rows.problem else None, str(rows.problem)
 
-    class OneByOne(Rows):
+    class OneByOne(NumberReader):
         def _in_bulk(self, lines):
             return None
 

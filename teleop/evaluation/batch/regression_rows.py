@@ -16,8 +16,8 @@ from estimation.arrays import Floats
 from estimation.baseline import baseline_regressors
 from estimation.baseline_fit import BaselineFits
 from estimation.robust_error import RobustFit
+from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.masks import runs
-from teleop.evaluation.batch.phases import Phases
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
     LEAST_SPEED_NOISE,
@@ -64,12 +64,12 @@ intervals of such a record are narrow, even with this number of samples.
 """
 
 
-class Rows:
+class RegressionRows:
     """The samples that are fitted, and the regressors of the contact models at these samples.
 
     Each model is f = baseline + P(x) + b v + relaxing parts. The baseline is the slow part of the
-    force. P(x) is a polynomial in the position. The relaxing parts decay with time constants. The
-    class is called `Rows`, because each sample is a row of the regression matrix.
+    force. P(x) is a polynomial in the position. The relaxing parts decay with time constants. Each
+    sample is a row of the regression matrix.
 
     With `baseline`, the baseline may contain slow cosines besides a constant. If the force out of
     contact is steady, it is always a constant.
@@ -83,19 +83,19 @@ class Rows:
         for start, end in runs(phases.usable):
             offset = ((end - start - 1) % stride) // 2
             rows.append(np.arange(start + offset, end, stride))
-        self.rows: NDArray[np.intp] = np.concatenate(rows) if rows else np.zeros(0, dtype=np.intp)
+        self.index: NDArray[np.intp] = np.concatenate(rows) if rows else np.zeros(0, dtype=np.intp)
         level = phases.free_force is not None and phases.free_spread < STEADY_FREE_FORCE * np.ptp(
             record.f
         )
         self.order = record.order if baseline and not level else 0
-        x = record.x[self.rows] if len(self.rows) else np.zeros(1)
+        x = record.x[self.index] if len(self.index) else np.zeros(1)
         self.origin = 0.5 * float(x.min() + x.max())
         self.scale = max(0.5 * float(np.ptp(x)), 1e-12)
         seconds = float(record.clock[-1])
-        self.basis = baseline_regressors(record.clock[self.rows], 0.0, seconds, self.order)
-        self.f = record.f[self.rows]
+        self.basis = baseline_regressors(record.clock[self.index], 0.0, seconds, self.order)
+        self.f = record.f[self.index]
         depth = np.clip(self.normalised(record.raw_x), -1.5, 1.5)
-        self.powers = [record.smoothed(depth**n)[self.rows] for n in DEGREES]
+        self.powers = [record.smoothed(depth**n)[self.index] for n in DEGREES]
         sharp_x = record.sharpened(record.x)
         sharp_x = np.clip(sharp_x, record.raw_x.min(), record.raw_x.max())
         self.largest_corner = record.width * float(np.percentile(np.abs(record.v), 99))
@@ -165,7 +165,7 @@ class Rows:
 
         m is the largest degree in `DEGREES`. These powers are used for the derivative of P(x).
         """
-        depth = np.clip(self.normalised(self.record.x[self.rows]), -1.5, 1.5)
+        depth = np.clip(self.normalised(self.record.x[self.index]), -1.5, 1.5)
         return np.asarray(depth[:, None] ** np.arange(DEGREES[-1]))
 
     def rounding_error(self, to_force: Floats, slopes: Floats) -> Floats:
@@ -187,8 +187,8 @@ class Rows:
         """Levels (digital values) of position and force at the n fitted samples."""
         record = self.record
         return (
-            digital_values(record.raw_x[self.rows], record.count),
-            digital_values(record.raw_f[self.rows], record.f_count),
+            digital_values(record.raw_x[self.index], record.count),
+            digital_values(record.raw_f[self.index], record.f_count),
         )
 
     @cached_property
@@ -201,8 +201,8 @@ class Rows:
 
     def fit(self, degree: int, relaxing: list[Floats]) -> RobustFit:
         """Fit the force by a baseline, the velocity, powers of the position, and relaxing parts."""
-        columns = [self.record.v[self.rows], *self.powers[:degree]]
-        return self.fits.fit(np.column_stack([*columns, *(z[self.rows] for z in relaxing)]))
+        columns = [self.record.v[self.index], *self.powers[:degree]]
+        return self.fits.fit(np.column_stack([*columns, *(z[self.index] for z in relaxing)]))
 
     @cached_property
     def loading(self) -> NDArray[np.bool_]:

@@ -17,7 +17,7 @@ The force limits are the forces of the body at these positions.
 """
 SPEED = 14.0
 """Largest speed, in palpation depths per second. A palpation with a sine of 2 Hz needs 6.3."""
-STOPPING = 0.015
+BRAKING_TIME = 0.015
 """Time in which the slave can brake from the largest speed to zero [s]."""
 ACCELERATION = 26.0
 """Largest acceleration, as a multiple of depth times frequency squared. A sine needs the factor
@@ -34,7 +34,7 @@ It is given as a fraction of the largest speed.
 """
 
 
-def palpation_limits(
+def simulated_rig_limits(
     law: Law,
     depth: float,
     scale: float,
@@ -63,7 +63,7 @@ def palpation_limits(
         error (commanded minus measured travel).
     """
     velocity = max(SPEED, 5.0 * fastest) * depth
-    acceleration = max(velocity / STOPPING, ACCELERATION * fastest**2 * depth)
+    acceleration = max(velocity / BRAKING_TIME, ACCELERATION * fastest**2 * depth)
     frozen = FROZEN * depth
     channels = default_channel_limits()
     travels = {

@@ -8,7 +8,7 @@ import pytest
 
 from sim_backend import CUBES, DEPTH, TRANSMISSION, Setup, Transmission
 from teleop.safety import Limits
-from teleop.settings.palpation_limits import palpation_limits
+from teleop.settings.simulated_rig_limits import simulated_rig_limits
 
 CASES = [(moved_by, cube) for moved_by in DEPTH for cube in CUBES]
 COMPLIANCE = 2e-6
@@ -32,7 +32,7 @@ def case(request):
 
 @pytest.fixture
 def limits(case, scale, fastest) -> Limits:
-    return palpation_limits(*case, scale, fastest, COMPLIANCE, TRANSMISSION)
+    return simulated_rig_limits(*case, scale, fastest, COMPLIANCE, TRANSMISSION)
 
 
 def in_series(cube, x):
@@ -74,7 +74,7 @@ def test_a_sine_of_the_highest_frequency_over_the_depth_is_not_limited(limits, c
 
 
 def test_a_stop_from_full_speed_at_the_soft_limit_ends_before_the_hard_one(case, scale):
-    limits = palpation_limits(*case, scale, 2.0, COMPLIANCE)
+    limits = simulated_rig_limits(*case, scale, 2.0, COMPLIANCE)
     stopping = limits.max_velocity**2 / (2.0 * limits.max_acceleration)
     assert stopping < limits.hard_position[1] - limits.soft_position[1]
 
@@ -102,14 +102,14 @@ def test_rest_velocity_and_following_error_are_small(limits, case):
 
 
 def test_friction_lets_the_drive_fall_behind_by_its_compliance(case):
-    without = palpation_limits(*case, 1.0, 2.0, COMPLIANCE)
-    limits = palpation_limits(*case, 1.0, 2.0, COMPLIANCE, Transmission(60e-6, 4e-6))
+    without = simulated_rig_limits(*case, 1.0, 2.0, COMPLIANCE)
+    limits = simulated_rig_limits(*case, 1.0, 2.0, COMPLIANCE, Transmission(60e-6, 4e-6))
     assert limits.following_error - without.following_error == pytest.approx(15.0 * COMPLIANCE)
 
 
 def test_all_lengths_grow_with_the_depth():
     cube = CUBES["soft"]
-    one, two = (palpation_limits(cube, depth, 1.0, 2.0, COMPLIANCE) for depth in (5e-3, 10e-3))
+    one, two = (simulated_rig_limits(cube, depth, 1.0, 2.0, COMPLIANCE) for depth in (5e-3, 10e-3))
     for name in ("max_velocity", "max_acceleration", "following_error", "rest_velocity"):
         assert getattr(two, name) == pytest.approx(2.0 * getattr(one, name)), name
     assert two.hard_position == pytest.approx([2.0 * x for x in one.hard_position])
@@ -118,7 +118,7 @@ def test_all_lengths_grow_with_the_depth():
 def test_the_speed_increases_with_the_excitation_only_at_high_frequencies():
     cube = CUBES["medium"]
     speeds = [
-        palpation_limits(cube, 7e-3, 1.0, f, COMPLIANCE).max_velocity for f in (0.1, 2.0, 10.0)
+        simulated_rig_limits(cube, 7e-3, 1.0, f, COMPLIANCE).max_velocity for f in (0.1, 2.0, 10.0)
     ]
     assert speeds[0] == speeds[1] < speeds[2]
 
@@ -126,4 +126,4 @@ def test_the_speed_increases_with_the_excitation_only_at_high_frequencies():
 @pytest.mark.parametrize("depth", [0.0, -1e-3, math.nan, math.inf])
 def test_an_invalid_depth_is_refused(depth):
     with pytest.raises(ValueError, match="must be positive|must lie within"):
-        palpation_limits(CUBES["soft"], depth, 1.0, 2.0, COMPLIANCE)
+        simulated_rig_limits(CUBES["soft"], depth, 1.0, 2.0, COMPLIANCE)
