@@ -8,10 +8,12 @@ from __future__ import annotations
 import math
 from struct import Struct, error
 
-from drivers import Ages, Command, Measurement, RigError, new_tuple
+from drivers import CHANNELS, Ages, Command, Measurement, RigError, new_tuple
 from teleop.printable import one_line
 
-SAMPLES, VELOCITIES = Struct("11d"), Struct("2d")
+FIRST_AGE = 1 + len(CHANNELS)
+"""Index of the first age after the time and the channels of a measurement."""
+SAMPLES, VELOCITIES = Struct(f"{FIRST_AGE + len(CHANNELS)}d"), Struct("2d")
 
 
 def measurement_of(returned: Measurement) -> Measurement:
@@ -30,7 +32,9 @@ def measurement_of(returned: Measurement) -> Measurement:
     if not math.isfinite(values[0]):
         raise RigError(f"the time of the measurement is {values[0]} s: expected a finite number")
     text = one_line(str(drive_error)) if drive_error else ""
-    return new_tuple(Measurement, (*values[:6], new_tuple(Ages, values[6:]), text, stop))
+    return new_tuple(
+        Measurement, (*values[:FIRST_AGE], new_tuple(Ages, values[FIRST_AGE:]), text, stop)
+    )
 
 
 def command_of(returned: Command) -> Command:

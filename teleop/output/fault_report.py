@@ -15,7 +15,7 @@ from teleop.recording.recording import Recording
 from teleop.recording.timing import RunningTiming
 
 LISTED = (*CHANNELS, "desired_slave_velocity", "applied_slave_velocity")
-"""Columns whose values at the fault are listed in the report."""
+"""Columns whose values at the fault are listed in the report, if the recording has them."""
 
 
 def write_fault_report(folder: Path, recording: Recording, fault: dict[str, Any]) -> None:
@@ -50,7 +50,9 @@ def fault_text(recording: Recording, fault: dict[str, Any]) -> str:
     if at >= 0:
         lines += ["", "channels at that tick"]
         lines += [
-            f"  {name:<24} {recording[name][at]: .6g} {recording.units[name]}" for name in LISTED
+            f"  {name:<24} {recording[name][at]: .6g} {recording.units[name]}"
+            for name in LISTED
+            if name in recording.units
         ]
     stopped = stopping_time(recording, fault)
     lines += ["", "stop", f"  commanded speed zero after {stopped * 1e3:.1f} ms"]

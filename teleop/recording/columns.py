@@ -17,7 +17,7 @@ from drivers import AXES, CHANNELS, UNITS
 from estimation.estimate_columns import Column, estimate_columns, misfit_columns
 from teleop.recording.message import CDR, definition_of, packer
 from teleop.safety import Mode
-from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
+from teleop.safety.soft_limits import FLAGS
 
 if TYPE_CHECKING:
     from estimation import Estimator
@@ -26,9 +26,8 @@ if TYPE_CHECKING:
 
 
 MODES = ", ".join(f"{mode.value} {mode.name.lower()}" for mode in Mode)
-LIMITED = (
-    f"sum of the soft limits that reduced the command: {VELOCITY} velocity, "
-    f"{ACCELERATION} acceleration, {POSITION} position, {FORCE} force"
+LIMITED = "sum of the soft limits that reduced the command: " + ", ".join(
+    f"{flag} {name}" for name, flag in FLAGS.items()
 )
 CHANNEL_MEANINGS = {
     "master_force": "force of the hand on the handle",

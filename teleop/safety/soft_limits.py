@@ -8,8 +8,9 @@ from drivers import STANDSTILL, Command, Measurement, new_tuple
 from teleop.safety.limits import Limits
 from teleop.safety.state import Supervision
 
-VELOCITY, ACCELERATION, POSITION, FORCE = 1, 2, 4, 8
+FLAGS = {"velocity": 1, "acceleration": 2, "position": 4, "force": 8}
 """Flag of each soft limit. The sum of the flags shows which limits changed a command."""
+VELOCITY, ACCELERATION, POSITION, FORCE = FLAGS.values()
 
 APPROACH_TIME = 0.05
 """Shortest time in which the expected contact force may reach the soft force limit [s].

@@ -75,9 +75,9 @@ class TrialSettings:
     """
 
     condition: ConditionName = "free"
-    """Control condition: free, mimic or autonomous."""
+    """Control condition."""
     cube: CubeName = "soft"
-    """Cube of the simulated rig: soft, medium or hard. Not used on a hardware rig."""
+    """Cube of the simulated rig. Not used on a hardware rig."""
     specimen: Annotated[str, AfterValidator(one_line)] = ""
     """Name of the specimen; empty for the cube of the simulated rig."""
     operator: Annotated[str, AfterValidator(one_line)] = ""

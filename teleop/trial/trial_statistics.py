@@ -18,18 +18,10 @@ from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
 from teleop.recording.timing import RunningTiming
 from teleop.safety.events import ACTIVE, STOPPING
-from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
+from teleop.safety.soft_limits import FLAGS
 from teleop.settings.feedback_checks import arm_damping
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.recorded_trial import averaged_part
-
-LIMITS = {
-    "velocity": VELOCITY,
-    "acceleration": ACCELERATION,
-    "position": POSITION,
-    "force": FORCE,
-}
-"""Flag of each soft limit in the column `limited`, by the name of the limit."""
 
 
 class TrialStatistics:
@@ -64,7 +56,7 @@ class TrialStatistics:
         self.ticks = self.pairs = 0
         self.end = math.nan
         self.depth = self.contact_time = 0.0
-        self.limited = dict.fromkeys(LIMITS, 0)
+        self.limited = dict.fromkeys(FLAGS, 0)
         part = averaged_part(ticks, settings)
         self.left_out = part.left_out
         self._settings, self._recording = settings, ticks
@@ -82,7 +74,7 @@ class TrialStatistics:
         self._timing.add(block)
         self.ticks += int(np.isin(block["mode"], (ACTIVE, STOPPING)).sum())
         flags = block["limited"].astype(int)
-        for name, flag in LIMITS.items():
+        for name, flag in FLAGS.items():
             self.limited[name] += int(((flags & flag) > 0).sum())
         if self._rendering:
             self._rendering.add(block.where(block["mode"] == ACTIVE))

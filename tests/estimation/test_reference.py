@@ -18,6 +18,6 @@ def test_all_estimators_with_all_models_equal_the_stored_estimates():
     with np.load(reference.FILE) as file:
         expected = dict(file)
     got = {key: reference.kept(key, answer) for key, answer in reference.runs()}
-    assert got.keys() == expected.keys()
-    for key, answer in got.items():
-        np.testing.assert_allclose(answer, expected[key], rtol=1e-9, atol=1e-300, err_msg=key)
+    assert got.keys() >= expected.keys()  # estimators can be added
+    for key, stored in expected.items():
+        np.testing.assert_allclose(got[key], stored, rtol=1e-9, atol=1e-300, err_msg=key)

@@ -115,6 +115,14 @@ def test_the_fault_report_names_the_longest_time_between_two_ticks(overloaded):
     assert "lateness: from the deadline of a tick to its start" in text
 
 
+def test_the_fault_report_of_an_older_recording_lists_the_channels_that_it_has(overloaded):
+    recording = overloaded[0].recording
+    units = {name: unit for name, unit in recording.units.items() if name != "slave_velocity"}
+    text = fault_text(replace(recording, units=units), recording.fault)
+    assert "\n  contact_force " in text
+    assert "\n  slave_velocity " not in text
+
+
 @pytest.mark.parametrize("fault", [Fault.STALE, Fault.OVERRUN])
 def test_a_fault_that_a_busy_machine_causes_mentions_other_programs(fault):
     assert "other programs" in describe(fault, "contact_force", 0.082, 0.02)

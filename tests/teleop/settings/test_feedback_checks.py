@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.errors import InputError
+from teleop.names import FeedbackName
 from teleop.settings.configuration import read_configuration, write_configuration
 from teleop.settings.documents import from_document
 from teleop.settings.feedback_checks import (
@@ -200,7 +202,7 @@ def test_a_removed_law_is_refused_but_its_recordings_are_evaluated(tmp_path, ref
         run_trial(of_before)
     file = tmp_path / "trial.toml"
     file.write_text(write_configuration(of_before))
-    assert "expected one of none, position-force, model-mediated" in refused(
+    assert f"expected one of {', '.join(get_args(FeedbackName))}" in refused(
         "run", "--config", file
     )
     present = replace(of_before, feedback=FeedbackSettings("position-force"))
