@@ -85,8 +85,8 @@ def odrive_of_firmware_05(text):
         ("cia402-ft300", str),
     ],
 )
-def test_no_sequence_of_wire_faults_and_requests_leaves_a_wired_rig_moving(stepped, name, edit):
-    trial = stepped(name, duration=2.0, edit=edit)
+def test_no_sequence_of_wire_faults_and_requests_leaves_a_wired_rig_moving(in_memory, name, edit):
+    trial = in_memory(name, duration=2.0, edit=edit)
     limits = trial.settings.limits
 
     @settings(
@@ -104,7 +104,7 @@ def test_no_sequence_of_wire_faults_and_requests_leaves_a_wired_rig_moving(stepp
     )
     def search(faults, stop, stop_at, rearm):
         clock, emulators = make_clock(trial.settings), []
-        case = stepped(name, duration=2.0, faults=faults, prepare=emulators.append, edit=edit)
+        case = in_memory(name, duration=2.0, faults=faults, prepare=emulators.append, edit=edit)
         with contextlib.suppress(RigError), case.make_rig(clock.now) as rig:
             # a rig whose port is missing cannot be closed without an error
             run(case, rig, clock, emulators[0], stop, stop_at, rearm)
