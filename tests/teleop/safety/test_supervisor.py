@@ -316,7 +316,7 @@ def check_tick(before: Supervision, m, desired, request, limits, verdict):
         pytest.fail("the supervisor went back to disconnected by itself")
 
 
-@settings(max_examples=80)
+@settings(max_examples=120)
 @given(STAGES, st.sampled_from([LIMITS, GENTLE]), TICKS)
 def test_safety_rules_hold_for_arbitrary_ticks(stage, limits, ticks):
     bench = copy.copy(STARTS[stage, limits.max_acceleration])
