@@ -316,7 +316,7 @@ def check_tick(before: Supervision, m, desired, request, limits, verdict):
         pytest.fail("the supervisor went back to disconnected by itself")
 
 
-@settings(max_examples=120)
+@settings(max_examples=250)
 @given(STAGES, st.sampled_from([LIMITS, GENTLE]), TICKS)
 def test_safety_rules_hold_for_arbitrary_ticks(stage, limits, ticks):
     bench = copy.copy(STARTS[stage, limits.max_acceleration])
@@ -335,7 +335,7 @@ def test_safety_rules_hold_for_arbitrary_ticks(stage, limits, ticks):
         bench.state = verdict.state
 
 
-@settings(max_examples=60)
+@settings(max_examples=150)
 @given(st.lists(st.tuples(*[ANY | WILD] * 5, DESIRED, REQUESTS, DTS), min_size=1, max_size=5))
 def test_safety_rules_hold_when_every_channel_is_arbitrary(ticks):
     wide = {
@@ -374,7 +374,7 @@ def test_after_a_ramping_fault_the_speed_only_decreases(fault, ticks):
         bench.state = verdict.state
 
 
-@settings(max_examples=30)
+@settings(max_examples=60)
 @given(st.data())
 def test_it_is_ready_only_after_a_whole_preflight_without_problems(data):
     bench = Bench(replace(LIMITS, preflight=0.02))
@@ -745,7 +745,7 @@ def test_the_desired_velocity_is_used_in_active_mode_only(stage):
 # The slave that does not follow
 
 
-@settings(max_examples=30)
+@settings(max_examples=60)
 @given(
     v=st.floats(0.04, 0.4) | st.floats(-0.4, -0.04),
     dt=st.sampled_from([5e-4, 1e-3, 2e-3, 5e-3]),
@@ -975,7 +975,7 @@ def test_acceleration_is_limited_and_flagged():
 SIDES = st.sampled_from([1.0, -1.0])
 
 
-@settings(max_examples=30)
+@settings(max_examples=60)
 @given(
     side=SIDES,
     start=st.floats(14e-3, 20e-3),
@@ -1038,7 +1038,7 @@ def test_towards_the_soft_limit_half_of_the_deceleration_is_kept_in_reserve(side
     assert verdict.limited == (POSITION if fastest < 0.15 else 0)
 
 
-@settings(max_examples=30)
+@settings(max_examples=60)
 @given(
     side=SIDES,
     force=st.floats(60.001, 79.9),
