@@ -17,8 +17,7 @@ from foxglove import Channel, Context, Schema
 from foxglove.mcap import MCAPWriteOptions
 
 from teleop.errors import reason
-from teleop.recording.message import MESSAGE_NAME
-from teleop.recording.sinks import BEGIN
+from teleop.recording.message import BEGIN, MESSAGE_NAME
 
 TICKS, EVENTS = "/tick", "/event"
 """Topics (names) of the MCAP channels that contain the ticks and the events."""

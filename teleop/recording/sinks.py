@@ -13,9 +13,6 @@ from teleop.safety import Event, Fault
 LONGEST_TEXT = 400
 """Largest number of characters in the text of an event."""
 
-BEGIN = "recording"
-"""Text of the event that marks the beginning of a recording."""
-
 
 class Outcome(NamedTuple):
     """Result of a recording: its file, the numbers of ticks, and a problem, if any."""

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-import statsmodels.api as sm
 
 from estimation import METHODS, RecursiveLeastSquares, linear_gain, paper_preset
 from estimation.linear_gain import (
@@ -124,6 +123,8 @@ def test_covariance_is_that_of_the_matrix_recursion(model, palpation):
 
 
 def test_without_forgetting_it_is_ordinary_least_squares(palpation, monkeypatch):
+    import statsmodels.api as sm
+
     monkeypatch.setattr(linear_gain, "DIFFUSE", 1.0)  # the first guess is what P0 says
     s = palpation(seconds=3.0, noise=NOISE)
     estimator = RecursiveLeastSquares(1.0, (1e8, 1e9))

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import io
+
 import pytest
 
 from teleop.cli import main
@@ -27,3 +29,14 @@ def undrawn(monkeypatch):
     """Leave the figure out of the reports of faults: `test_black_box.py` tests it."""
     monkeypatch.setattr("teleop.output.fault_report.save", lambda *arguments, **options: None)
     monkeypatch.setattr("teleop.output.fault_report.fault_figure", lambda *arguments: None)
+
+
+@pytest.fixture
+def without_drawings(monkeypatch):
+    """Write figures without drawing them, in tests of the texts beside them."""
+
+    def save(figure, file, **options):
+        drawing = f"<svg>{200 * ' '}</svg>"
+        file.write(drawing if isinstance(file, io.TextIOBase) else drawing.encode())
+
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", save)

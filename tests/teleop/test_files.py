@@ -120,6 +120,7 @@ def test_a_link_without_a_target_is_not_overwritten(refused, trial, folder, comm
     assert not (folder / "nothing").exists()
 
 
+@pytest.mark.usefixtures("without_drawings")
 @pytest.mark.parametrize("command", OUTPUTS)
 def test_overwrite_replaces_a_file_as_a_whole(folder, capsys, command):
     name, arguments = OUTPUTS[command]

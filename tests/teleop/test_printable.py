@@ -55,6 +55,7 @@ def write_sine(path, header="Time [s],Position [mm],Force [N]"):
     return path
 
 
+@pytest.mark.usefixtures("without_drawings")
 def test_a_files_name_and_its_columns_are_shown(tmp_path, capsys, refused):
     path = write_sine(tmp_path / f"{EVIL.replace('/', '')}.csv")
     assert main(["estimate", str(path)]) == 0
@@ -80,6 +81,7 @@ def test_a_rig_files_names_are_shown(tmp_path, capsys, content):
     assert all(line.startswith("teleop: ") for line in error.splitlines())
 
 
+@pytest.mark.usefixtures("without_drawings")
 @pytest.mark.skipif(sys.platform != "linux", reason="names of files are bytes")
 def test_a_file_whose_name_is_not_valid_text_is_evaluated(tmp_path, capsys):
     """The name is in Latin-1 on a system with UTF-8."""

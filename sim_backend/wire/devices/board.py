@@ -194,17 +194,19 @@ class EmulatedBoard(EmulatedSerialDevice):
     def _samples(self, now: float) -> list[bytes]:
         period = 1.0 / self._rate_hz
         self._sample_due = max(self._sample_due, now - (BACKLOG - 1) * period)
-        frames = []
+        frames: list[bytes] = []
+        if self._sample_due > now:
+            return frames
+        sample = struct.pack(
+            "<3BHH10i",
+            self._state,
+            sum(1 << i for i in self._enabled),
+            self.emergency_stop | self.drive_fault << 1,
+            self._last or 0,
+            self._rejected,
+            *(self._counts(signal, scale) for signal, scale in self._scales),
+        )
         while self._sample_due <= now:
-            sample = struct.pack(
-                "<3BHH10i",
-                self._state,
-                sum(1 << i for i in self._enabled),
-                self.emergency_stop | self.drive_fault << 1,
-                self._last or 0,
-                self._rejected,
-                *(self._counts(signal, scale) for signal, scale in self._scales),
-            )
             frames.append(self._frame(SAMPLE, self._sample_due, sample))
             self._sample_due += period
         return frames

@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from filterpy.kalman import KalmanFilter
 
 from estimation.methods.active_observer import ActiveObserver
 from estimation.methods.kalman_filter import RandomWalkKalman, process_noise
@@ -18,6 +17,8 @@ def observer():
 
 
 def test_observes_the_augmented_state_as_filterpy_does(palpation):
+    from filterpy.kalman import KalmanFilter
+
     signals = palpation(seconds=0.5, noise=0.02, jitter=0.3)
     oracle = KalmanFilter(dim_x=3, dim_z=1)
     oracle.P, oracle.R = np.diag((*P0, 1e4)), np.eye(1)

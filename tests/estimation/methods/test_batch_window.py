@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-import statsmodels.api as sm
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -25,6 +24,8 @@ def test_is_least_squares_over_the_latest_samples(samples, n, seed):
 
 
 def test_interval_is_the_standard_one(palpation):
+    import statsmodels.api as sm
+
     x, v, f, dt = palpation(seconds=0.4, noise=0.02)
     ones = np.ones((len(x), 1))
     estimator = BatchWindow(0.1, 1e-3, WITH_DATUM)

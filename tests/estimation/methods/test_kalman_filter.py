@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from filterpy.kalman import KalmanFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,6 +15,8 @@ CEILING = tuple(1.0 / size**2 for size in SIZES)
 
 def filtered(samples, q, p0):
     """Return the estimates of filterpy for parameters that are random walks."""
+    from filterpy.kalman import KalmanFilter
+
     oracle = KalmanFilter(dim_x=len(q), dim_z=1)
     oracle.P, oracle.R = np.diag(p0), np.eye(1)
     estimates = []

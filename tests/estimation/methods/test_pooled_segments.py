@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 from scipy.stats import chi2
-from statsmodels.stats.meta_analysis import combine_effects
 
 from estimation import MatchedFilter, PooledSegments
 from estimation.methods import pooled_segments
@@ -59,6 +58,8 @@ def test_pools_as_cochran_and_hedges_and_olkin_do(palpation, correlation):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_pools_as_statsmodels_does(palpation, seed):
+    from statsmodels.stats.meta_analysis import combine_effects
+
     x, v, f, dt = changing(palpation, seed)
     pooled = PooledSegments(0.5)
     pooled.run(x, v, f, dt)

@@ -5,8 +5,6 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from filterpy.kalman import KalmanFilter
-from statsmodels.regression.recursive_ls import RecursiveLS
 
 from estimation import RecursiveLeastSquares
 from estimation.compiled import numbers
@@ -16,6 +14,8 @@ P0 = (1.6e7, 4e8)
 
 
 def test_equals_a_kalman_filter_with_fading_memory(palpation):
+    from filterpy.kalman import KalmanFilter
+
     s = palpation(noise=0.05)
     estimates = RecursiveLeastSquares(0.98, (100.0, 100.0)).run(*s)
 
@@ -35,6 +35,8 @@ def test_equals_a_kalman_filter_with_fading_memory(palpation):
 
 
 def test_without_forgetting_equals_statsmodels_recursive_least_squares(palpation):
+    from statsmodels.regression.recursive_ls import RecursiveLS
+
     s = palpation(noise=0.05)
     estimates = RecursiveLeastSquares(1.0, (1e12, 1e12)).run(*s)
     oracle = RecursiveLS(s.f, np.column_stack((s.v, s.x))).fit().recursive_coefficients.filtered

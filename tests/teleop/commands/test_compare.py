@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
+import pickle
 import re
 import shutil
 import subprocess
@@ -21,6 +23,7 @@ from teleop.cli import main
 from teleop.evaluation.across.comparison import Compared, tidy_rows
 from teleop.evaluation.across.groups import grouped, ranks_of
 from teleop.evaluation.batch.stiffness_result import StiffnessResult
+from teleop.evaluation.evaluate import evaluate
 from teleop.output.comparison_tables import group_table, print_comparison, published_table
 
 PLAN = """
@@ -45,6 +48,22 @@ def series(tmp_path_factory):
     (folder / "plan.toml").write_text(PLAN)
     assert main(["series", str(folder / "plan.toml"), "--out", str(folder / "out")]) == 0
     return folder / "out"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def evaluation_by_file():
+    """Evaluate each file once, unless its content or an option differs."""
+    stored = {}
+
+    def evaluate_once(samples, settings, most):
+        key = hashlib.sha256(pickle.dumps((samples, settings, most))).digest()
+        if key not in stored:
+            stored[key] = evaluate(samples, settings, most)
+        return stored[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("teleop.evaluation.evaluate.evaluate", evaluate_once)
+        yield
 
 
 def document(capsys, *arguments):

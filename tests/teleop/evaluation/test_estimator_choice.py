@@ -50,6 +50,7 @@ def test_every_estimator_runs_live_is_recorded_and_estimates_again_to_the_bit(ca
     assert fewer["own_model"] == []
 
 
+@pytest.mark.usefixtures("without_drawings")
 def test_a_report_needs_none_of_the_papers_estimators(capsys, tmp_path):
     path = tmp_path / "kalman.mcap"
     chosen = ["--estimators", "kalman,segments", "--model", "stiffening"]

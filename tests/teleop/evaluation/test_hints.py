@@ -61,6 +61,7 @@ def test_a_table_file_has_the_reason_and_the_terminal_also_the_hint(negative, na
     assert "invert" not in text
 
 
+@pytest.mark.usefixtures("without_drawings")
 def test_the_report_has_the_reason_and_estimate_also_the_hint(negative, capsys):
     assert main(["report", str(negative)]) == 0
     page = negative.with_suffix(".html").read_text(encoding="utf-8")

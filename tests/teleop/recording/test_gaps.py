@@ -155,6 +155,7 @@ def test_gaps_that_leave_no_settled_sample_are_refused():
         evaluate(every, EstimateSettings(datum="file", preset="paper", whole=True))
 
 
+@pytest.mark.usefixtures("without_drawings")
 def test_a_gap_in_a_table_is_reported(tmp_path, capsys):
     path = tmp_path / "a.csv"
     t, x, f, *_ = linear(period=2e-3)
@@ -225,6 +226,7 @@ def test_a_run_reports_dropped_ticks_as_such(slow, tmp_path):
     assert summary["recording"]["problem"] is None
 
 
+@pytest.mark.usefixtures("without_drawings")
 def test_a_command_names_the_missing_ticks_and_does_not_advise_to_recover(slow, tmp_path, capsys):
     slow(*range(1000, 1500), *range(1700, 1800))
     path = tmp_path / "a.mcap"

@@ -22,7 +22,7 @@ from teleop.trial.result import Trial
 from teleop.trial.run import run_trial
 
 SETTINGS = TrialSettings(
-    condition="autonomous", clock="virtual", duration=1.0, estimators=("rls",), seed=7
+    condition="autonomous", clock="virtual", duration=0.4, rate=250.0, estimators=("rls",), seed=7
 )
 LAB = '''
 import os
@@ -87,17 +87,23 @@ class LabRig(SimulatedRig):
     """A rig whose body is not that of the settings."""
 
 
-@pytest.fixture
-def lab(tmp_path, monkeypatch):
-    """An installed distribution `mylab` 1.2 with conditions; its folder."""
-    folder = tmp_path / "site"
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """A folder with a distribution `mylab` 1.2, which the search for packages finds once."""
+    folder = tmp_path_factory.mktemp("site")
     about = folder / "mylab-1.2.dist-info"
-    about.mkdir(parents=True)
+    about.mkdir()
     (folder / "mylab_steps.py").write_text(LAB)
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: mylab\nVersion: 1.2\n")
     (about / "top_level.txt").write_text("mylab_steps\n")
-    monkeypatch.syspath_prepend(folder)
-    yield folder
+    return folder
+
+
+@pytest.fixture
+def lab(site, monkeypatch):
+    """The installed distribution `mylab` 1.2 with conditions; its folder."""
+    monkeypatch.syspath_prepend(site)
+    yield site
     sys.modules.pop("mylab_steps", None)
 
 
@@ -125,7 +131,7 @@ def test_the_class_of_a_condition_is_recorded_with_its_distribution_and_paramete
         "complete": True,
     }
     assert trial.summary()["condition"] == "Step"
-    assert trial.about == "Step, soft cube, 1 s"
+    assert trial.about == "Step, soft cube, 0.4 s"
     assert trial.summary()["left_out"] == "", "a step does not end like the excitation"
 
 
@@ -154,9 +160,13 @@ def test_a_condition_of_another_version_is_not_run_again(lab, tmp_path):
 
     recorded(tmp_path / "step.mcap", condition=Step())
     about = lab / "mylab-1.2.dist-info" / "METADATA"
-    about.write_text(about.read_text().replace("1.2", "1.3"))
-    with pytest.raises(InputError, match=r"mylab 1\.2: expected this version, but 1\.3"):
-        run_trial(read_configuration(tmp_path / "step.mcap"))
+    metadata = about.read_text()
+    about.write_text(metadata.replace("1.2", "1.3"))
+    try:
+        with pytest.raises(InputError, match=r"mylab 1\.2: expected this version, but 1\.3"):
+            run_trial(read_configuration(tmp_path / "step.mcap"))
+    finally:
+        about.write_text(metadata)
 
 
 def test_a_condition_whose_constructor_is_not_known_is_not_run_again(lab, tmp_path):

@@ -7,7 +7,8 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
-from hypothesis import given, settings
+import pytest
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from estimation import MODELS
@@ -92,7 +93,10 @@ def test_every_setting_is_varied_or_named_as_an_object_of_its_own():
     assert {field.name for field in fields(TrialSettings)} == VARIED.keys() | OTHER
 
 
-@settings(max_examples=8, deadline=None)
+@pytest.mark.usefixtures("undrawn")
+@settings(
+    max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(trials())
 def test_recording_to_file_to_run_gives_the_same_recording_to_the_bit(first):
     with tempfile.TemporaryDirectory() as folder:

@@ -6,10 +6,7 @@ import builtins
 from itertools import product
 
 import numpy as np
-import pandas as pd
 import pytest
-from statsmodels.formula.api import ols
-from statsmodels.stats.anova import anova_lm
 
 from teleop.errors import InputError
 from teleop.studies.anova import analysis_of_variance, check_available, design_text
@@ -46,6 +43,10 @@ def effects(y, subject=None):
 
 
 def test_a_split_plot_equals_a_fit_of_each_stratum_on_its_own():
+    import pandas as pd
+    from statsmodels.formula.api import ols
+    from statsmodels.stats.anova import anova_lm
+
     y = responses(effect=(0.3, 0.0, 0.8))
     got = effects(y)
     frame = pd.DataFrame(trials(y))

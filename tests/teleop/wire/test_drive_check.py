@@ -24,7 +24,7 @@ from sim_backend.wire.emulator import Emulator, PlannedFault
 from teleop.cli import main
 from teleop.control.clock import VirtualClock
 from teleop.errors import InputError
-from teleop.rig.drive_check import STROKES, check_drives
+from teleop.rig.drive_check import STROKE_TIMES, STROKES, check_drives
 from teleop.safety import Fault
 from teleop.safety.rig_limits import rig_limits
 from teleop.trial.realtime import RealTime
@@ -117,6 +117,12 @@ def stepped(stepped: Callable[..., Any]) -> Callable[..., Any]:
     return partial(stepped, rate=250.0)
 
 
+@pytest.fixture
+def quick_strokes(monkeypatch):
+    """Makes the first stroke as quick as the others, where no drive moves too fast."""
+    monkeypatch.setattr("teleop.rig.drive_check.STROKE_TIMES", STROKE_TIMES[1:2] * len(STROKES))
+
+
 @pytest.mark.parametrize(
     ("name", "factor", "wrong"),
     [
@@ -178,6 +184,7 @@ def test_a_wrong_sign_or_scale_of_the_velocity_channel_alone_is_refused(in_memor
     assert "slave_velocity shows" in checked.problems["slave"]
 
 
+@pytest.mark.usefixtures("quick_strokes")
 @pytest.mark.parametrize("name", RIGS)
 def test_a_sound_rig_passes_and_its_watchdogs_act(in_memory, name):
     rigid = replace(paper_setup("injector", "soft"), transmission=RIGID)
@@ -204,6 +211,7 @@ def test_without_a_motion_the_watchdogs_are_checked_at_standstill(in_memory, nam
         assert 0.01 < drive.watchdog_s < 0.15
 
 
+@pytest.mark.usefixtures("quick_strokes")
 def test_a_slave_held_by_its_limits_fails_the_check(in_memory):
     checked = Checked(in_memory("serial-board", rewrite=LOW))
     assert checked.stayed_small()
@@ -216,6 +224,7 @@ def test_a_slave_beyond_its_hard_limits_is_refused(in_memory):
         Checked(in_memory("serial-board", rewrite=beyond))
 
 
+@pytest.mark.usefixtures("quick_strokes")
 def test_near_the_end_of_its_range_the_slave_first_moves_away_from_it(in_memory):
     near = rewritten("limits", soft_position_mm=[0.2, 25], hard_position_mm=[-0.1, 30])
     checked = Checked(in_memory("serial-board", rewrite=near))
@@ -307,6 +316,7 @@ def test_ctrl_c_during_the_check_ends_it_with_130(command, stepped, capsys):
     assert all(drive["commanded_m"] is None for drive in json.loads(out)["drives"])
 
 
+@pytest.mark.usefixtures("quick_strokes")
 def test_lost_motion_of_the_emulated_slave_is_remarked_and_is_no_problem(
     command, in_memory, capsys
 ):
@@ -322,6 +332,7 @@ def test_lost_motion_of_the_emulated_slave_is_remarked_and_is_no_problem(
     assert "lost motion or friction" in slave["remark"]
 
 
+@pytest.mark.usefixtures("quick_strokes")
 def test_the_tables_of_the_check_fit_80_columns_and_have_units(
     command, in_memory, capsys, monkeypatch
 ):

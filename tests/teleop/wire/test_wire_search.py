@@ -23,7 +23,7 @@ from teleop.safety import Fault, Mode, Request
 from teleop.safety.channels import DetectedFault
 from teleop.trial.assembly import make_clock, make_controller
 
-TRIALS = int(os.environ.get("WIRE_SEARCH_TRIALS", "3"))
+TRIALS = int(os.environ.get("WIRE_SEARCH_TRIALS", "5"))
 TICKS = 450
 BOUND = 0.3
 """Longest time from a fault until all drives are disabled [s].
@@ -85,8 +85,8 @@ def odrive_of_firmware_05(text):
         ("cia402-ft300", str),
     ],
 )
-def test_no_sequence_of_wire_faults_and_requests_leaves_a_wired_rig_moving(stepped, name, edit):
-    trial = stepped(name, duration=2.0, edit=edit)
+def test_no_sequence_of_wire_faults_and_requests_leaves_a_wired_rig_moving(in_memory, name, edit):
+    trial = in_memory(name, duration=2.0, edit=edit)
     limits = trial.settings.limits
 
     @settings(
@@ -104,7 +104,7 @@ def test_no_sequence_of_wire_faults_and_requests_leaves_a_wired_rig_moving(stepp
     )
     def search(faults, stop, stop_at, rearm):
         clock, emulators = make_clock(trial.settings), []
-        case = stepped(name, duration=2.0, faults=faults, prepare=emulators.append, edit=edit)
+        case = in_memory(name, duration=2.0, faults=faults, prepare=emulators.append, edit=edit)
         with contextlib.suppress(RigError), case.make_rig(clock.now) as rig:
             # a rig whose port is missing cannot be closed without an error
             run(case, rig, clock, emulators[0], stop, stop_at, rearm)
