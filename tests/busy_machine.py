@@ -17,6 +17,7 @@ CAUSES_ON_DEVICES = (
     r"drive error: \w+: WATCHDOG_TIMER_EXPIRED",
     r"drive error: \w+: the controller's heartbeat was missed",
     r"is stale: last sample [\d.]+ ms old",
+    r": [\d.]+ ms old, limit 100 ms",
     r"the slave does not follow its command: 2\.\d+ mm behind it",
 )
 """Messages about a pause of the loop, or of emulated devices, which also need a processor."""
