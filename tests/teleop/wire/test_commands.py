@@ -151,17 +151,19 @@ def test_when_the_controller_is_killed_the_drives_stop_by_their_own_watchdogs(
     with served(path, tmp_path) as (rig, emulator):
         run, repeats = controller(rig), 0
         deadline = time.monotonic() + 40.0
-        while abs(emulator.mechanism.measurement.slave_velocity) < 0.01:
-            if run.poll() is not None:
-                _, error = run.communicate()
-                assert busy_cause(error, on_devices=True), error
-                assert (repeats := repeats + 1) <= REPEATS, error
-                run = controller(rig)
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
-        assert emulator.mechanism.driven
-        run.kill()
-        run.communicate()
+        try:
+            while abs(emulator.mechanism.measurement.slave_velocity) < 0.01:
+                if run.poll() is not None:
+                    _, error = run.communicate()
+                    assert busy_cause(error, on_devices=True), error
+                    assert (repeats := repeats + 1) <= REPEATS, error
+                    run = controller(rig)
+                assert time.monotonic() < deadline
+                time.sleep(0.01)
+            assert emulator.mechanism.driven
+        finally:
+            run.kill()
+            run.communicate()
         deadline = time.monotonic() + 5.0
         while emulator.mechanism.driven:
             assert time.monotonic() < deadline

@@ -100,6 +100,8 @@ class Emulated:
         for line in self.process.stdout:
             if text in line:
                 return
+        self.process.communicate()
+        self.limit.cancel()
         pytest.fail("the emulator ended")
 
     def place(self, condition, cube):
