@@ -57,7 +57,6 @@ def test_the_first_minute_prints_what_the_readme_says(folder, monkeypatch, capsy
         assert {*shown(estimator)} <= {*printed}
 
 
-@pytest.mark.real_time
 def test_the_commands_of_the_readme_work_in_their_order(folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     # To compile all estimators takes longer than to interpret them here.

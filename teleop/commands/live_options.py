@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import socket
 import sys
 from collections.abc import Iterator, Sequence
@@ -16,6 +17,7 @@ from teleop.commands.options import LIVE
 
 if TYPE_CHECKING:
     from teleop.settings.trial_settings import TrialSettings
+    from teleop.trial.child_process import ChildProcess
     from teleop.trial.live_link import LiveLink
 
 POINTER = "pointer"
@@ -78,12 +80,34 @@ class LiveOptions:
         return not yes and (self.live_arm or not any(one.rig for one in settings))
 
     @contextlib.contextmanager
+    def starting(self) -> Iterator[ChildProcess | None]:
+        """With --live, start the live process, which imports its modules while this one does.
+
+        It is ended after the `with` block, if it does not serve the live page.
+        """
+        if not self.live or os.name != "posix" or find_spec("websockets") is None:
+            yield None
+            return
+        from teleop.trial.child_process import LIVE_PROCESS, ChildProcess
+
+        process = ChildProcess(LIVE_PROCESS)
+        try:
+            yield process
+        finally:
+            process.end()
+
+    @contextlib.contextmanager
     def linked(
-        self, settings: Sequence[TrialSettings], by_page: bool, choose: bool
+        self,
+        settings: Sequence[TrialSettings],
+        by_page: bool,
+        choose: bool,
+        page: ChildProcess | None = None,
     ) -> Iterator[LiveLink | None]:
         """Serve the live page during a `with` block; None without --live.
 
-        With `choose`, a person can choose settings of the next trial in the page.
+        With `choose`, a person can choose settings of the next trial in the page. `page` is the
+        live process, if it was started before.
         """
         if not self.live:
             yield None
@@ -100,7 +124,7 @@ class LiveOptions:
         )
         choices = choices_of(settings[0]) if choose else NO_CHOICES
         foxglove = free_port(FOXGLOVE_PORT) if self.foxglove else None
-        link = LiveLink(size, self.host, self.port, by_page, pointer, choices, foxglove)
+        link = LiveLink(size, self.host, self.port, by_page, pointer, choices, foxglove, page)
         try:
             if link.foxglove_url:
                 print(f"Foxglove: {link.foxglove_url}", file=sys.stderr, flush=True)

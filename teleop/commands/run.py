@@ -45,18 +45,19 @@ def run(
     from teleop.settings.feedback_checks import check_feedback
     from teleop.trial.arming import arming_text, check_stated, is_armed
 
-    settings = trial.settings(estimation.given())
-    check_stated(settings)
-    if warning := check_feedback(settings):
-        print_error(warning)
-    output.check(settings, sources=(trial.config, trial.rig, trial.tare))
-    live = live.requested([settings])
-    by_page = live.arms([settings], yes)
-    asked = settings.rig if not (by_page or yes) else None
-    if asked and not is_armed(asked, arming_text(settings)):
-        return 130
-    with live.linked([settings], by_page, choose=by_page) as link:
-        runner = TrialRunner(output, realtime, link, explained=bool(asked))
-        if link and by_page:
-            return run_from_page(link, settings, runner, once=output.is_for_one_trial)
-        return runner.run(settings)
+    with live.starting() as page:
+        settings = trial.settings(estimation.given())
+        check_stated(settings)
+        if warning := check_feedback(settings):
+            print_error(warning)
+        output.check(settings, sources=(trial.config, trial.rig, trial.tare))
+        live = live.requested([settings])
+        by_page = live.arms([settings], yes)
+        asked = settings.rig if not (by_page or yes) else None
+        if asked and not is_armed(asked, arming_text(settings)):
+            return 130
+        with live.linked([settings], by_page, choose=by_page, page=page) as link:
+            runner = TrialRunner(output, realtime, link, explained=bool(asked))
+            if link and by_page:
+                return run_from_page(link, settings, runner, once=output.is_for_one_trial)
+            return runner.run(settings)

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 from teleop.json_documents import dumps, loads
 
 FAREWELL = 1.0
-"""Time for which a process continues after the control process has ended [s]."""
+"""Longest time for which a process continues after the control process has ended [s]."""
 MOST_UNREAD = 1 << 16
 """Largest number of bytes that are read from standard input in one call."""
 

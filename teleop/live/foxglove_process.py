@@ -111,7 +111,10 @@ def main() -> None:
     """Serve viewers until the control process has ended."""
     os.nice(NICENESS)
     pipe = ControlPipe()
-    session = pipe.read_line()
+    try:
+        session = pipe.read_line()
+    except EOFError:  # the control process has ended before the first trial
+        return
     ring = SharedFile.open(Path(session["files"]["ring"]), writable=False)
     try:
         bridge = FoxgloveBridge(RingReader(ring.buffer, *session["ring"]), session["foxglove"])

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from teleop.errors import InputError
 from teleop.live.cells import CellWriter
-from teleop.live.control_pipe import ControlPipe
+from teleop.live.control_pipe import FAREWELL, ControlPipe
 from teleop.live.ring import RingReader
 from teleop.live.server import serve
 from teleop.live.shared_file import SharedFile
@@ -25,7 +25,10 @@ from teleop.live.trial_feed import TrialFeed
 async def main() -> None:
     """Serve the live page until the control process has ended."""
     pipe = ControlPipe()
-    session = pipe.read_line()
+    try:
+        session = pipe.read_line()
+    except EOFError:  # the control process has ended before the first trial
+        return
     ring, events, cells = (
         SharedFile.open(Path(session["files"][name]), name == "cells")
         for name in ("ring", "events", "cells")
@@ -39,17 +42,18 @@ async def main() -> None:
     )
     pipe.stop_waiting()
 
-    def is_over() -> bool:
+    def has_ended() -> bool:
         pipe.receive_into(feed)
-        return pipe.is_over
+        return pipe.ended > 0.0
 
     try:
         await serve(
-            is_over,
+            has_ended,
             feed,
             session["host"],
             session["port"],
             lambda url: pipe.send({"url": url}),
+            FAREWELL,
         )
     except InputError as error:
         pipe.send({"problem": str(error)})

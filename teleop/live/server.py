@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import math
 import time
 from collections.abc import AsyncIterator, Callable, Mapping
 from functools import partial
@@ -120,6 +121,11 @@ class Server:
             used = server.server.sockets[0].getsockname()[1]
             self._gate = Gate(host, address, used)
             yield int(used)
+
+    @property
+    def has_clients(self) -> bool:
+        """Whether a live page is open."""
+        return bool(self._clients)
 
     async def run(self) -> None:
         """Send the data once per `PERIOD` until the task is cancelled."""
@@ -266,8 +272,12 @@ async def serve(
     host: str,
     port: int,
     ready: Callable[[str], object],
+    farewell: float = 0.0,
 ) -> None:
-    """Serve the live page until `stopped` returns True; `ready` gets its URL when it is open."""
+    """Serve the live page until `stopped` returns True; `ready` gets its URL when it is open.
+
+    After that, open pages are informed for at most the time `farewell` [s].
+    """
     if not 0 <= port <= 65535:
         raise InputError(f"port {port}: expected 0 to 65535")
     token = new_token()
@@ -280,10 +290,15 @@ async def serve(
     try:
         sending = asyncio.create_task(server.run())
         ready(page_url(host, used, token))
-        while not stopped():
+        end = math.inf
+        while time.monotonic() < end:
             done, _ = await asyncio.wait([sending], timeout=CHECK)
             if done:
                 sending.result()
+            if end == math.inf and stopped():
+                end = time.monotonic() + farewell
+            if end < math.inf and not server.has_clients:
+                break
         sending.cancel()
     finally:
         await serving.__aexit__(None, None, None)

@@ -57,7 +57,7 @@ from teleop.settings.values import (
     without_zero,
 )
 
-CONFIG = ConfigDict(extra="forbid", use_attribute_docstrings=True, validate_by_name=True)
+CONFIG = ConfigDict(extra="forbid", validate_by_name=True)
 """The dataclasses within the settings also use this configuration, because they define none."""
 
 
@@ -331,4 +331,7 @@ def adapter() -> TypeAdapter[TrialSettings]:
 @cache
 def schema() -> dict[str, Any]:
     """Return the JSON schema of configuration files. Text editors use it to check such a file."""
-    return {**adapter().json_schema(), "title": "Configuration of a trial"}
+    from teleop.settings.documented_schema import DocumentedSchema
+
+    document = adapter().json_schema(schema_generator=DocumentedSchema)
+    return {**document, "title": "Configuration of a trial"}

@@ -12,6 +12,8 @@ from typing import Any
 from teleop.errors import InputError, reason
 from teleop.json_documents import dumps, loads
 
+LIVE_PROCESS = "teleop.live.process"
+"""Module of the live process."""
 START_TIME = 20.0
 """Longest wait for the start of a process [s]."""
 END_TIME = 3.0
@@ -23,15 +25,17 @@ MOST_UNSENT = 1 << 20
 class ChildProcess:
     """A process that shows the data of the trials. It exchanges JSON documents with this process.
 
+    The constructor only starts the process, which then imports its modules and waits for `begin`.
+
     Attributes
     ----------
     pid
         Process id.
     url
-        Address at which the process serves the data.
+        Address at which the process serves the data; empty before `begin`.
     """
 
-    def __init__(self, module: str, session: dict[str, Any]) -> None:
+    def __init__(self, module: str) -> None:
         self._unsent = b""
         self._received = b""
         try:
@@ -49,6 +53,10 @@ class ChildProcess:
         self._input, self._output = self._process.stdin, self._process.stdout
         os.set_blocking(self._input.fileno(), False)
         self.pid = self._process.pid
+        self.url = ""
+
+    def begin(self, session: dict[str, Any]) -> None:
+        """Send the description of the session, and wait until the process serves the data."""
         self.tell(session)
         ready = self.wait_for_request(START_TIME) or {"problem": "it did not start"}
         if "problem" in ready:
@@ -93,14 +101,21 @@ class ChildProcess:
         """Whether the process is running."""
         return self._process.poll() is None
 
+    def ask_to_end(self) -> None:
+        """Let the process end, and do not wait."""
+        with contextlib.suppress(OSError):
+            self._input.close()
+
     def end(self) -> None:
         """End the process. If it does not end within `END_TIME`, it is killed.
 
-        Before it ends, the live process reports the end to the open live pages.
+        Before it ends, the live process reports the end to the open live pages. A process that does
+        not serve data yet is killed at once.
         """
-        with contextlib.suppress(OSError):
-            self._input.close()
+        self.ask_to_end()
         try:
+            if not self.url:
+                self._process.kill()
             self._process.wait(END_TIME)
         except subprocess.TimeoutExpired:
             self._process.kill()

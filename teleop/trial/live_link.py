@@ -19,7 +19,7 @@ from teleop.recording.message import CDR, MESSAGE_NAME
 from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Event
 from teleop.settings.trial_settings import TrialSettings
-from teleop.trial.child_process import ChildProcess
+from teleop.trial.child_process import LIVE_PROCESS, ChildProcess
 from teleop.trial.live_documents import trial_document
 from teleop.trial.page_requests import WAITING_SILENCE, PagePointer, PageRequests
 from teleop.trial.result import Trial
@@ -33,7 +33,8 @@ class LiveLink(Sink):
     """Starts the live process, and sends it the data of one or more trials.
 
     The data are the recorded values of each tick and the events. A `port` of 0 is any free port;
-    without a port `foxglove`, there is no server of the Foxglove protocol.
+    without a port `foxglove`, there is no server of the Foxglove protocol. `page` is the live
+    process, if it was started before.
 
     Attributes
     ----------
@@ -60,6 +61,7 @@ class LiveLink(Sink):
         pointer: bool,
         choices: dict[str, list[Any]],
         foxglove: int | None = None,
+        page: ChildProcess | None = None,
     ) -> None:
         if os.name != "posix":
             raise InputError("live page: expected Linux or macOS")
@@ -84,11 +86,13 @@ class LiveLink(Sink):
             paths = {name: str(file.path) for name, file in files.items()}
             welcome = {"may_arm": by_page, "pointer": pointer, "choices": choices}
             session = {"files": paths, "host": host, "port": port, "welcome": welcome, **sizes}
-            self._page = ChildProcess("teleop.live.process", session)
+            self._page = page or ChildProcess(LIVE_PROCESS)
             self._children.append(self._page)
             if foxglove is not None:
-                session = {"files": paths, "foxglove": foxglove, **sizes}
-                self._children.append(ChildProcess("teleop.live.foxglove_process", session))
+                self._children.append(ChildProcess("teleop.live.foxglove_process"))
+            self._page.begin(session)
+            for viewers in self._children[1:]:
+                viewers.begin({"files": paths, "foxglove": foxglove, **sizes})
             started.pop_all()
         self.url = self._page.url
         self.foxglove_url = self._children[1].url if foxglove is not None else ""
@@ -208,5 +212,7 @@ class LiveLink(Sink):
         Before it ends, the live process reports the end to the open live pages. A process that does
         not end within `teleop.trial.child_process.END_TIME` is killed.
         """
+        for child in self._children:
+            child.ask_to_end()
         for child in self._children:
             child.end()

@@ -32,8 +32,16 @@ def folder(tmp_path, monkeypatch):
 RUN = ("run", "--no-record", "--specimen", "a", "--depth", "3mm", "--yes", "--rig")
 
 
+class Started(subprocess.Popen):
+    """A command, which is killed if it still runs at the end of its `with` block."""
+
+    def __exit__(self, *error):
+        self.kill()
+        super().__exit__(*error)
+
+
 def start(*arguments):
-    return subprocess.Popen(
+    return Started(
         [sys.executable, "-m", "teleop", *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

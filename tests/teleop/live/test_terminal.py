@@ -13,8 +13,6 @@ import pytest
 from teleop.live.terminal import Terminal
 from teleop.recording.recording import load
 
-pytestmark = pytest.mark.real_time
-
 termios = pytest.importorskip("termios")
 RUN = [sys.executable, "-m", "teleop", "run", "--clock", "virtual", "--duration", "2", "--json"]
 

@@ -17,6 +17,7 @@ from teleop.recording.sinks import event_record
 from teleop.safety import Event, Fault
 from teleop.safety.events import FAULT
 from teleop.trial import live_link
+from teleop.trial.child_process import LIVE_PROCESS, ChildProcess
 from teleop.trial.live_link import EVENT_SIZE, LiveLink
 
 NO_CHOICES = {"condition": [], "specimen": [], "duration": []}
@@ -60,3 +61,15 @@ def test_a_live_process_that_hangs_is_not_running(monkeypatch):
             time.sleep(0.05)
     finally:
         link.end()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="the live page needs POSIX")
+def test_a_live_process_that_serves_no_page_yet_ends_with_the_command_and_prints_nothing(capfd):
+    process = ChildProcess(LIVE_PROCESS)
+    process.end()
+    assert not process.is_running
+    process = ChildProcess(LIVE_PROCESS)
+    process.ask_to_end()  # as if the command was killed
+    assert process._process.wait(60.0) == 0
+    process.end()
+    assert capfd.readouterr() == ("", "")

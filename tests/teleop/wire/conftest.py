@@ -35,11 +35,6 @@ from teleop.trial.run import run_trial
 RIGS = Path(__file__).parents[3] / "rigs"
 
 
-def was_busy(code: int, error: str) -> bool:
-    """Whether a command was stopped or refused because other programs used the processors."""
-    return code == 3 or "fewer programs at the same time" in error
-
-
 class SteppedRig(WiredRig):
     """A hardware rig, emulated synchronously with its clock."""
 

@@ -50,7 +50,6 @@ def test_what_a_library_does_is_one_line(tmp_path, refused, library, monkeypatch
     assert str(path) in message or "pip install" in message
 
 
-@pytest.mark.real_time
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_command_that_is_stopped_ends_its_reader(tmp_path, library, ending):
@@ -60,11 +59,15 @@ def test_a_command_that_is_stopped_ends_its_reader(tmp_path, library, ending):
     path = tmp_path / "data.xlsx"
     path.write_bytes(HEAD)
     process = subprocess.Popen([sys.executable, "-m", "teleop", "estimate", path])
-    while not (started.exists() and started.read_text()):
-        assert process.poll() is None
-        time.sleep(0.01)
-    process.send_signal(ending)
-    assert process.wait() == (-signal.SIGKILL if ending == signal.SIGKILL else 130)
+    try:
+        while not (started.exists() and started.read_text()):
+            assert process.poll() is None
+            time.sleep(0.01)
+        process.send_signal(ending)
+        assert process.wait() == (-signal.SIGKILL if ending == signal.SIGKILL else 130)
+    finally:
+        process.kill()
+        process.wait()
     reader = int(started.read_text())
     checks = 0
     while is_running(reader):  # after SIGKILL, the reader notices it itself

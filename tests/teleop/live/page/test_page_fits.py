@@ -6,8 +6,6 @@ import pytest
 
 from .conftest import wait_for
 
-pytestmark = pytest.mark.real_time
-
 LAW = """async ([further, p, x]) => {
   const { fittedForce } = await import('./fitted_force.js');
   const law = fittedForce(further);

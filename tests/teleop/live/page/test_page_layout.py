@@ -10,8 +10,6 @@ from estimation.registry import BUILT_IN
 
 from .conftest import wait_for
 
-pytestmark = pytest.mark.real_time
-
 TARGET = {"frequency": 1.0, "depth": 0.015, "low": 0.0015, "count_in": 60.0}
 NAMES = tuple(BUILT_IN)
 SIZES = [(1280, 800), (3840, 2160), (390, 844)]

@@ -32,11 +32,17 @@ def trial(tmp_path):
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
         text=True,
     )
-    url = next((line.split()[-1] for line in process.stderr if "http" in line), None)
-    assert url
-    yield process, url
-    process.terminate()
-    process.communicate()
+    lines = []
+    try:
+        for line in process.stderr:
+            lines.append(line)
+            if "http" in line:
+                break
+        assert "http" in lines[-1], lines
+        yield process, lines[-1].split()[-1]
+    finally:
+        process.terminate()
+        process.communicate()
 
 
 def test_palpation_with_the_mouse_estimates_the_stiffness(trial, open_page):

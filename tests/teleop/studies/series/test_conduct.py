@@ -730,7 +730,6 @@ sys.exit(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
 """Program that runs a command in the background of a terminal, in which Enter is typed."""
 
 
-@pytest.mark.real_time
 @pytest.mark.skipif(os.name != "posix", reason="needs job control")
 def test_lines_that_nobody_types_at_the_terminal_do_not_arm_a_series(tmp_path):
     command = [sys.executable, "-m", "teleop", "series", wired_plan(tmp_path), "--ask"]
