@@ -34,11 +34,11 @@ from sim_backend.faults import (
 )
 from sim_backend.plant import Intention
 from teleop.safety import Fault
-from teleop.settings.simulated_rig_limits import STOPPING
+from teleop.settings.simulated_rig_limits import BRAKING_TIME
 from teleop.trial.page_requests import PAGE_AGE, PROCESS_SILENCE
 
 PERIOD = 1e-3
-RAMP = STOPPING + PERIOD
+RAMP = BRAKING_TIME + PERIOD
 WATCHDOG = 0.1
 
 Inject = Callable[[Case], Any]
