@@ -14,6 +14,8 @@ from drivers.rig import AXES, CHANNELS
 
 Positive = Annotated[FiniteFloat, Field(gt=0)]
 NonNegative = Annotated[FiniteFloat, Field(ge=0)]
+UpTo500 = Annotated[FiniteFloat, Field(ge=0, le=500)]
+UpTo10000 = Annotated[FiniteFloat, Field(ge=0, le=10_000)]
 
 
 class Section(BaseModel):
@@ -187,6 +189,24 @@ class LimitsSettings(Section):
     rest_master_force_n: Positive = 5.0
 
 
+class TransmissionSettings(Section):
+    """Section `[transmission]` of a rig file, or a file of its own, written by `teleop lag`.
+
+    It states how encoder and tip of the slave differ. An error is the half width of a 95 %
+    interval.
+    """
+
+    lag_ms: UpTo500 = 0.0
+    """First-order lag of the force that remains in the recordings. It is not the delay
+    `channels.contact_force.lag_ms`, by which the recorded samples are shifted."""
+    lag_error_ms: UpTo500 = 0.0
+    lost_motion_um: UpTo10000 = 0.0
+    """Half width of the play between encoder and tip."""
+    lost_motion_error_um: UpTo10000 = 0.0
+    compliance_um_per_n: UpTo10000 = 0.0
+    compliance_error_um_per_n: UpTo10000 = 0.0
+
+
 class RigSections(Section):
     """All sections of a rig file except the sections of devices.
 
@@ -200,3 +220,4 @@ class RigSections(Section):
     channels: ChannelsSettings
     drives: DrivesSettings
     limits: LimitsSettings
+    transmission: TransmissionSettings | None = None

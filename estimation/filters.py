@@ -198,6 +198,41 @@ class Lag:
         return y
 
 
+class Play:
+    """Play operator (backlash) of half width d with input u and output y.
+
+    The output is constant while it differs from the input by at most d. Otherwise it follows the
+    input at the distance d. The first sample sets y = u.
+
+    `half_width` is d, >= 0, in the unit of u.
+
+    References
+    ----------
+    M. Brokate, J. Sprekels, "Hysteresis and Phase Transitions", Springer, 1996, section 2.1.
+    """
+
+    def __init__(self, half_width: float) -> None:
+        if not 0.0 <= half_width < math.inf:
+            raise ValueError(f"half width of the play must be >= 0, got {half_width}")
+        self._half_width = half_width
+        self.y = math.nan
+
+    def run(self, u: Floats) -> Floats:
+        """Process n inputs, and return n outputs."""
+        d = self._half_width
+        if d == 0.0 or not len(u):
+            return u
+        y, out = float(u[0]) if math.isnan(self.y) else self.y, np.empty(len(u))
+        for i, value in enumerate(u.tolist()):
+            if y < value - d:
+                y = value - d
+            elif y > value + d:
+                y = value + d
+            out[i] = y
+        self.y = y
+        return out
+
+
 def angular(bandwidth: float) -> float:
     """Return the angular frequency [rad/s] of a bandwidth from 1e-6 to 1e6 Hz."""
     if not 1e-6 <= bandwidth <= 1e6:

@@ -95,9 +95,9 @@ class AnalysisByRecord:
         self._analyse = analyse
         self._results = {}
 
-    def __call__(self, signals, force_lag=0.0):
-        key = hashlib.sha256(pickle.dumps((*signals, force_lag))).digest()
-        result = self._results.pop(key, None) or self._analyse(signals, force_lag)
+    def __call__(self, signals, *settings):
+        key = hashlib.sha256(pickle.dumps((*signals, *settings))).digest()
+        result = self._results.pop(key, None) or self._analyse(signals, *settings)
         self._results[key] = result
         if len(self._results) > 32:
             del self._results[next(iter(self._results))]

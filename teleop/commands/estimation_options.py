@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from teleop.commands.options import ESTIMATION
-from teleop.commands.quantities import Hertz, Seconds
+from teleop.commands.quantities import Compliance, Hertz, Length, Seconds
 from teleop.names import ConditioningName, CubeName, ModelName, PresetName
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
     from estimation.figures import Truth
     from estimation.model import Model
+    from estimation.transmission import TransmissionCalibration
     from teleop.evaluation.settings import EstimateSettings
     from teleop.recording.recording import Recording
 
@@ -69,15 +71,39 @@ class FileOptions(EstimationOptions):
     cube of the run for a recording, and soft for other files."""
     whole: bool | None = None
     """Also use the samples at rest before and after the motion."""
+    transmission: Path | None = None
+    """File of `teleop lag --out` with the lag, lost motion and compliance between encoder and tip,
+    for which the result is corrected; or none, for no correction. Default: the values of the rig of
+    a recording, if known. --force-lag, --lost-motion and --compliance replace single values."""
+    lost_motion: Length | None = None
+    """Lost motion between encoder and tip in either direction, such as 120um."""
+    compliance: Compliance | None = None
+    """Compliance between encoder and tip, such as 7um/N; gives the stiffness at the tip."""
 
     def changes(self, datum: str) -> dict[str, Any]:
-        """Values of the settings for which an option was given, with the option --datum."""
-        return self.given() | ({} if datum == "auto" else {"datum": datum})
+        """Values of the settings for which an option was given, with the option --datum.
+
+        They are for `file_settings`, which makes one setting of the values of the transmission.
+        """
+        from teleop.errors import InputError
+
+        given = self.given()
+        for name in OF_TRANSMISSION:
+            if given.get(name, 0.0) < 0.0:
+                option = name.replace("_", "-")
+                raise InputError(f"--{option} {given[name]:g}: expected zero or more")
+        if self.transmission:
+            given["transmission"] = chosen_transmission(self.transmission)
+        return given | ({} if datum == "auto" else {"datum": datum})
 
 
 Estimation = Annotated[EstimationOptions, Parameter(name="*", group=ESTIMATION)]
 FileEstimation = Annotated[FileOptions, Parameter(name="*", group=ESTIMATION)]
 NEW_TRIAL = EstimationOptions()
+OF_TRANSMISSION = ("force_lag", "lost_motion", "compliance")
+"""Options that replace a value of the transmission."""
+NO_TRANSMISSION = Path("none")
+"""Value of --transmission for no correction."""
 AS_RECORDED = FileOptions()
 
 
@@ -88,10 +114,23 @@ def file_settings(recording: Recording | None, changes: Mapping[str, Any]) -> Es
     settings = EstimateSettings()
     if recording:
         from teleop.evaluation.reading.recorded import recorded_settings
-        from teleop.trial.recorded_trial import recorded_part
+        from teleop.trial.recorded_trial import recorded_part, recorded_transmission
 
-        settings = replace(recorded_settings(recording), averaged=recorded_part(recording))
-    return replace(settings, **changes)
+        settings = replace(
+            recorded_settings(recording),
+            averaged=recorded_part(recording),
+            transmission=recorded_transmission(recording),
+            corrects_online=False,
+        )
+    # A value that the user states replaces that of the file or rig, and has no error.
+    stated = {name: changes[name] for name in OF_TRANSMISSION if name in changes}
+    known = replace(
+        changes.get("transmission", settings.transmission),
+        **stated,
+        **{f"{name}_error": 0.0 for name in stated},
+    )
+    others = {name: v for name, v in changes.items() if name not in ("lost_motion", "compliance")}
+    return replace(settings, **{**others, "transmission": known})
 
 
 def true_values(recording: Recording) -> Truth | None:
@@ -109,6 +148,14 @@ def chosen_estimators(names: str) -> tuple[str, ...]:
 
     with as_input_error():
         return named_estimators(names)
+
+
+def chosen_transmission(file: Path) -> TransmissionCalibration:
+    """The transmission in a file; InputError for a wrong file."""
+    from estimation.transmission import RIGID
+    from teleop.settings.transmission_file import read_transmission
+
+    return RIGID if file == NO_TRANSMISSION else read_transmission(file)
 
 
 def chosen_model(name: str) -> Model:

@@ -11,8 +11,15 @@ from cyclopts import Parameter
 if TYPE_CHECKING:
     from cyclopts import Token
 
-EXAMPLES = {"time": "5ms", "frequency": "20Hz", "position": "5mm", "angle": "30deg"}
-NOUNS = {"time": "time", "frequency": "frequency", "position": "length", "angle": "angle"}
+EXAMPLES = {
+    "time": "5ms",
+    "frequency": "20Hz",
+    "position": "5mm",
+    "angle": "30deg",
+    "stiffness": "5000N/m",
+    "compliance": "7um/N",
+}
+NOUNS = {"position": "length"}
 
 
 def in_si(kind: str, unit: str = "") -> Callable[[Any, Sequence[Token]], float]:
@@ -33,7 +40,7 @@ def in_si(kind: str, unit: str = "") -> Callable[[Any, Sequence[Token]], float]:
                 value = float(text) * OPTION_UNITS[kind][unit]
         if value is None:
             plain = f", or a number in {unit}" if unit else ""
-            noun = f"{NOUNS[kind]} with its unit"
+            noun = f"{NOUNS.get(kind, kind)} with its unit"
             raise InputError(
                 f"{tokens[0].keyword} {text!r}: expected a {noun}, such as {EXAMPLES[kind]}{plain}"
             )
@@ -46,4 +53,6 @@ Seconds = Annotated[float, Parameter(converter=in_si("time", "s"), metavar="TIME
 Hertz = Annotated[float, Parameter(converter=in_si("frequency", "Hz"), metavar="FREQUENCY")]
 Length = Annotated[float, Parameter(converter=in_si("position"), metavar="LENGTH")]
 Millimetres = Annotated[float, Parameter(converter=in_si("position", "mm"), metavar="LENGTH")]
+Stiffness = Annotated[float, Parameter(converter=in_si("stiffness"), metavar="STIFFNESS")]
+Compliance = Annotated[float, Parameter(converter=in_si("compliance"), metavar="COMPLIANCE")]
 Degrees = Annotated[float, Parameter(converter=in_si("angle", "deg"), metavar="ANGLE")]

@@ -40,10 +40,10 @@ from teleop.evaluation.online.model_comparison import RunningComparison
 from teleop.evaluation.online.run import OnlineRun, Table
 from teleop.evaluation.online.thresholds import FEWEST_SAMPLES, RESOLUTIONS
 from teleop.evaluation.reading.force_filter import without_filter_delay
-from teleop.evaluation.reading.samples import Samples
+from teleop.evaluation.reading.samples import Samples, SamplesAtTip
 from teleop.evaluation.reading.signals import Signals, closed_up, smallest_step
 from teleop.evaluation.reason import Reason
-from teleop.evaluation.settings import EstimateSettings
+from teleop.evaluation.settings import EstimateSettings, known_lag
 
 KEPT = 1 << 17
 """Value that the commands use for the parameter `most` of `evaluate`: largest number of estimates
@@ -68,9 +68,21 @@ def evaluate(
     Raises InputError if a setting is out of its range, if position or force is constant or hardly
     changes, or if too few samples move or remain between gaps.
     """
-    samples, lag, filter_note = with_known_lag(samples, settings.force_lag)
+    transmission = settings.transmission
+    samples, lag, filter_note = with_known_lag(samples, known_lag(settings))
+    check_changes(samples.signals)
+    at_tip: Samples = samples
+    if transmission.lost_motion:
+        travel = float(np.ptp(samples.signals.x))
+        if not 2.0 * transmission.lost_motion < travel:
+            raise InputError(
+                f"lost motion {transmission.lost_motion * 1e6:.4g} um: expected less than half of "
+                f"the travel of {travel * 1e6:.4g} um in the record"
+            )
+        at_tip = SamplesAtTip(samples, transmission.lost_motion)
+    if settings.corrects_online:
+        samples = at_tip
     signals = samples.signals
-    check_changes(signals)
     motion = slice(None) if settings.whole else moving_part(signals.x)
     if len(signals.dt[motion]) < FEWEST_SAMPLES:
         raise InputError(
@@ -80,8 +92,8 @@ def evaluate(
     # The batch evaluation comes first: the online estimators get from it the datum, the bandwidth,
     # and the times without contact, in which they hold their estimates.
     with as_input_error():
-        batch = within(signals, settings.averaged)
-        analysis = analyse(batch, lag)
+        batch = within(at_tip.signals, settings.averaged)
+        analysis = analyse(batch, transmission.force_lag or lag, transmission)
     datum = find_datum(signals, settings.datum, analysis.phases)
     frequency, highest = motion_frequencies(analysis, signals, motion)
     bandwidth = settings.bandwidth

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from estimation import Model, Preset
 from estimation.arrays import Floats
+from estimation.transmission import RIGID, TransmissionCalibration
 from teleop.names import ConditioningName, CubeName, PresetName
 from teleop.software import software
 
@@ -47,16 +48,33 @@ WHOLE = AveragedPart()
 """The whole record."""
 
 
+def known_lag(settings: EstimateSettings) -> float | None:
+    """Return the stated or calibrated lag of the force [s]; None if neither is known."""
+    lag = settings.force_lag
+    return settings.transmission.force_lag or None if lag is None else lag
+
+
 def settings_summary(settings: EstimateSettings) -> dict[str, Any]:
     """Return the settings that influenced the result of an evaluation, for a report.
 
-    The keys are `software` (version and commit), `conditioning` (filters of position and force)
-    and `force_lag_s` (the setting of the force lag [s]; 0 if it is not set).
+    The keys are `software` (version and commit), `conditioning` (filters of position and force),
+    `force_lag_s` (the lag of the force that the online estimators compensate [s]; 0 if none was
+    set), and `transmission` (the values that correct the result, and whether they also correct the
+    online estimates; None if they are not known).
     """
+    used = settings.transmission
     return {
         "software": f"teleop {software()}",
         "conditioning": settings.conditioning,
-        "force_lag_s": settings.force_lag or 0.0,
+        "force_lag_s": known_lag(settings) or 0.0,
+        "transmission": None
+        if used == RIGID
+        else {
+            "force_lag_s": used.force_lag or settings.force_lag or 0.0,
+            "lost_motion_m": used.lost_motion,
+            "compliance_m_per_n": used.compliance,
+            "online": settings.corrects_online,
+        },
     }
 
 
@@ -85,8 +103,14 @@ class EstimateSettings:
     at which the force follows the position; for other presets, `estimation.conditioning.BANDWIDTH`.
     In both cases, the bandwidth is at most half of the sampling rate."""
     force_lag: float | None = None
-    """Lag of the measured force [s], which the conditioning `matched` compensates. None: the delay
-    of the force filter that the file states, or no lag if the file states no filter."""
+    """Lag of the measured force [s], which the conditioning `matched` compensates. None: the lag
+    of `transmission`; if it is 0, the delay of the force filter that the file states."""
+    transmission: TransmissionCalibration = RIGID
+    """Calibrated lag, lost motion and compliance between encoder and tip. The lost motion is
+    removed from the position, and the result contains the stiffness at the tip."""
+    corrects_online: bool = True
+    """Whether `transmission` also corrects the online estimates. Not those of a recorded trial,
+    which are computed as they were in the trial."""
     whole: bool = False
     """Whether the estimators also process the rest before and after the motion."""
     resolution: float | None = None

@@ -75,14 +75,20 @@ def model_notes(kinds: Collection[str]) -> list[str]:
     ]
 
 
-def lag_note(lags: Collection[float]) -> str:
-    """Return a note that states which lags of the measured force [s] were compensated."""
-    low, high = min(lags) * 1e3, max(lags) * 1e3
-    if not high:
-        return "No lag of the force is compensated."
-    if low == high:
-        return f"A lag of the force of {high:g} ms is compensated."
-    return f"A lag of the force of {low:g} to {high:g} ms is compensated."
+def correction_note(lags: Collection[float], lost_motions: Collection[float]) -> str:
+    """Return a note: the lag of the force [s] and the lost motion [m] compensated in results."""
+    lag = f"lag of the force of {span(lags, 1e3)} ms"
+    if any(lost_motions):
+        return (
+            f"The results are corrected for a {lag} and for lost motion of "
+            f"{span(lost_motions, 1e6)} um. The online estimates of recorded trials are not."
+        )
+    return f"A {lag} is compensated." if any(lags) else "No lag of the force is compensated."
+
+
+def span(values: Collection[float], factor: float) -> str:
+    """Return the range of values, multiplied by a factor, as text; one number if all are equal."""
+    return " to ".join(dict.fromkeys(f"{factor * one(values):.4g}" for one in (min, max)))
 
 
 def different_text(symbol: str, kinds: Mapping[str, int]) -> str:

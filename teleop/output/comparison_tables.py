@@ -21,10 +21,10 @@ from teleop.output.comparison_notes import (
     CAPTION,
     POOLED,
     TRACKING_CAPTION,
+    correction_note,
     damping_note,
     different_text,
     holding_text,
-    lag_note,
     missing_text,
     model_notes,
     pooled_text,
@@ -52,7 +52,9 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
         notes.append(("", damping_note(kinds)))
     of_k = [kind for group in groups for one in group.kinds.values() for kind in one.get("k", {})]
     notes += [("", text) for text in model_notes(dict.fromkeys(of_k))]
-    notes.append(("", lag_note({lag for group in groups for lag in group.force_lags})))
+    lags = {lag for group in groups for lag in group.force_lags}
+    lost_motions = {lost for group in groups for lost in group.lost_motions}
+    notes.append(("", correction_note(lags, lost_motions)))
     if where := holding_text(groups):
         notes.append(("", where))
     if any(group.subjects for group in groups):
@@ -151,16 +153,32 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
     console = plain_console()
     pattern, names = common_part([row.file for row in rows])
     kinds = kinds_of_b(rows)
+    has_tip = any(row.result.k_tip for row in rows)
     print_table(
         console,
         f"{pattern}: results, with 95 % intervals" if pattern else "results, with 95 % intervals",
-        ("recording", STIFFNESS.heading, DAMPING.heading, "force [N]", f"depth [{POSITION.unit}]"),
+        (
+            "recording",
+            *([f"k at the tip [{STIFFNESS.unit}]"] if has_tip else []),
+            STIFFNESS.heading,
+            DAMPING.heading,
+            "force [N]",
+            f"depth [{POSITION.unit}]",
+        ),
         [
-            [name, result_text(row, "k"), damping_text(row, kinds), *tangent_texts(row.result)]
+            [
+                name,
+                *([tip_text(row.result)] if has_tip else []),
+                result_text(row, "k"),
+                damping_text(row, kinds),
+                *tangent_texts(row.result),
+            ]
             for name, row in zip(names, rows, strict=True)
         ],
     )
     console.print("  k: tangent stiffness at this force and this depth")
+    if has_tip:
+        console.print("  k and b without 'at the tip': specimen and transmission in series")
     if kinds:
         console.print(f"  b: {MEANING[kinds[0]]}")
     if len(kinds) > 1:
@@ -241,6 +259,13 @@ def print_text_table(title: str, table: TextTable) -> None:
     for mark, text in table.notes:
         style = "yellow" if mark or text == POOLED else None
         console.print("  " + " ".join(filter(None, (mark, text))), style=style)
+
+
+def tip_text(result: StiffnessResult) -> str:
+    """Return the stiffness at the tip and the half width of its interval; a dash if unknown."""
+    if result.k_tip is None:
+        return "-"
+    return shown_half(STIFFNESS, result.k_tip.value, result.k_tip.high - result.k_tip.value)
 
 
 def result_text(row: Compared, symbol: str) -> str:

@@ -204,10 +204,35 @@ def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:
         f"datum: {datum['position_m'] * 1e3:.6g} mm, {datum['force_n']:.6g} N ({datum['source']})",
         f"conditioning: {summary['conditioning']}, bandwidth {summary['bandwidth_hz']:.3g} Hz; "
         + (f"force lag {lag * 1e3:g} ms compensated" if lag else "no force lag compensated"),
+        *online_lines(summary["transmission"], lag),
         *left_out_lines(summary),
         f"memory of the estimators: {summary['memory_s']:.3g} s",
         f"excitation: {summary['excitation']['mean']:.2f} (0 at rest, 1 for a sine about zero)",
         summary["software"],
+    ]
+
+
+def online_lines(transmission: Mapping[str, Any] | None, lag: float) -> list[str]:
+    """Return why the online estimates of a trial differ from the result: 0 or 1 line.
+
+    `lag` is the lag of the force for which the online estimates are corrected [s].
+    """
+    if not transmission or transmission["online"]:
+        return []
+    causes = [
+        name
+        for name, acts in (
+            ("lag", transmission["force_lag_s"] > lag),
+            ("lost motion", transmission["lost_motion_m"] > 0.0),
+        )
+        if acts
+    ]
+    if not causes:
+        return []
+    verb = "reduce" if len(causes) > 1 else "reduces"
+    return [
+        "the online estimators received the position at the encoder, as in the trial: "
+        f"{' and '.join(causes)} {verb} their b"
     ]
 
 

@@ -47,6 +47,13 @@ def print_result(summary: Mapping[str, Any], name: str) -> None:
         print_material(summary["material"])
 
 
+CORRECTIONS = (
+    ("a force lag", "force_lag_s", 1e3, "ms"),
+    ("lost motion", "lost_motion_m", 1e6, "um"),
+)
+"""Corrections of the result: name, key in the summary, factor and unit of the shown value."""
+
+
 def result_lines(summary: Mapping[str, Any]) -> list[str]:
     """Return lines of text with stiffness, damping and their 95 % intervals.
 
@@ -57,23 +64,43 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
     if not result["identifiable"]:
         return ["no stiffness and no damping can be given:"]
     lines = []
+    tip = result["k_tip"]
     for one in (STIFFNESS, DAMPING):
         values = [result[f"{one.symbol}{end}"] for end in ("_low", "", "_high")]
         if values[2] - values[0] < UNDETERMINED:
             lines.append(f"{one.name:9} {one.symbol} is not determined")
             continue
-        width = one.shown(values[2] - values[0])
-        low, value, high = (significant(one.shown(each), width) for each in values)
-        lines.append(
-            f"{one.name:9} {one.symbol} = {value} {one.unit} (95 % interval {low} to {high})"
-        )
+        lines.append(f"{one.name:9} {one.symbol} = {with_interval(one, *values)}")
+        if one is STIFFNESS and tip:
+            at_tip = with_interval(one, tip["low"], tip["value"], tip["high"])
+            lines.append(f"{'':9} at the tip {at_tip}")
     if (frequency := result["damping_at_hz"]) is not None:
         lines.append(f'b is the equivalent viscous damping k"/omega at {frequency:.3g} Hz')
+    transmission = summary.get("transmission") or {}
+    corrected = [
+        f"{name} of {factor * transmission[key]:.4g} {unit}"
+        for name, key, factor, unit in CORRECTIONS
+        if transmission.get(key)
+    ]
+    meaning = ["k and b: specimen and transmission in series"] if tip else []
+    if corrected:
+        meaning.append(f"corrected for {' and '.join(corrected)}")
+    if meaning:
+        lines.append(", ".join(meaning))
+    if transmission.get("lost_motion_m"):  # the rig is calibrated
+        return lines
     change = result["b_change_per_ms_of_lag"]
     ratio = change / max(abs(result["b"]), UNDETERMINED)
     times = f" ({ratio:.2g} times b)" if abs(result["b"]) > UNDETERMINED else ""
     lines.append(f"1 ms of lag of the force changes b by {DAMPING.text(change, '.3g')}{times}")
     return lines
+
+
+def with_interval(one: Quantity, low: float, value: float, high: float) -> str:
+    """Return a value with its unit and its 95 % interval, from values in SI units."""
+    width = one.shown(high - low)
+    shown = [significant(one.shown(each), width) for each in (value, low, high)]
+    return f"{shown[0]} {one.unit} (95 % interval {shown[1]} to {shown[2]})"
 
 
 def motion_line(summary: Mapping[str, Any]) -> str:

@@ -143,8 +143,11 @@ def print_emulation(
     )
 
 
-def print_lag(summary: Mapping[str, Any]) -> None:
-    """Print the result of `ForceLag.summary`, with the true values for the simulated rig."""
+def print_lag(summary: Mapping[str, Any], out: Path | None = None) -> None:
+    """Print the result of `ForceLag.summary`, with the true values for the simulated rig.
+
+    `out` is the file with the values; None if none was written.
+    """
     console = plain_console()
     low, high = summary["lag_low_s"] * 1e3, summary["lag_high_s"] * 1e3
     lost_low, lost_high = summary["lost_motion_low_m"] * 1e6, summary["lost_motion_high_m"] * 1e6
@@ -157,6 +160,14 @@ def print_lag(summary: Mapping[str, Any]) -> None:
         f"lost motion {lost}{lost_low:.1f} to {lost_high:.1f} um in either direction\n"
         f"spring {STIFFNESS.text(summary['k'])}, residual {summary['rms']:.2g} N rms"
     )
+    if summary["compliance_m_per_n"] is not None:
+        value, low, high = (
+            summary[f"compliance{end}_m_per_n"] * 1e6 for end in ("", "_low", "_high")
+        )
+        console.print(
+            f"compliance {value:.3f} um/N, 95 % interval {low:.3f} to {high:.3f} um/N "
+            "(the spring in series)"
+        )
     if not summary["separable"]:
         console.print(
             "lag and lost motion cannot be separated: all strokes have about the same speed. "
@@ -166,11 +177,15 @@ def print_lag(summary: Mapping[str, Any]) -> None:
     if "true_lag_s" in summary:
         console.print(
             f"true lag (simulated) {summary['true_lag_s'] * 1e3:.3f} ms, "
-            f"lost motion {summary['true_lost_motion_m'] * 1e6:.1f} um"
+            f"lost motion {summary['true_lost_motion_m'] * 1e6:.1f} um, "
+            f"compliance {summary['true_compliance_m_per_n'] * 1e6:.3f} um/N"
         )
-    lag = f"{summary['lag_s']:.5f}"
-    options = ["--conditioning", "matched", "--force-lag", lag]
-    print_command("compensate the lag with", ["teleop", "estimate", "FILE", *options])
+    command = ["teleop", "estimate", "FILE"]
+    if out:
+        print_command("correct the results with", [*command, "--transmission", str(out)])
+    else:
+        options = ["--conditioning", "matched", "--force-lag", f"{summary['lag_s']:.5f}"]
+        print_command("compensate the lag with", [*command, *options])
 
 
 def print_tare(

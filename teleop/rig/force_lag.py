@@ -1,4 +1,4 @@
-"""Measure the lag of a force channel and the lost motion of a rig with a reference spring.
+"""Measure lag, lost motion and compliance of a rig with a reference spring.
 
 Lost motion is the distance delta by which the tip is behind the encoder in each direction. If a
 spring of stiffness k without damping is displaced by x, the measured force is
@@ -29,8 +29,10 @@ from numpy.typing import NDArray
 
 from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
+from estimation.filters import Play
 from estimation.quantities import STIFFNESS
 from estimation.stiffening import Interval, lagged
+from estimation.transmission import TransmissionCalibration
 from sim_backend import Cube, Setup, paper_setup
 from teleop.control.excitation_signals import Chirp
 from teleop.errors import InputError
@@ -62,6 +64,10 @@ def measure_simulated_lag(seed: int = 0) -> tuple[ForceLag, Setup]:
 
 LONGEST = 0.1
 """Longest lag that can be measured [s]."""
+NO_LAG = 1e-5
+"""A lag below this value is not distinguished from 0 [s]."""
+LARGEST_LEAD = 1e-4
+"""Largest time by which the force may be ahead of the position of a channel without lag [s]."""
 MOST_SAMPLES = 1_000_000
 """Largest number of samples of a file that is measured. All samples are in memory, and the fit
 processes all of them many times."""
@@ -78,15 +84,15 @@ STEP = 0.02
 
 
 class ForceLag(NamedTuple):
-    """Measured lag (time constant) of a force channel, and lost motion (backlash) of a rig."""
+    """Measured lag of a force channel, and lost motion and compliance of a rig."""
 
     lag: Interval
     """Time constant of the first-order lag, with its 95 % confidence interval [s]."""
     lost_motion: Interval
     """Lost motion, with its 95 % confidence interval [m]. This is the distance by which the tip is
     behind the encoder position in each direction of motion."""
-    k: float
-    """Stiffness of the spring [N/m]."""
+    k: Interval
+    """Stiffness of spring and transmission in series, with its 95 % confidence interval [N/m]."""
     rms: float
     """Root mean square of the residual of the force [N]."""
     separable: bool
@@ -94,8 +100,12 @@ class ForceLag(NamedTuple):
     motion. The confidence intervals then include every combination of lag and lost motion that
     causes the measured delay."""
 
-    def summary(self) -> dict[str, Any]:
-        """Return the results in SI units, with the keys of the JSON output of `teleop lag`."""
+    def summary(self, stiffness: float | None = None) -> dict[str, Any]:
+        """Return the results in SI units, with the keys of the JSON output of `teleop lag`.
+
+        `stiffness` is that of the spring [N/m]; None if it is not known.
+        """
+        compliance = self.compliance(stiffness) if stiffness else None
         return {
             "lag_s": self.lag.value,
             "lag_low_s": self.lag.low,
@@ -104,9 +114,47 @@ class ForceLag(NamedTuple):
             "lost_motion_low_m": self.lost_motion.low,
             "lost_motion_high_m": self.lost_motion.high,
             "separable": self.separable,
-            "k": self.k,
+            "k": self.k.value,
+            "k_low": self.k.low,
+            "k_high": self.k.high,
             "rms": self.rms,
+            "compliance_m_per_n": compliance and compliance.value,
+            "compliance_low_m_per_n": compliance and compliance.low,
+            "compliance_high_m_per_n": compliance and compliance.high,
         }
+
+    def compliance(self, stiffness: float) -> Interval:
+        """Return the compliance between encoder and tip [m/N] with its 95 % confidence interval.
+
+        `stiffness` is the known stiffness of the spring [N/m]. Raises InputError if the measured
+        stiffness is larger than it.
+        """
+        low, value, high = (
+            1.0 / k - 1.0 / stiffness for k in (self.k.high, self.k.value, self.k.low)
+        )
+        if high < 0.0:
+            raise InputError(
+                f"the measured stiffness is {STIFFNESS.text(self.k.value, '.5g')}: expected at "
+                f"most that of the spring, {STIFFNESS.text(stiffness, '.5g')}"
+            )
+        return Interval(max(0.0, value), max(0.0, low), high)
+
+    def calibration(self, stiffness: float | None = None) -> TransmissionCalibration:
+        """Return the values with which recordings of the rig are corrected.
+
+        Without `stiffness`, the compliance is unknown. Raises InputError if lag and lost motion
+        could not be separated.
+        """
+        if not self.separable:
+            raise InputError(
+                "lag and lost motion cannot be measured separately: expected strokes of different "
+                "speed, such as a chirp"
+            )
+        compliance = self.compliance(stiffness) if stiffness else Interval(0.0, 0.0, 0.0)
+        return TransmissionCalibration(
+            *(one.value for one in (self.lag, self.lost_motion, compliance)),
+            *(one.high - one.value for one in (self.lag, self.lost_motion, compliance)),
+        )
 
 
 class SpringFit(NamedTuple):
@@ -116,6 +164,8 @@ class SpringFit(NamedTuple):
     """Stiffness of the spring [N/m]."""
     residual: Floats
     """Residual of the force at each sample after the initial transient [N], shape (m,)."""
+    spread: float
+    """Standard deviation of the position of the tip [m]."""
 
     @property
     def squared(self) -> float:
@@ -129,6 +179,20 @@ class SpringFit(NamedTuple):
         correlation = max(0.0, float(r[1:] @ r[:-1]) / max(float(r @ r), 1e-300))
         return len(r) * (1.0 - correlation) / (1.0 + correlation)
 
+    @property
+    def variance(self) -> float:
+        """Variance of a residual, increased because of the autocorrelation [N^2]."""
+        return self.squared * len(self.residual) / max(self.independent, 1.0)
+
+    def k_interval(self, further: float = 0.0) -> Interval:
+        """Return the stiffness with its 95 % confidence interval [N/m].
+
+        `further` is the variance of k that the errors of lag and lost motion cause [N^2/m^2].
+        """
+        alone = self.variance / (len(self.residual) * self.spread**2)
+        half = LEVEL_95 * math.sqrt(alone + further)
+        return Interval(self.k, self.k - half, self.k + half)
+
 
 class SpringRecord:
     """Position and force that were recorded with a reference spring, to fit its stiffness."""
@@ -140,14 +204,19 @@ class SpringRecord:
 
     def fit(self, lag: float, lost_motion: float) -> SpringFit:
         """Return the stiffness and the residuals of a fit with given lag and play."""
-        tip = play(self.position, abs(lost_motion))
+        tip = Play(abs(lost_motion)).run(self.position)
         if lost_motion < 0.0:
             tip = 2.0 * self.position - tip
         x = lagged(tip, self.dt, lag)[self.settled]
         about = x - x.mean()
         f = self.force - self.force.mean()
         k = float(about @ f) / max(float(about @ about), 1e-300)
-        return SpringFit(k, f - k * about)
+        return SpringFit(k, f - k * about, max(float(np.std(about)), 1e-300))
+
+    def lead(self, fit: SpringFit) -> float:
+        """Return the time by which the force is ahead of the position, in a fit without lag [s]."""
+        v = (np.gradient(self.position) / self.dt)[self.settled]
+        return float(fit.residual @ v) / max(float(v @ v) * fit.k, 1e-300)
 
     def slope(self, lag: float, lost_motion: float, lag_step: float, lost_step: float) -> Floats:
         """Return the derivative of `SpringFit.residual`, as a finite difference at each sample.
@@ -160,32 +229,13 @@ class SpringRecord:
         return (ahead - self.fit(lag, lost_motion).residual) / (lag_step + lost_step)
 
 
-def play(x: Floats, half_width: float) -> Floats:
-    """Return the output of the play operator (backlash) for the input x, shape (n,).
-
-    The first output is `x[0]`. The output is constant while it differs from the input by at most
-    `half_width`. Otherwise it follows the input at the distance `half_width`.
-    """
-    if half_width == 0.0:
-        return x
-    out = np.empty_like(x)
-    p = float(x[0])
-    for i, value in enumerate(x.tolist()):
-        if p < value - half_width:
-            p = value - half_width
-        elif p > value + half_width:
-            p = value + half_width
-        out[i] = p
-    return out
-
-
 def stroke_speeds(position: Floats, dt: Floats) -> Floats:
     """Return the mean speed [m/s] of each complete stroke, in a vector.
 
     A stroke is the motion from one turning point to the next. `position` [m] and `dt` (time since
     the previous sample [s]) have the shape (n,).
     """
-    smooth = play(position, STROKE * float(np.ptp(position)))
+    smooth = Play(STROKE * float(np.ptp(position))).run(position)
     step = np.diff(smooth)
     moving = np.flatnonzero(step)
     turns = np.flatnonzero(np.diff(np.sign(step[moving]))) + 1
@@ -217,11 +267,17 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
             f"the estimated stiffness of the spring is {STIFFNESS.text(fit.k, '.4g')}: "
             "expected force and position to be positive in compression"
         )
-    if not 1e-5 < alone < 0.99 * LONGEST:
+    if not alone < 0.99 * LONGEST:
         raise InputError(
-            f"the estimated lag is {alone * 1e3:.2f} ms: expected 0.01 to {LONGEST * 1e3:g} ms, "
+            f"the estimated lag is {alone * 1e3:.2f} ms: expected less than {LONGEST * 1e3:g} ms, "
             "from a spring without damping, with the datum at the unloaded spring"
         )
+    if alone < NO_LAG and (lead := record.lead(fit)) > LARGEST_LEAD:
+        raise InputError(
+            f"the force is ahead of the position by {lead * 1e3:.2f} ms: expected a spring without "
+            "damping"
+        )
+    alone = max(alone, NO_LAG)
     speeds = stroke_speeds(position, dt)
     equal = math.pi**2 / 8.0 * alone * float(np.mean(speeds)) if len(speeds) else 0.0
     if len(speeds) == 0 or np.quantile(speeds, 0.9) < SPEEDS * np.quantile(speeds, 0.1):
@@ -243,11 +299,18 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
         record.slope(lag, lost, STEP * alone, 0.0),
         record.slope(lag, lost, 0.0, STEP * equal),
     ]
-    lag_half, lost_half = half_widths(fit, slopes)
+    covariance = covariance_of(fit, slopes)
+    lag_half, lost_half = half_widths(covariance)
+    by_errors = np.array(
+        [
+            (record.fit(lag + STEP * alone, lost).k - fit.k) / (STEP * alone),
+            (record.fit(lag, lost + STEP * equal).k - fit.k) / (STEP * equal),
+        ]
+    )
     return ForceLag(
         Interval(lag, max(0.0, lag - lag_half), lag + lag_half),
         Interval(max(0.0, lost), max(0.0, lost - lost_half), max(0.0, lost + lost_half)),
-        fit.k,
+        fit.k_interval(float(by_errors @ covariance @ by_errors)),
         fit.squared**0.5,
         True,
     )
@@ -262,22 +325,28 @@ def not_separated(record: SpringRecord, alone: float, equal: float) -> ForceLag:
     from scipy.optimize import minimize_scalar
 
     fit = record.fit(alone, 0.0)
-    (lag_half,) = half_widths(fit, [record.slope(alone, 0.0, STEP * alone, 0.0)])
+    (lag_half,) = half_widths(covariance_of(fit, [record.slope(alone, 0.0, STEP * alone, 0.0)]))
     lag = Interval(alone, 0.0, alone + lag_half)
     if equal == 0.0:
-        return ForceLag(lag, Interval(0.0, 0.0, math.inf), fit.k, fit.squared**0.5, False)
+        return ForceLag(
+            lag, Interval(0.0, 0.0, math.inf), fit.k_interval(), fit.squared**0.5, False
+        )
     lost = float(
         minimize_scalar(
             lambda lost: record.fit(0.0, lost).squared, bounds=(0.0, 3.0 * equal), method="bounded"
         ).x
     )
-    (half,) = half_widths(record.fit(0.0, lost), [record.slope(0.0, lost, 0.0, STEP * equal)])
-    return ForceLag(lag, Interval(0.0, 0.0, lost + half), fit.k, fit.squared**0.5, False)
+    slopes = [record.slope(0.0, lost, 0.0, STEP * equal)]
+    (half,) = half_widths(covariance_of(record.fit(0.0, lost), slopes))
+    return ForceLag(lag, Interval(0.0, 0.0, lost + half), fit.k_interval(), fit.squared**0.5, False)
 
 
-def half_widths(fit: SpringFit, slopes: list[Floats]) -> list[float]:
-    """Return the half width of the 95 % confidence interval of each estimated parameter."""
+def covariance_of(fit: SpringFit, slopes: list[Floats]) -> Floats:
+    """Return the covariance of m parameters from the derivatives of the residual, shape (m, m)."""
     jacobian = np.stack(slopes, axis=1)
-    variance = fit.squared * len(fit.residual) / max(fit.independent, 1.0)
-    covariance = variance * np.linalg.pinv(jacobian.T @ jacobian)
+    return np.asarray(fit.variance * np.linalg.pinv(jacobian.T @ jacobian))
+
+
+def half_widths(covariance: Floats) -> list[float]:
+    """Return the half width of the 95 % confidence interval of each estimated parameter."""
     return [LEVEL_95 * math.sqrt(value) for value in np.diag(covariance).tolist()]

@@ -27,7 +27,18 @@ from estimation.conditioning import BANDWIDTH, Conditioner, make_conditioner
 from estimation.method_settings import OwnSettings
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.registry import PAPER
-from sim_backend import DEPTH, OperatorModel, PlantParameters, Sensors, Setup, paper_setup
+from estimation.transmission import RIGID as UNKNOWN_TRANSMISSION
+from estimation.transmission import TransmissionCalibration
+from sim_backend import (
+    DEPTH,
+    FORCE_LAG,
+    TRANSMISSION,
+    OperatorModel,
+    PlantParameters,
+    Sensors,
+    Setup,
+    paper_setup,
+)
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.channel import ChannelSettings
 from teleop.control.conditions import CONDITIONS, Condition, IntendedMotion
@@ -45,6 +56,7 @@ from teleop.settings.checks import check_settings
 from teleop.settings.custom_class import CustomClass
 from teleop.settings.problems import all_problems
 from teleop.settings.simulated_rig_limits import simulated_rig_limits
+from teleop.settings.transmission_file import calibration, simulated_transmission
 from teleop.settings.values import (
     Hertz,
     Metres,
@@ -289,6 +301,21 @@ class TrialSettings:
         if self.rig:
             return self.rig.sections.channels.slave_position.resolution_um * 1e-6
         return self.sensors.encoder_resolution
+
+    @property
+    def transmission(self) -> TransmissionCalibration:
+        """Calibrated transmission of the rig, which corrects the result of the evaluation.
+
+        It is that of the rig file. On the simulated rig with the force channel and transmission of
+        the paper, it is that which `teleop lag` measured on a spring. Otherwise it is unknown.
+        """
+        if self.rig:
+            section = self.rig.sections.transmission
+            return calibration(section) if section else UNKNOWN_TRANSMISSION
+        measured = (FORCE_LAG, TRANSMISSION)
+        if self.is_simulated and (self.setup.force_lag, self.setup.transmission) == measured:
+            return simulated_transmission()
+        return UNKNOWN_TRANSMISSION
 
     def make_conditioner(self) -> Conditioner:
         """Return a new signal conditioner, which computes the input of the estimators."""

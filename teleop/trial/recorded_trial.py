@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from estimation.transmission import RIGID, TransmissionCalibration
 from sim_backend import Law, Setup
 from teleop.errors import InputError
 from teleop.evaluation.reading.recorded import Last
@@ -38,6 +39,12 @@ def recorded_part(recording: Recording) -> AveragedPart:
     """Return `averaged_part` for the settings in a recording; the whole trial without settings."""
     settings = trial_settings(recording)
     return averaged_part(recording, settings) if settings else WHOLE
+
+
+def recorded_transmission(recording: Recording) -> TransmissionCalibration:
+    """Return the calibrated transmission of the rig of a recorded trial; `RIGID` if unknown."""
+    settings = trial_settings(recording)
+    return settings.transmission if settings else RIGID
 
 
 def performed(settings: TrialSettings) -> dict[str, str]:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from estimation.quantities import RESULTS
+from estimation.quantities import RESULTS, STIFFNESS
 from estimation.summary import EstimatorSummary
 from teleop.errors import InputError
 from teleop.evaluation.across.means import Value
@@ -44,7 +44,9 @@ class Compared:
     """Gain, phase and error of the slave relative to the target of `mimic`; None without a
     target."""
     force_lag: float = 0.0
-    """Time constant of the force channel that is compensated [s]."""
+    """Time constant of the force channel that is compensated in the result [s]."""
+    lost_motion: float = 0.0
+    """Lost motion between encoder and tip that is compensated in the result [m]."""
 
     def levels(self, by: Sequence[str]) -> tuple[str, ...]:
         """Return the level of this recording for each factor in `by`; `NO_LEVEL` if it is unknown.
@@ -63,8 +65,15 @@ def compared(
 ) -> Compared:
     """Return the results of one recording in the form that comparisons need."""
     analysis = evaluation.analysis
-    lag = analysis.record.force_lag
-    return Compared(file, dict(factors), analysis.result, evaluation.summaries(), tracking, lag)
+    return Compared(
+        file,
+        dict(factors),
+        analysis.result,
+        evaluation.summaries(),
+        tracking,
+        analysis.record.force_lag,
+        analysis.transmission.lost_motion,
+    )
 
 
 def values_of(row: Compared, method: str) -> dict[str, Value]:
@@ -127,7 +136,12 @@ def tidy_rows(rows: Iterable[Compared], factors: Sequence[str]) -> list[dict[str
             cells["at depth [m]"] = r.depth if batch else None
             cells["depth from"] = r.depth_from if batch and r.depth is not None else None
             cells["b at frequency [Hz]"] = r.damping_at_hz if batch else None
+            tip = r.k_tip if batch else None
+            for end in ("value", "low", "high"):
+                name = f"k at the tip{'' if end == 'value' else f' {end}'} [{STIFFNESS.si}]"
+                cells[name] = getattr(tip, end) if tip else None
             cells["compensated force lag [s]"] = row.force_lag
+            cells["compensated lost motion [m]"] = row.lost_motion
             for symbol, quantity in RESULTS.items():
                 cells[quantity.column] = values[symbol].value if symbol in values else None
                 for end in ("low", "high") if symbol != "e_f" else ():

@@ -83,7 +83,9 @@ class Group:
     depth_from: tuple[str, ...]
     """Positions at which the depths in `holding` are zero: contact point, lowest position."""
     force_lags: tuple[float, ...]
-    """Time constants of the force channel that are compensated [s], each once."""
+    """Time constants of the force channel that are compensated in results [s], each once."""
+    lost_motions: tuple[float, ...]
+    """Lost motions that are compensated in results [m], each once."""
     remarks: dict[str, int]
     """Number of results that have a remark, by the short form of the remark."""
 
@@ -156,6 +158,7 @@ def group_of(
         ranges(results),
         tuple(sorted({one.depth_from for one in results})),
         tuple(sorted({row.force_lag for row in rows})),
+        tuple(sorted({row.lost_motion for row in rows})),
         remark_counts(results),
     )
 

@@ -15,6 +15,7 @@ from estimation.batch_models import BatchData, BatchFit, compare_models
 from estimation.batch_models.prony import Relaxation, fit_prony
 from estimation.robust_error import robust_fit
 from estimation.smoothing import CORNER
+from estimation.transmission import RIGID, TransmissionCalibration
 from teleop.evaluation.batch.contact_phases import Phase, Phases, find_phases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, local_stiffness
 from teleop.evaluation.batch.regression_rows import RegressionRows
@@ -88,6 +89,8 @@ class Analysis:
     """Stiffness and damping of the fitted models; None without contact, or with too few samples."""
     result: StiffnessResult
     """k and b with 95 % intervals, or the reasons why they are not identifiable."""
+    transmission: TransmissionCalibration
+    """Calibrated transmission for which the record is corrected."""
 
     @property
     def has_contact(self) -> bool:
@@ -256,8 +259,14 @@ def relaxation_row(found: Relaxation) -> dict[str, Any]:
     return {name: one._asdict() for name, one in found.parameters.items()} | {"rms": found.rms}
 
 
-def analyse(signals: Signals, force_lag: float = 0.0) -> Analysis:
-    """Evaluate all samples of a record together, without online estimators."""
+def analyse(
+    signals: Signals, force_lag: float = 0.0, transmission: TransmissionCalibration = RIGID
+) -> Analysis:
+    """Evaluate all samples of a record together, without online estimators.
+
+    `force_lag` is the lag of the force that is compensated [s]. The lost motion of `transmission`
+    has been removed from the position before.
+    """
     resampled = resample(signals, force_lag)
     record = smoothed_record(resampled)
     phases = find_phases(record)
@@ -278,4 +287,5 @@ def analyse(signals: Signals, force_lag: float = 0.0) -> Analysis:
     if local is not None:
         finer = smoothed_record(resampled, WIDER_BAND * bandwidth)
         other = local_stiffness(finer, find_phases(finer))
-    return Analysis(record, phases, local, stiffness_result(record, phases, local, other))
+    result = stiffness_result(record, phases, local, other, transmission)
+    return Analysis(record, phases, local, result, transmission)

@@ -8,6 +8,7 @@ from scipy.ndimage import median_filter
 from estimation.arrays import Floats
 from estimation.baseline import BELOW
 from estimation.quantities import STIFFNESS
+from estimation.transmission import TransmissionCalibration
 from teleop.evaluation.batch.constancy import Change, rise_at_rest
 from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
@@ -313,6 +314,7 @@ def remarks(
     local: LocalStiffness,
     half_b: float,
     change: Change | None,
+    transmission: TransmissionCalibration,
 ) -> list[Reason]:
     """Return the remarks on a record whose stiffness is reported.
 
@@ -374,7 +376,7 @@ def remarks(
     elif half_b > abs(local.b):
         found.append(Reason("damping is not resolved: its interval contains zero"))
     elif local.b < 0.0:
-        found.append(negative_damping(record.force_lag))
+        found.append(negative_damping(record.force_lag, transmission))
     return found
 
 
@@ -391,8 +393,14 @@ def longest_hold(record: SmoothedRecord, phases: Phases) -> float:
     return record.period * max(holds, default=0)
 
 
-def negative_damping(force_lag: float) -> Reason:
+def negative_damping(force_lag: float, transmission: TransmissionCalibration) -> Reason:
     """Return the remark that the fitted damping is negative, with its possible causes."""
+    if transmission.lost_motion:
+        return Reason(
+            f"damping is negative although a force lag of {force_lag * 1e3:.3g} ms and lost motion "
+            f"of {transmission.lost_motion * 1e6:.3g} um are compensated: these values are too "
+            "small for this record"
+        )
     lost = f"{LOST_MOTION}, which biases k too"
     if not force_lag:
         lags = "damping is negative: the force lags behind the position"

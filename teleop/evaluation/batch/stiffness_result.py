@@ -6,8 +6,9 @@ force divided by the depth) is reported in addition to k. The secant stiffness d
 and on the length of the record. The result also states how much the secant stiffness would change
 if the zero of the position had an error of `DATUM_ERROR`.
 
-The intervals of k and b include three causes of error: the autocorrelation of the residual, the
-differences between the fitted models, and the change of k and b with the smoothing bandwidth. If
+The intervals of k and b include four causes of error: the autocorrelation of the residual, the
+differences between the fitted models, the change of k and b with the smoothing bandwidth, and the
+intervals of the calibrated transmission. If
 the data are not sufficient for k, both k and b are None, and `StiffnessResult.reasons` states why.
 """
 
@@ -18,7 +19,11 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+import numpy as np
+
 from estimation.estimator import LEVEL_95
+from estimation.stiffening import Interval
+from estimation.transmission import TransmissionCalibration
 from teleop.evaluation.batch.constancy import change_over_cycles
 from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.kinds import BESIDES_RELAXATION, LOSS, TANGENT, UNDETERMINED
@@ -80,6 +85,10 @@ class StiffnessResult:
     damping_at_hz: float | None = None
     """Frequency [Hz] at which b is k''/omega, the loss stiffness divided by the angular frequency.
     None if a relaxation of the force may cause part of the loss."""
+    k_tip: Interval | None = None
+    """Tangent stiffness of the specimen at the tip, with its 95 % interval [N/m]. None if the
+    compliance of the transmission is not known. k is that of specimen and transmission in series.
+    """
 
     @property
     def kinds(self) -> dict[str, str]:
@@ -120,6 +129,7 @@ class StiffnessResult:
         """Return the result as a dictionary that can be written as JSON."""
         document = asdict(self)
         document["reasons"] = list(self.reasons)
+        document["k_tip"] = self.k_tip and self.k_tip._asdict()
         document["hints"] = list(self.hints)
         document["b_change_per_ms_of_lag"] = self.b_change_per_ms
         document["tangent"] = {
@@ -139,11 +149,13 @@ def stiffness_result(
     phases: Phases,
     local: LocalStiffness | None,
     other: LocalStiffness | None,
+    transmission: TransmissionCalibration,
 ) -> StiffnessResult:
     """Return k and b of a record with 95 % intervals, or the reasons why they are not reported.
 
     `local` is None if there are too few samples for a fit. `other` is fitted with another smoothing
-    bandwidth; its difference from `local` widens the intervals.
+    bandwidth; its difference from `local` widens the intervals, and so do the errors of the
+    calibrated transmission.
     """
     against = reasons_before_fit(record, phases)
     if local is None and not against:
@@ -153,15 +165,33 @@ def stiffness_result(
     if local is None or against:
         return without_result(against)
     second = other or local
-    half_k = LEVEL_95 * math.hypot(local.k_std, 0.5 * (local.k - second.k))
-    half_b = LEVEL_95 * math.hypot(local.b_std, 0.5 * (local.b - second.b))
+    x, v = record.x[phases.usable], record.v[phases.usable]
+    per_speed = float(np.abs(v).mean()) / max(float((v**2).mean()), 1e-300)
+    half_k = math.hypot(
+        LEVEL_95 * math.hypot(local.k_std, 0.5 * (local.k - second.k)),
+        transmission.stiffness_error(local.k, 0.5 * float(np.ptp(x))),
+    )
+    half_b = math.hypot(
+        LEVEL_95 * math.hypot(local.b_std, 0.5 * (local.b - second.b)),
+        transmission.damping_error(local.k, per_speed),
+    )
     change = change_over_cycles(record, phases)
     against = reasons_after_fit(local, half_k, phases)
     if change and change.with_frequency:
         against = [Reason(change.text)]
     if against:
         return without_result(against)
-    found = remarks(record, phases, local, half_b, change)
+    found = remarks(record, phases, local, half_b, change, transmission)
+    k_tip = None
+    if transmission.compliance:
+        k_tip = transmission.at_tip(Interval(local.k, local.k - half_k, local.k + half_k))
+        if k_tip is None:
+            found.append(
+                Reason(
+                    "the stiffness at the tip is not determined: the transmission with "
+                    f"{transmission.compliance * 1e6:.4g} um/N is hardly stiffer than the whole"
+                )
+            )
     inside = phases.usable
     lowest = float(record.x[inside].min())
     point, level = phases.contact_point, phases.free_force
@@ -191,6 +221,7 @@ def stiffness_result(
         0.5 * (point.high - point.low) if point else 0.0,
         "contact point" if point else "lowest position",
         local.frequency if math.isfinite(local.frequency) else None,
+        k_tip,
     )
 
 

@@ -43,6 +43,8 @@ OPTION_UNITS = {
     **UNITS,
     "frequency": {"Hz": 1.0, "mHz": 1e-3, "kHz": 1e3},
     "angle": {"deg": math.pi / 180.0, "rad": 1.0, "mrad": 1e-3},
+    "stiffness": {"N/m": 1.0, "N/mm": 1e3, "kN/m": 1e3},
+    "compliance": {"m/N": 1.0, "mm/N": 1e-3, "um/N": 1e-6, "µm/N": 1e-6},
 }
 """Units of each quantity that command options accept, with the size of each unit in SI units."""
 

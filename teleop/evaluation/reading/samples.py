@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from estimation import Estimates
 from estimation.arrays import Floats
+from estimation.filters import Play
 from teleop.evaluation.reading.signals import Signals
 
 BLOCK = 1 << 14
@@ -58,6 +59,28 @@ class Samples:
             recorded = {name: (b[part], k[part]) for name, (b, k) in self._recorded.items()}
             cut = s._replace(t=s.t[part], x=s.x[part], f=s.f[part], dt=s.dt[part], gaps=gaps)
             yield Block(cut, recorded)
+
+
+class SamplesAtTip(Samples):
+    """The samples of a record whose position is behind the lost motion of the transmission.
+
+    The position is the output of the play operator: the position of the tip plus the stretch of the
+    transmission. `lost_motion` is the half width of the play [m]. The state of the play at the
+    first sample and after a gap is not known. It is known again after a motion of twice this half
+    width.
+    """
+
+    def __init__(self, samples: Samples, lost_motion: float) -> None:
+        signals = samples.signals
+        super().__init__(signals._replace(x=Play(lost_motion).run(signals.x)))
+        self.count = samples.count
+        self._samples, self._lost_motion = samples, lost_motion
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield all samples of the record in blocks, in the order of time."""
+        play = Play(self._lost_motion)
+        for block in self._samples.blocks():
+            yield block._replace(signals=block.signals._replace(x=play.run(block.signals.x)))
 
 
 def is_replayed(column: str) -> bool:

@@ -1,0 +1,89 @@
+"""Coverage of the published k and b on the default rig: `python benchmarks/published_results.py`.
+
+The nine trials of the paper (three cubes, three conditions) run on the simulated rig with its lost
+motion, lag and compliance. Each is evaluated as `teleop estimate` does, with the transmission that
+`teleop lag` measured on a spring, and without it. Printed is how often the 95 % intervals contain
+the true value: the tangent stiffness of the cube in series with the transmission and at the tip, at
+the position at which k is reported, and the damping in series.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from dataclasses import replace
+from itertools import product
+from typing import get_args
+
+from estimation.transmission import RIGID, TransmissionCalibration
+from sim_backend import CUBES
+from teleop.evaluation.evaluate import evaluate
+from teleop.evaluation.reading.recorded import recorded_settings, recorded_signals
+from teleop.names import ConditionName
+from teleop.settings.trial_settings import TrialSettings
+from teleop.trial.recorded_trial import averaged_part
+from teleop.trial.run import run_trial
+
+
+def result_of(trial, transmission: TransmissionCalibration):
+    """Return the result of a trial, and the position at which k is reported [m]."""
+    settings = replace(
+        recorded_settings(trial.recording),
+        averaged=averaged_part(trial.recording, trial.settings),
+        transmission=transmission,
+        corrects_online=False,
+    )
+    evaluation = evaluate(recorded_signals(trial.recording), settings)
+    local = evaluation.analysis.local
+    return evaluation.analysis.result, local.best.position if local else 0.0
+
+
+def truths(settings: TrialSettings, position: float) -> dict[str, float]:
+    """Return the true values at a position behind the lost motion."""
+    law, c = settings.setup.cube.slow, settings.setup.transmission.compliance
+    tip = law.compressed(position, c)
+    k = law.stiffness(tip)
+    # the plant neglects that the damping force stretches the transmission
+    return {"k": k / (1.0 + c * k), "k at the tip": k, "b": law.b / (1.0 + c * k)}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--first-seed", type=int, default=52_000)
+    options = parser.parse_args()
+    counts: Counter[tuple[str, str]] = Counter()
+    worst: dict[tuple[str, str], float] = {}
+    for cube, condition in product(CUBES, get_args(ConditionName)):
+        for seed in range(options.first_seed, options.first_seed + options.seeds):
+            settings = TrialSettings(cube=cube, condition=condition, clock="virtual", seed=seed)
+            trial = run_trial(settings)
+            for name, transmission in (("calibrated", settings.transmission), ("not", RIGID)):
+                result, position = result_of(trial, transmission)
+                counts[name, "trials"] += 1
+                if not result.identifiable:
+                    continue
+                counts[name, "results"] += 1
+                true = truths(settings, position)
+                found = {"k": (result.k_low, result.k, result.k_high)}
+                found["b"] = (result.b_low, result.b, result.b_high)
+                if result.k_tip:
+                    tip = result.k_tip
+                    found["k at the tip"] = (tip.low, tip.value, tip.high)
+                for symbol, (low, value, high) in found.items():
+                    counts[name, symbol] += low <= true[symbol] <= high
+                    error = abs(value / true[symbol] - 1.0)
+                    worst[name, symbol] = max(worst.get((name, symbol), 0.0), error)
+        print(f"{cube}, all conditions: {dict(counts)}", flush=True)
+    for name in ("calibrated", "not"):
+        for symbol in ("k", "k at the tip", "b"):
+            if (name, symbol) in worst:
+                share = counts[name, symbol] / counts[name, "results"]
+                print(
+                    f"{name:10} {symbol:13} interval contains the true value in {share:.1%} of "
+                    f"{counts[name, 'results']}; largest error {worst[name, symbol]:.1%}"
+                )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,81 @@
+"""The transmission between the encoder and the tip of a rig: calibrated values, corrected results.
+
+The position at the encoder and the position at the tip differ by the lag of the force channel, by
+lost motion (play of half width d) and by the compliance c:
+
+    x_tip = lag(play(x, d)) - c f
+
+Lag and play are applied to the measured position, so that k and b are those of specimen and
+transmission in series. The compliance is a spring in series: the stiffness at the tip is
+
+    k_tip = k / (1 - c k)
+
+The compliance cannot be identified from a record of tissue, because f(x - c f) is only another law
+of the force. It needs a reference spring of known stiffness (`teleop lag --stiffness`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from estimation.stiffening import Interval
+
+
+@dataclass(frozen=True)
+class TransmissionCalibration:
+    """Calibrated values of the transmission of a rig; 0 for what is unknown or negligible."""
+
+    force_lag: float = 0.0
+    """Time constant of the force channel [s]."""
+    lost_motion: float = 0.0
+    """Half width d of the play between encoder and tip [m]."""
+    compliance: float = 0.0
+    """Compliance c between encoder and tip [m/N]."""
+    force_lag_error: float = 0.0
+    """Half width of the 95 % interval of the time constant [s]."""
+    lost_motion_error: float = 0.0
+    """Half width of the 95 % interval of the lost motion [m]."""
+    compliance_error: float = 0.0
+    """Half width of the 95 % interval of the compliance [m/N]."""
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not 0.0 <= value < math.inf:
+                raise ValueError(f"{name} must be finite and at least 0, got {value:g}")
+
+    def stiffness_error(self, k: float, amplitude: float) -> float:
+        """Half width of the 95 % interval of k that the error of the lost motion causes [N/m].
+
+        The fitted play has the amplitude A - d, and the force determines the product of k and this
+        amplitude. `amplitude` is A [m], half of the travel in contact.
+        """
+        played = amplitude - self.lost_motion
+        return abs(k) * self.lost_motion_error / played if played > 0.0 else math.inf
+
+    def damping_error(self, k: float, per_speed: float) -> float:
+        """Half width of the 95 % interval of b that the errors of lag and play cause [N s/m].
+
+        An error of the lag changes b by k times the error. An error of the lost motion moves the
+        position by this error against the motion, which changes b by k times the error times
+        `per_speed` = mean |v| / mean v^2 [s/m]; this is 4 / (pi omega A) for a sine.
+        """
+        play = abs(k) * self.lost_motion_error * per_speed if self.lost_motion_error else 0.0
+        return math.hypot(abs(k) * self.force_lag_error, play)
+
+    def at_tip(self, k: Interval) -> Interval | None:
+        """Stiffness at the tip [N/m] from the stiffness `k` in series with the transmission.
+
+        None if it is not determined: the compliance alone explains the measured stiffness within
+        the intervals, or the half width of the interval is more than half of the value.
+        """
+        c, half = self.compliance, 0.5 * (k.high - k.low)
+        if not (k.value > 0.0 and c * k.value < 1.0):
+            return None
+        tip = k.value / (1.0 - c * k.value)
+        error = math.hypot(half / (1.0 - c * k.value) ** 2, tip**2 * self.compliance_error)
+        return Interval(tip, tip - error, tip + error) if error < 0.5 * tip else None
+
+
+RIGID = TransmissionCalibration()
+"""Rigid transmission, and a force channel without lag."""

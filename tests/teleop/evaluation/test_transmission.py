@@ -1,0 +1,204 @@
+"""The result is that of the specimen, on rigs with force lag, lost motion and compliance."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from estimation.transmission import TransmissionCalibration
+from teleop.cli import main
+from teleop.evaluation.evaluate import evaluate
+from teleop.evaluation.reading.signals import Signals, periods
+from teleop.evaluation.settings import EstimateSettings
+from teleop.settings.trial_settings import TrialSettings
+
+K1, K3, B = 3000.0, 8e7, 5.0
+LAG, LOST_MOTION, COMPLIANCE = 3e-3, 90e-6, 12e-6
+
+
+def measured(seed, depth=4e-3, frequency=1.3):
+    """A stiffening body behind play, a spring and a lag, by small steps of the implicit rule."""
+    rng = np.random.default_rng(seed)
+    every, dt = 20, 5e-5
+    t = np.arange(0.0, 8.0, dt)
+    x = 0.5 * depth * (1.0 - np.cos(2.0 * np.pi * frequency * t)) * (1.0 + 0.2 * np.sin(t))
+    y, lagged, play = 0.0, 0.0, 0.0
+    force = np.empty(len(t))
+    for n, position in enumerate(x.tolist()):
+        play = min(max(play, position - LOST_MOTION), position + LOST_MOTION)
+        # (play - y) / c = k1 y + k3 y^3 + b (y - before) / dt, by two steps of Newton
+        before = y
+        for _ in range(2):
+            f = K1 * y + K3 * y**3 + B * (y - before) / dt
+            slope = K1 + 3.0 * K3 * y * y + B / dt
+            y += ((play - y) / COMPLIANCE - f) / (slope + 1.0 / COMPLIANCE)
+        f = K1 * y + K3 * y**3 + B * (y - before) / dt
+        lagged += (f - lagged) * dt / LAG
+        force[n] = lagged
+    noisy = force[::every] + rng.normal(0.0, 0.01, len(t[::every]))
+    counted = np.round((x[::every] + rng.normal(0.0, 2e-7, len(noisy))) / 1e-6) * 1e-6
+    return Signals(t[::every], counted, noisy, periods(t[::every]), "position")
+
+
+@pytest.fixture(scope="module")
+def record():
+    return measured(731)
+
+
+def result_of(signals, **known):
+    settings = EstimateSettings(transmission=TransmissionCalibration(**known))
+    return evaluate(signals, settings).analysis
+
+
+CALIBRATED = {
+    "force_lag": 1.01 * LAG,
+    "lost_motion": LOST_MOTION - 1e-6,
+    "compliance": 12.1e-6,
+    "force_lag_error": 6e-5,
+    "lost_motion_error": 2e-6,
+    "compliance_error": 0.2e-6,
+}
+
+
+def test_with_a_calibrated_transmission_the_intervals_contain_the_true_values(record):
+    analysis = result_of(record, **CALIBRATED)
+    result = analysis.result
+    # the position behind the play at which k is reported gives the position of the tip
+    y = np.linspace(0.0, 5e-3, 200_001)
+    series = y + COMPLIANCE * (K1 * y + K3 * y**3)
+    tip = float(np.interp(analysis.local.best.position, series, y))
+    k = K1 + 3.0 * K3 * tip**2
+    assert result.k_tip.low <= k <= result.k_tip.high
+    assert result.k_low <= k / (1.0 + COMPLIANCE * k) <= result.k_high
+    assert result.b_low <= B / (1.0 + COMPLIANCE * k) ** 2 <= result.b_high
+    assert result.k_high - result.k_low < 0.02 * k
+
+
+def test_without_it_the_damping_is_wrong(record):
+    result = result_of(record).result
+    assert result.b_high < 0.0
+    assert result.k_tip is None
+
+
+def test_errors_of_the_calibration_widen_the_intervals(record):
+    exact = {name: value for name, value in CALIBRATED.items() if not name.endswith("_error")}
+    sure, unsure = (result_of(record, **known).result for known in (exact, CALIBRATED))
+    assert unsure.b_high - unsure.b_low > 1.5 * (sure.b_high - sure.b_low)
+    assert unsure.k_high - unsure.k_low > sure.k_high - sure.k_low
+
+
+@pytest.mark.parametrize(("cube", "condition"), [("soft", "free"), ("hard", "mimic")])
+def test_the_result_of_a_trial_on_the_default_rig_is_right(cube, condition, tmp_path, capsys):
+    path = str(tmp_path / "trial.mcap")
+    run = ["run", "--cube", cube, "--condition", condition, "--clock", "virtual", "--seed", "918"]
+    assert main([*run, "--record", path]) == 0
+    capsys.readouterr()
+    assert main(["estimate", path, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    result, setup = found["result"], TrialSettings(condition, cube=cube).setup
+    law, compliance = setup.cube.slow, setup.transmission.compliance
+    tip = law.compressed(result["tangent"]["depth_m"] + lowest(found), compliance)
+    k = law.stiffness(tip)
+    assert result["k_tip"]["value"] == pytest.approx(k, rel=5e-3)
+    assert result["k"] == pytest.approx(k / (1.0 + compliance * k), rel=5e-3)
+    b = law.b / (1.0 + compliance * k)  # the plant neglects that b v stretches the transmission
+    assert result["b_low"] <= b <= result["b_high"]
+    assert not any("negative" in reason for reason in result["reasons"])
+    assert not found["transmission"]["online"]
+    assert main(["estimate", path]) == 0
+    out = capsys.readouterr().out
+    assert "corrected for a force lag of 2.661 ms and lost motion of 122 um" in out
+    assert "the online estimators received the position at the encoder" in out
+
+
+def lowest(found):
+    """Position from which the depth of a result is measured [m]; a trial starts at the surface."""
+    return found["contact_point"]["position_m"] if found["contact_point"] else 0.0
+
+
+def test_zero_lost_motion_evaluates_a_trial_as_without_calibration(tmp_path, capsys):
+    path = str(tmp_path / "trial.mcap")
+    run = ["run", "--condition", "autonomous", "--clock", "virtual", "--duration", "4"]
+    assert main([*run, "--record", path]) == 0
+    capsys.readouterr()
+    assert main(["estimate", path, "--transmission", "none", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["transmission"] is None
+    assert found["result"]["b"] < 0.0
+
+
+def test_stated_values_replace_those_of_the_rig(tmp_path, capsys):
+    path = str(tmp_path / "trial.mcap")
+    run = ["run", "--condition", "autonomous", "--clock", "virtual", "--duration", "4"]
+    assert main([*run, "--record", path]) == 0
+    capsys.readouterr()
+    assert main(["estimate", path, "--lost-motion", "0um", "--force-lag", "1ms", "--json"]) == 0
+    transmission = json.loads(capsys.readouterr().out)["transmission"]
+    assert transmission["force_lag_s"] == 1e-3
+    assert transmission["lost_motion_m"] == 0.0
+    assert transmission["compliance_m_per_n"] == pytest.approx(7e-6, rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--lost-motion", "50mm"), ["lost motion 5e+04 um", "travel"]),
+        (("--lost-motion=-1um",), ["--lost-motion", "zero or more"]),
+        (("--compliance", "7um"), ["--compliance", "7um/N"]),
+    ],
+)
+def test_an_impossible_value_is_refused_in_one_line(record, options, words, tmp_path, capsys):
+    table = tmp_path / "record.csv"
+    columns = np.column_stack([record.t, record.x * 1e3, record.f])
+    np.savetxt(table, columns, delimiter=",", header="t [s],x [mm],F [N]", comments="")
+    assert main(["estimate", str(table), *options]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert all(word in lines[0] for word in words)
+
+
+def test_a_compliance_that_hides_the_specimen_gives_a_remark_instead_of_a_stiffness(record):
+    result = result_of(record, compliance=2.6e-4, compliance_error=2e-5).result
+    assert result.k_tip is None
+    assert any("stiffness at the tip is not determined" in reason for reason in result.reasons)
+
+
+def test_files_and_options_state_the_transmission(record, tmp_path, capsys):
+    table = tmp_path / "record.csv"
+    columns = np.column_stack([record.t, record.x * 1e3, record.f])
+    np.savetxt(table, columns, delimiter=",", header="t [s],x [mm],F [N]", comments="")
+    file = tmp_path / "transmission.toml"
+    file.write_text("lag_ms = 3.0\nlost_motion_um = 90\ncompliance_um_per_n = 12.0\n")
+    found = []
+    for options in (
+        ("--transmission", str(file)),
+        ("--force-lag", "3ms", "--lost-motion", "90um", "--compliance", "12um/N"),
+        ("--transmission", str(file), "--compliance", "0um/N"),
+    ):
+        assert main(["estimate", str(table), *options, "--json"]) == 0
+        found.append(json.loads(capsys.readouterr().out)["result"])
+    for key in ("k", "b"):
+        assert found[0][key] == pytest.approx(found[1][key], rel=1e-12)
+    assert found[0]["k_tip"] == pytest.approx(found[1]["k_tip"])
+    assert found[2]["k_tip"] is None
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("lag_ms = -1.0", ["lag_ms", "expected", "0"]),
+        ("lost_motion_mm = 0.1", ["lost_motion_mm"]),
+        ("lag_ms = ", ["not a TOML file"]),
+        ("lost_motion_um = 1e9", ["lost_motion_um", "10000"]),
+        ("compliance_um_per_n = nan", ["compliance_um_per_n"]),
+    ],
+)
+def test_a_wrong_transmission_file_is_refused_in_one_line(content, words, tmp_path, capsys):
+    file = tmp_path / "transmission.toml"
+    file.write_text(content)
+    assert main(["estimate", "x.csv", "--transmission", str(file)]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert all(word in lines[0] for word in (str(file), *words))
