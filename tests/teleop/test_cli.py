@@ -245,6 +245,7 @@ def test_commands_that_evaluate_a_file_have_the_same_options_of_estimation():
     shared = {"*", "--estimators", "--model", "--conditioning", "--bandwidth", "--force-lag"}
     assert options("run") == shared
     shared |= {"--preset", "--cube", "--whole"}
+    shared |= {"--transmission", "--lost-motion", "--compliance"}
     assert options("compare") == options("report") == shared
     assert options("estimate") == shared | {"--cost"}
 

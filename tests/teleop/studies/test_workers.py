@@ -26,9 +26,10 @@ from teleop.studies.workers import workers
 @app.command
 def wait():
     with workers() as pool:
-        jobs = [pool.submit(time.sleep, 600) for _ in range(8)]
+        for _ in range(8):
+            pool.submit(time.sleep, 600)
         print(*pool._processes, flush=True)
-        while not jobs[0].done():  # `result` would miss a signal that comes just before it waits
+        while True:  # a signal while a future is asked would leave the lock of the future closed
             time.sleep(0.05)
 
 raise SystemExit(main(["wait"]))
