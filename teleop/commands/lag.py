@@ -54,6 +54,7 @@ def lag(
     from teleop.files import check_outputs
     from teleop.output.console import print_json
     from teleop.output.rig_tables import print_lag
+    from teleop.printable import one_line
     from teleop.rig.force_lag import SPRING, measure_lag, measure_simulated_lag
     from teleop.settings.transmission_file import write_transmission
 
@@ -74,7 +75,7 @@ def lag(
         measured = measure_lag(*spring_samples(file, columns))
         summary = {"file": str(file), **measured.summary(stiffness)}
     if out:
-        where = file.name if file else f"a simulated spring, seed {seed}"
+        where = one_line(file.name) if file else f"a simulated spring, seed {seed}"
         spring = f"of {stiffness:g} N/m" if stiffness else "of unknown stiffness"
         origin = f"Measured by teleop lag on a spring {spring} ({where})"
         write_transmission(measured.calibration(stiffness), origin, out, overwrite)

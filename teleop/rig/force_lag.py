@@ -127,8 +127,12 @@ class ForceLag(NamedTuple):
         """Return the compliance between encoder and tip [m/N] with its 95 % confidence interval.
 
         `stiffness` is the known stiffness of the spring [N/m]. Raises InputError if the measured
-        stiffness is larger than it.
+        stiffness is larger than it, or not determined.
         """
+        if self.k.low <= 0.0:
+            raise InputError(
+                "the stiffness of the spring is not determined: its 95 % interval contains zero"
+            )
         low, value, high = (
             1.0 / k - 1.0 / stiffness for k in (self.k.high, self.k.value, self.k.low)
         )

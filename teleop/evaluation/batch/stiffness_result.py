@@ -8,8 +8,8 @@ if the zero of the position had an error of `DATUM_ERROR`.
 
 The intervals of k and b include four causes of error: the autocorrelation of the residual, the
 differences between the fitted models, the change of k and b with the smoothing bandwidth, and the
-intervals of the calibrated transmission. If
-the data are not sufficient for k, both k and b are None, and `StiffnessResult.reasons` states why.
+intervals of the calibrated transmission. If the data are not sufficient for k, both k and b are
+None, and `StiffnessResult.reasons` states why.
 """
 
 from __future__ import annotations

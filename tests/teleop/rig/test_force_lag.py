@@ -112,6 +112,38 @@ def written(path, x, f, dt):
     return path
 
 
+@pytest.mark.parametrize("lost_motion", [0.0, 50e-6])
+def test_a_force_without_lag_is_measured(lost_motion):
+    x = chirp(np.arange(0.0, 5.0, 1e-3))
+    tip = x.copy()
+    for n in range(1, len(x)):
+        tip[n] = min(max(tip[n - 1], x[n] - lost_motion), x[n] + lost_motion)
+    force = 8000.0 * tip + np.random.default_rng(5).normal(0.0, 0.02, len(x))
+    found = measure_lag(x, force, np.full(len(x), 1e-3))
+    assert found.lag.low == 0.0
+    assert found.lag.high < 2e-5
+    assert found.lost_motion.low <= lost_motion <= found.lost_motion.high
+
+
+def test_the_measured_values_of_a_known_spring_correct_results(tmp_path, capsys):
+    """The spring of 8 kN/m is the one of 9 kN/m in series with the transmission."""
+    path = written(tmp_path / "spring.csv", *spring(4e-3, lost_motion=40e-6))
+    out = tmp_path / "transmission.toml"
+    assert main(["lag", str(path), "--stiffness", "9000N/m", "--out", str(out), "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    true = 1.0 / 8000.0 - 1.0 / 9000.0
+    # the difference of two compliances, each known to 0.02 %
+    assert printed["compliance_m_per_n"] == pytest.approx(true, abs=2e-4 / 8000.0)
+    assert main(["estimate", str(path), "--transmission", str(out), "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)["result"]
+    assert result["k_tip"]["value"] == pytest.approx(9000.0, rel=1e-3)
+    assert result["b_low"] <= 0.0 <= result["b_high"]
+    assert main(["lag", str(path), "--out", str(out)]) == 2
+    assert "exists" in capsys.readouterr().err
+    assert main(["lag", str(path), "--stiffness", "7000N/m"]) == 2
+    assert "expected at most that of the spring" in capsys.readouterr().err
+
+
 def test_the_command_measures_a_recording(tmp_path, capsys):
     path = written(tmp_path / "spring.csv", *spring(6e-3))
     assert main(["lag", str(path), "--json"]) == 0
