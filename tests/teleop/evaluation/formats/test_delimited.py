@@ -41,7 +41,7 @@ def test_knows_units_of_position(write, unit, size):
 
 @pytest.mark.parametrize(
     ("unit", "size"),
-    [("N", 1.0), ("mN", 1e-3), ("gf", 9.80665e-3), ("kgf", 9.80665)],
+    [("N", 1.0), ("mN", 1e-3), ("nN", 1e-9), ("gf", 9.80665e-3), ("kgf", 9.80665)],
 )
 def test_knows_units_of_force(write, unit, size):
     recording = read_signals(write(GOOD.replace("gf", unit)))

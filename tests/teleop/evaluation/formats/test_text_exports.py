@@ -41,6 +41,9 @@ ZWICK = (
     "Prüfprotokoll;Größe\nMaßstab;1\nMaße;10;20\n\n"
     '"Prüfzeit";"Standardweg";"Standardkraft"\n"s";"mm";"N"\n' + lines(";", ",")
 )
+ZWICK_FRENCH = '"Temps d\u2019essai";"Course standard";"Force standard"\n"s";"mm";"N"\n' + lines(
+    ";", ","
+)
 BLUEHILL = (
     '"Specimen label","Gel 1"\n"Rate 1","10.0","mm/min"\n\n'
     '"Time","Extension","Load"\n"(sec)","(mm)","(N)"\n' + lines(",", quote='"')
@@ -70,6 +73,7 @@ def write(tmp_path):
         (ZWICK, "utf-8-sig"),
         (ZWICK, "utf-16"),
         (ZWICK, "utf-16-le"),
+        (ZWICK_FRENCH, "cp1252"),
         (BLUEHILL, "ascii"),
         (BLUEHILL_GBK, "gbk"),
         (BLUEHILL_GBK, "utf-8"),
