@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from estimation.estimator import LEVEL_95
 from estimation.stiffening import Interval
 
 
@@ -44,14 +45,19 @@ class TransmissionCalibration:
             if not 0.0 <= value < math.inf:
                 raise ValueError(f"{name} must be finite and at least 0, got {value:g}")
 
-    def stiffness_error(self, k: float, amplitude: float) -> float:
+    def stiffness_error(self, k: float, amplitude: float, position_error: float = 0.0) -> float:
         """Half width of the 95 % interval of k that the error of the lost motion causes [N/m].
 
         The fitted play has the amplitude A - d, and the force determines the product of k and this
-        amplitude. `amplitude` is A [m], half of the travel in contact.
+        amplitude. `amplitude` is A [m], half of the travel in contact. `position_error` is the
+        standard deviation of a measured position [m]: a few samples near a turning point determine
+        the state of the play until the next turning point.
         """
+        if not self.lost_motion:
+            return 0.0
+        error = math.hypot(self.lost_motion_error, LEVEL_95 * position_error)
         played = amplitude - self.lost_motion
-        return abs(k) * self.lost_motion_error / played if played > 0.0 else math.inf
+        return abs(k) * error / played if played > 0.0 else math.inf
 
     def damping_error(self, k: float, per_speed: float) -> float:
         """Half width of the 95 % interval of b that the errors of lag and play cause [N s/m].

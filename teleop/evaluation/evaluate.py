@@ -41,7 +41,7 @@ from teleop.evaluation.online.run import OnlineRun, Table
 from teleop.evaluation.online.thresholds import FEWEST_SAMPLES, RESOLUTIONS
 from teleop.evaluation.reading.force_filter import without_filter_delay
 from teleop.evaluation.reading.samples import Samples, SamplesAtTip
-from teleop.evaluation.reading.signals import Signals, closed_up, smallest_step
+from teleop.evaluation.reading.signals import Signals, closed_up
 from teleop.evaluation.reason import Reason
 from teleop.evaluation.settings import EstimateSettings, known_lag
 
@@ -235,7 +235,7 @@ def position_resolution(signals: Signals, given: float | None) -> float:
             f"resolution of the position {given:g} m: expected {RESOLUTIONS[0]:g} to "
             f"{RESOLUTIONS[1]:g} m"
         )
-    return given or smallest_step(signals.x)
+    return given or signals.step
 
 
 def comparisons(bank: Bank, regression: Regression, fit: Fit) -> list[RunningComparison]:

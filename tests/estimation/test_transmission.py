@@ -82,6 +82,19 @@ def test_errors_of_lag_and_play_change_b_as_in_a_sine():
     assert RIGID.damping_error(k, per_speed) == 0.0
 
 
+def test_errors_of_play_and_position_change_k_as_the_amplitude_behind_the_play():
+    """Against a finite difference of k = (amplitude of the force) / (A - d)."""
+    force, amplitude, d = 10.0, 5e-3, 120e-6
+    k = force / (amplitude - d)
+    by_d = (force / (amplitude - d - 1e-9) - k) / 1e-9
+    known = TransmissionCalibration(lost_motion=d, lost_motion_error=3e-6)
+    assert known.stiffness_error(k, amplitude) == pytest.approx(3e-6 * by_d, rel=1e-4)
+    both = known.stiffness_error(k, amplitude, 1e-6)
+    assert both == pytest.approx(math.hypot(3e-6, 1.96e-6) * by_d, rel=1e-3)
+    assert known.stiffness_error(k, d) == math.inf
+    assert RIGID.stiffness_error(k, amplitude, 1e-6) == 0.0
+
+
 @pytest.mark.parametrize("value", [-1e-6, math.nan, math.inf])
 def test_a_value_that_is_not_finite_or_negative_is_refused(value):
     with pytest.raises(ValueError, match="lost_motion"):

@@ -98,7 +98,7 @@ def resample(signals: Signals, force_lag: float = 0.0) -> ResampledRecord:
         x_noise=x_noise,
         f_noise=f_noise,
         step=smallest_step(x),
-        count=smallest_step(signals.x),
+        count=signals.step,
         f_count=smallest_step(signals.f),
         force_lag=force_lag,
     )

@@ -169,7 +169,11 @@ def stiffness_result(
     per_speed = float(np.abs(v).mean()) / max(float((v**2).mean()), 1e-300)
     half_k = math.hypot(
         LEVEL_95 * math.hypot(local.k_std, 0.5 * (local.k - second.k)),
-        transmission.stiffness_error(local.k, 0.5 * float(np.ptp(x))),
+        transmission.stiffness_error(
+            local.k,
+            0.5 * float(np.ptp(x)),
+            math.hypot(record.x_noise, record.count / math.sqrt(12.0)),
+        ),
     )
     half_b = math.hypot(
         LEVEL_95 * math.hypot(local.b_std, 0.5 * (local.b - second.b)),

@@ -72,7 +72,8 @@ class SamplesAtTip(Samples):
 
     def __init__(self, samples: Samples, lost_motion: float) -> None:
         signals = samples.signals
-        super().__init__(signals._replace(x=Play(lost_motion).run(signals.x)))
+        played = Play(lost_motion).run(signals.x)
+        super().__init__(signals._replace(x=played, measured_step=signals.step))
         self.count = samples.count
         self._samples, self._lost_motion = samples, lost_motion
 

@@ -48,6 +48,13 @@ class Signals(NamedTuple):
     """Description of the force filter in the file; empty if the file has none."""
     notes: tuple[str, ...] = ()
     """Texts that describe the changes that were made to the samples on reading."""
+    measured_step: float | None = None
+    """Resolution of the position sensor [m] if `x` is computed from its values, see `step`."""
+
+    @property
+    def step(self) -> float:
+        """Resolution of the position: its smallest step [m]; 0 if the position never changes."""
+        return smallest_step(self.x) if self.measured_step is None else self.measured_step
 
 
 def periods(t: Floats) -> Floats:

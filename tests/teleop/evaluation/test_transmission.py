@@ -10,7 +10,8 @@ import pytest
 from estimation.transmission import TransmissionCalibration
 from teleop.cli import main
 from teleop.evaluation.evaluate import evaluate
-from teleop.evaluation.reading.signals import Signals, periods
+from teleop.evaluation.reading.samples import Samples, SamplesAtTip
+from teleop.evaluation.reading.signals import Signals, periods, smallest_step
 from teleop.evaluation.settings import EstimateSettings
 from teleop.settings.trial_settings import TrialSettings
 
@@ -80,6 +81,12 @@ def test_without_it_the_damping_is_wrong(record):
     result = result_of(record).result
     assert result.b_high < 0.0
     assert result.k_tip is None
+
+
+def test_the_resolution_is_that_of_the_sensor_and_not_of_the_play(record):
+    at_tip = SamplesAtTip(Samples(record), 90.3e-6).signals
+    assert smallest_step(at_tip.x) < 0.5e-6
+    assert at_tip.step == pytest.approx(1e-6)
 
 
 def test_errors_of_the_calibration_widen_the_intervals(record):
