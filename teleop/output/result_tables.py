@@ -73,7 +73,7 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
         lines.append(f"{one.name:9} {one.symbol} = {with_interval(one, *values)}")
         if one is STIFFNESS and tip:
             at_tip = with_interval(one, tip["low"], tip["value"], tip["high"])
-            lines.append(f"{'':9} at the tip {at_tip}")
+            lines.append(f"{'':9} {one.symbol} at the tip = {at_tip}")
     if (frequency := result["damping_at_hz"]) is not None:
         lines.append(f'b is the equivalent viscous damping k"/omega at {frequency:.3g} Hz')
     transmission = summary.get("transmission") or {}
