@@ -66,14 +66,13 @@ class TransmissionCalibration:
         position by this error against the motion, which changes b by k times the error times
         `per_speed` = mean |v| / mean v^2 [s/m]; this is 4 / (pi omega A) for a sine.
         """
-        play = abs(k) * self.lost_motion_error * per_speed if self.lost_motion_error else 0.0
-        return math.hypot(abs(k) * self.force_lag_error, play)
+        return abs(k) * math.hypot(self.force_lag_error, self.lost_motion_error * per_speed)
 
     def at_tip(self, k: Interval) -> Interval | None:
         """Stiffness at the tip [N/m] from the stiffness `k` in series with the transmission.
 
-        None if it is not determined: the compliance alone explains the measured stiffness within
-        the intervals, or the half width of the interval is more than half of the value.
+        None if it is not determined: the transmission alone is not stiffer than the measured
+        stiffness, or the half width of the interval is more than half of the value.
         """
         c, half = self.compliance, 0.5 * (k.high - k.low)
         if not (k.value > 0.0 and c * k.value < 1.0):
