@@ -36,7 +36,7 @@ def smooth(values: Floats, width: float) -> Floats:
 
     The samples have a constant rate, and `width` is in samples.
     """
-    return _convolve(values, _kernel(width))
+    return _convolve(values, smoothing_kernel(width))
 
 
 def smooth_pieces(values: Floats, starts: Sequence[int], width: float) -> Floats:
@@ -56,21 +56,29 @@ def slope(values: Floats, width: float, period: float) -> Floats:
 
     `width` is in samples, and `period`, the sample period, in seconds.
     """
-    kernel = _kernel(width)
-    half = len(kernel) // 2
-    if half == 0:
-        return np.gradient(values, period)
-    derivative = -np.arange(-half, half + 1) * kernel
-    derivative /= -(derivative @ np.arange(-half, half + 1)) * period
-    return _convolve(values, derivative)
+    return _convolve(values, slope_kernel(width, period))
 
 
-def _kernel(width: float) -> Floats:
+def smoothing_kernel(width: float) -> Floats:
+    """Return the Gaussian kernel with a standard deviation of `width` samples, of odd length."""
     half = int(np.ceil(REACH * width))
     if width <= 0.1:
         return np.ones(1)
     kernel = np.exp(-0.5 * (np.arange(-half, half + 1) / width) ** 2)
     return np.asarray(kernel / kernel.sum())
+
+
+def slope_kernel(width: float, period: float) -> Floats:
+    """Return the derivative of the Gaussian kernel [1/s]; without smoothing, a central difference.
+
+    Its convolution with a straight line is exactly the slope of the line.
+    """
+    kernel = smoothing_kernel(width)
+    half = len(kernel) // 2
+    if half == 0:
+        return np.array([0.5, 0.0, -0.5]) / period
+    derivative = -np.arange(-half, half + 1) * kernel
+    return np.asarray(derivative / (-(derivative @ np.arange(-half, half + 1)) * period))
 
 
 def _convolve(values: Floats, kernel: Floats) -> Floats:

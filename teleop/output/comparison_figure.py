@@ -175,8 +175,8 @@ def draw_results(axes: Axes, at: int, place: Place, symbol: str) -> None:
         )
         return
     factor = DRAWN[symbol].factor
-    value = np.array([getattr(one, symbol) for one in place.results]) * factor
-    low, high = np.array([one.interval(symbol) for one in place.results]).T * factor
+    value = np.array([getattr(one, symbol) for one in place.results], np.float64) * factor
+    low, high = np.array([one.interval(symbol) for one in place.results], np.float64).T * factor
     positions = at + np.linspace(*RECORDINGS, len(value)) if len(value) > 1 else np.array([at])
     other = np.array(place.other) if symbol == "b" else np.zeros(len(value), bool)
     for part, face, text in (

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from estimation.quantities import DAMPING, STIFFNESS, Quantity, quantity
-from teleop.evaluation.batch.kinds import UNDETERMINED
 from teleop.output.console import number, plain_console, print_table, small
 
 MOST_DECIMALS = 12
@@ -67,14 +66,15 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
     tip = result["k_tip"]
     for one in (STIFFNESS, DAMPING):
         values = [result[f"{one.symbol}{end}"] for end in ("_low", "", "_high")]
-        if values[2] - values[0] < UNDETERMINED:
+        if None in values:
             lines.append(f"{one.name:9} {one.symbol} is not determined")
             continue
         lines.append(f"{one.name:9} {one.symbol} = {with_interval(one, *values)}")
         if one is STIFFNESS and tip:
             at_tip = with_interval(one, tip["low"], tip["value"], tip["high"])
             lines.append(f"{'':9} {one.symbol} at the tip = {at_tip}")
-    if (frequency := result["damping_at_hz"]) is not None:
+    frequency = result["damping_at_hz"]
+    if result["b"] is not None and frequency is not None:
         lines.append(f'b is the equivalent viscous damping k"/omega at {frequency:.3g} Hz')
     transmission = summary.get("transmission") or {}
     corrected = [
@@ -87,11 +87,10 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
         meaning.append(f"corrected for {' and '.join(corrected)}")
     if meaning:
         lines.append(", ".join(meaning))
-    if transmission.get("lost_motion_m"):  # the rig is calibrated
+    if result["b"] is None or transmission.get("lost_motion_m"):  # the rig is calibrated
         return lines
     change = result["b_change_per_ms_of_lag"]
-    ratio = change / max(abs(result["b"]), UNDETERMINED)
-    times = f" ({ratio:.2g} times b)" if abs(result["b"]) > UNDETERMINED else ""
+    times = f" ({change / abs(result['b']):.2g} times b)" if result["b"] else ""
     lines.append(f"1 ms of lag of the force changes b by {DAMPING.text(change, '.3g')}{times}")
     return lines
 

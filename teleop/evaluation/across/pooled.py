@@ -61,8 +61,9 @@ def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
         file: e.analysis.result for file, e in evaluations.items() if e.analysis.result.identifiable
     }
     ratios: dict[str, dict[str, float]] = {}
-    kinds_of_b = {r.kinds["b"] for r in results.values()}
-    symbols = ("k", "b") if len(kinds_of_b) == 1 else ("k",)
+    with_b = [r for r in results.values() if r.determines("b")]
+    kinds_of_b = {r.kinds["b"] for r in with_b}
+    symbols = ("k", "b") if len(kinds_of_b) == 1 and len(with_b) == len(results) else ("k",)
     for symbol in symbols if len(results) > 1 else ():
         values = np.array([getattr(r, symbol) for r in results.values()])
         highest = np.array([getattr(r, f"{symbol}_high") for r in results.values()])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -18,9 +18,14 @@ from estimation.smoothing import CORNER
 from estimation.transmission import RIGID, TransmissionCalibration
 from teleop.evaluation.batch.contact_phases import Phase, Phases, find_phases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, local_stiffness
+from teleop.evaluation.batch.lost_motion import find_lost_motion
 from teleop.evaluation.batch.regression_rows import RegressionRows
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord, resample, smoothed_record
-from teleop.evaluation.batch.stiffness_result import StiffnessResult, stiffness_result
+from teleop.evaluation.batch.stiffness_result import (
+    StiffnessResult,
+    stiffness_result,
+    with_lost_motion,
+)
 from teleop.evaluation.batch.strokes import cycle_frequency, least_stroke, turning_points
 from teleop.evaluation.batch.thresholds import (
     FEWEST_FIT_SAMPLES,
@@ -265,8 +270,23 @@ def analyse(
     """Evaluate all samples of a record together, without online estimators.
 
     `force_lag` is the lag of the force that is compensated [s]. The lost motion of `transmission`
-    has been removed from the position before.
+    has been removed from the position before. If it is not known, and the record shows lost motion,
+    the evaluation is repeated with the position behind it.
     """
+    analysis = fitted(signals, force_lag, transmission)
+    if transmission.lost_motion or analysis.local is None:
+        return analysis
+    found = find_lost_motion(analysis.record, analysis.phases)
+    if found is None:
+        return analysis
+    tip = signals._replace(x=found.tip(signals.x), measured_step=signals.step)
+    known = replace(transmission, lost_motion=found.half_width, lost_motion_error=found.error)
+    corrected = fitted(tip, force_lag, known)
+    return replace(corrected, result=with_lost_motion(corrected.result, analysis.local, found))
+
+
+def fitted(signals: Signals, force_lag: float, transmission: TransmissionCalibration) -> Analysis:
+    """Fit the models to a record, and return k and b."""
     resampled = resample(signals, force_lag)
     record = smoothed_record(resampled)
     phases = find_phases(record)

@@ -35,9 +35,6 @@ MEANING = {
     BESIDES_RELAXATION: "the damping besides the parts that relax",
 }
 """Description of the kinds of damping of a result."""
-UNDETERMINED = 1e-200
-"""If the interval of a quantity is narrower than this value, the record does not determine the
-quantity."""
 
 
 def kinds_of_estimates(further: Iterable[str]) -> dict[str, str]:

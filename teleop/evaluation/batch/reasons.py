@@ -229,6 +229,7 @@ def contact_remarks(record: SmoothedRecord, local: LocalStiffness) -> list[Reaso
     return found
 
 
+DAMPING_NOT_RESOLVED = "damping is not resolved: its interval contains zero"
 LOST_MOTION = "motion is lost between the position sensor and the tip"
 SLOPES = "teleop estimate FILE --json prints the slope of each loading (phases)"
 LAG = (
@@ -368,16 +369,18 @@ def remarks(
                 f"need {FEWEST_INDEPENDENT}: expected a longer record or a faster rate"
             )
         )
-    v = record.v[phases.usable]
-    if float(np.std(v)) < CONSTANT_SPEED * float(np.mean(np.abs(v))):
-        found.append(
-            Reason("the speed in contact is constant: damping is not determined, and given as 0")
-        )
+    if is_constant_speed(record.v[phases.usable]):
+        found.append(Reason("the speed in contact is constant: damping is not determined"))
     elif half_b > abs(local.b):
-        found.append(Reason("damping is not resolved: its interval contains zero"))
+        found.append(Reason(DAMPING_NOT_RESOLVED))
     elif local.b < 0.0:
         found.append(negative_damping(record.force_lag, transmission))
     return found
+
+
+def is_constant_speed(v: Floats) -> bool:
+    """Return whether the velocity in contact is constant, so that damping acts as an offset."""
+    return bool(np.std(v) < CONSTANT_SPEED * float(np.mean(np.abs(v))))
 
 
 def longest_hold(record: SmoothedRecord, phases: Phases) -> float:

@@ -10,26 +10,43 @@ The intervals of k and b include four causes of error: the autocorrelation of th
 differences between the fitted models, the change of k and b with the smoothing bandwidth, and the
 intervals of the calibrated transmission. If the data are not sufficient for k, both k and b are
 None, and `StiffnessResult.reasons` states why.
+
+If the transmission is not calibrated, and the record shows lost motion, k and b are corrected for
+it, and their intervals contain a part of the correction (`with_lost_motion`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from estimation.estimator import LEVEL_95
+from estimation.quantities import DAMPING, STIFFNESS
 from estimation.stiffening import Interval
 from estimation.transmission import TransmissionCalibration
 from teleop.evaluation.batch.constancy import change_over_cycles
 from teleop.evaluation.batch.contact_phases import Phases
-from teleop.evaluation.batch.kinds import BESIDES_RELAXATION, LOSS, TANGENT, UNDETERMINED
+from teleop.evaluation.batch.kinds import BESIDES_RELAXATION, LOSS, TANGENT
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
-from teleop.evaluation.batch.reasons import reasons_after_fit, reasons_before_fit, remarks
+from teleop.evaluation.batch.lost_motion import LostMotion
+from teleop.evaluation.batch.reasons import (
+    DAMPING_NOT_RESOLVED,
+    is_constant_speed,
+    reasons_after_fit,
+    reasons_before_fit,
+    remarks,
+)
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
+from teleop.evaluation.batch.thresholds import (
+    LEAST_AMPLITUDE_FOR_B,
+    LEAST_AMPLITUDE_FOR_K,
+    UNCERTAIN_CORRECTION,
+    WIDEST_INTERVAL,
+)
 from teleop.evaluation.reason import Reason
 
 DATUM_ERROR = 1e-4
@@ -51,13 +68,13 @@ class StiffnessResult:
     k_high: float | None = None
     """Upper end of the 95 % interval of k [N/m]."""
     b: float | None = None
-    """Damping [N s/m]; None if it is not identifiable."""
+    """Damping [N s/m]; None if it is not determined, which is possible although k is."""
     b_low: float | None = None
     """Lower end of the 95 % interval of b [N s/m]."""
     b_high: float | None = None
     """Upper end of the 95 % interval of b [N s/m]."""
     identifiable: bool = False
-    """Whether the data are sufficient for k and b."""
+    """Whether the data are sufficient for k."""
     reasons: tuple[str, ...] = ()
     """Reasons why k is not identifiable; if k is identifiable, remarks on the result."""
     hints: tuple[str, ...] = ()
@@ -89,6 +106,9 @@ class StiffnessResult:
     """Tangent stiffness of the specimen at the tip, with its 95 % interval [N/m]. None if the
     compliance of the transmission is not known. k is that of specimen and transmission in series.
     """
+    lost_motion: Interval | None = None
+    """Half width of the lost motion that was found in the record, and removed from the position
+    [m]; None if none was found, or if the lost motion is calibrated."""
 
     @property
     def kinds(self) -> dict[str, str]:
@@ -117,19 +137,19 @@ class StiffnessResult:
         return getattr(self, f"{symbol}_low"), getattr(self, f"{symbol}_high")
 
     def determines(self, symbol: str) -> bool:
-        """Return whether the record contains information about k or b (`symbol` is "k" or "b").
+        """Return whether the result contains k or b (`symbol` is "k" or "b").
 
-        For example, a record with constant speed does not determine b. Such a value is marked by an
-        interval that is narrower than `UNDETERMINED`. Use this method only if k is identifiable.
+        For example, a record with constant speed determines k, but not b.
         """
-        low, high = self.interval(symbol)
-        return high - low >= UNDETERMINED
+        return getattr(self, symbol) is not None
 
     def summary(self) -> dict[str, Any]:
         """Return the result as a dictionary that can be written as JSON."""
         document = asdict(self)
         document["reasons"] = list(self.reasons)
         document["k_tip"] = self.k_tip and self.k_tip._asdict()
+        del document["lost_motion"]
+        document["lost_motion_m"] = self.lost_motion and self.lost_motion._asdict()
         document["hints"] = list(self.hints)
         document["b_change_per_ms_of_lag"] = self.b_change_per_ms
         document["tangent"] = {
@@ -175,6 +195,7 @@ def stiffness_result(
             math.hypot(record.x_noise, record.count / math.sqrt(12.0)),
         ),
     )
+    constant = is_constant_speed(v)
     half_b = math.hypot(
         LEVEL_95 * math.hypot(local.b_std, 0.5 * (local.b - second.b)),
         transmission.damping_error(local.k, per_speed),
@@ -212,9 +233,7 @@ def stiffness_result(
         local.k,
         local.k - half_k,
         local.k + half_k,
-        local.b,
-        local.b - half_b,
-        local.b + half_b,
+        *((None, None, None) if constant else (local.b, local.b - half_b, local.b + half_b)),
         True,
         *texts_and_hints(found),
         force if level is None else force - level,
@@ -227,6 +246,69 @@ def stiffness_result(
         local.frequency if math.isfinite(local.frequency) else None,
         k_tip,
     )
+
+
+def with_lost_motion(
+    result: StiffnessResult, plain: LocalStiffness, found: LostMotion
+) -> StiffnessResult:
+    """Return the result of a record that is corrected for lost motion found in the record itself.
+
+    The shape of the hysteresis is not known, and friction that builds up gradually is corrected
+    only in part. The intervals therefore contain a part of the correction, which is the difference
+    from the stiffness and damping without it (`plain`). If the amplitude is small compared with the
+    lost motion, b, or both k and b, are not determined.
+    """
+    text = (
+        f"lost motion of about {found.half_width * 1e6:.3g} um (half width, 95 % interval "
+        f"{max(found.half_width - found.error, 0.0) * 1e6:.3g} to "
+        f"{(found.half_width + found.error) * 1e6:.3g}) between position sensor and tip"
+    )
+    amplitude = f"the amplitude in contact of {found.amplitude * 1e3:.3g} mm"
+    if found.amplitude < LEAST_AMPLITUDE_FOR_K * found.half_width:
+        text += f": {amplitude} is too small for k and b"
+        return without_result([Reason(text, MEASURE)])
+    if result.k is None or result.k_high is None:
+        return replace(result, reasons=(text, *result.reasons), hints=(*result.hints, MEASURE))
+    half_k = math.hypot(result.k_high - result.k, UNCERTAIN_CORRECTION * (result.k - plain.k))
+    if half_k > WIDEST_INTERVAL * result.k:
+        text += f": the correction of k, from {STIFFNESS.text(plain.k)}, is too large"
+        return without_result([Reason(text, MEASURE)])
+    b = low = high = None
+    without = f"{STIFFNESS.text(plain.k)} and {DAMPING.text(plain.b)}"
+    text += f", which is removed; k and b would be {without} with it"
+    reasons = result.reasons
+    if result.b is not None and result.b_high is not None:
+        half_b = math.hypot(result.b_high - result.b, UNCERTAIN_CORRECTION * (result.b - plain.b))
+        b, low, high = result.b, result.b - half_b, result.b + half_b
+        if found.amplitude < LEAST_AMPLITUDE_FOR_B * found.half_width:
+            b = low = high = None
+            text += f"; {amplitude} is too small for b"
+        elif half_b > abs(b) and DAMPING_NOT_RESOLVED not in reasons:
+            reasons = (*reasons, DAMPING_NOT_RESOLVED)
+    k_tip = result.k_tip and Interval(
+        result.k_tip.value,
+        *(
+            result.k_tip.value + sign * half_k * (result.k_tip.value / result.k) ** 2
+            for sign in (-1.0, 1.0)
+        ),
+    )
+    return replace(
+        result,
+        k_low=result.k - half_k,
+        k_high=result.k + half_k,
+        b=b,
+        b_low=low,
+        b_high=high,
+        k_tip=k_tip,
+        lost_motion=found.interval,
+        reasons=(text, *reasons),
+        hints=(*result.hints, MEASURE),
+    )
+
+
+MEASURE = (
+    "teleop lag --stiffness measures lost motion with a spring; --transmission removes it exactly"
+)
 
 
 def without_result(against: Sequence[Reason]) -> StiffnessResult:

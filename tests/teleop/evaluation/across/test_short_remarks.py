@@ -33,7 +33,7 @@ from teleop.evaluation.batch.stiffness_result import StiffnessResult
             "the stiffness changes over the cycles",
         ),
         (
-            "the speed in contact is constant: damping is not determined, and given as 0",
+            "the speed in contact is constant: damping is not determined",
             "the speed in contact is constant: damping is not determined",
         ),
         (

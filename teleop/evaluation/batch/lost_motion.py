@@ -1,0 +1,298 @@
+"""Find lost motion between the position sensor and the tip in a record of tissue.
+
+After each reversal, lost motion (play, or friction in an elastic transmission) keeps the force
+behind the position by a distance that does not depend on the speed. A model of the body alone
+describes this by damping, which is often negative, or by relaxation.
+
+The force is fitted with the position x, and with the position behind a hysteresis of half width d.
+The hysteresis is a play operator, or two play operators with equal weights, for friction whose
+force builds up gradually. If d is given, all models are linear, so that the sum of squares is
+computed as a function of d alone (variable projection).
+
+The evidence must be strong, because a body that no model describes exactly is often fitted a little
+better with a hysteresis. The number of samples in the information criterion is therefore the number
+of independent values in the residual (`independent_values`): a misfit that is the same in all
+cycles counts as one cycle. In addition, the hysteresis must predict the second half of the record
+better, with parameters that are fitted to the first half.
+
+References
+----------
+G. H. Golub, V. Pereyra, "The differentiation of pseudo-inverses and nonlinear least squares
+problems whose variables separate", SIAM J. Numer. Anal. 10(2), 1973; M. Brokate, J. Sprekels,
+"Hysteresis and Phase Transitions", Springer, 1996.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from estimation.arrays import Floats
+from estimation.smoothing import slope_kernel, smoothing_kernel
+from estimation.stiffening import Interval
+from teleop.evaluation.batch.contact_phases import Phases
+from teleop.evaluation.batch.regression_rows import RegressionRows
+from teleop.evaluation.batch.smoothed_record import SmoothedRecord
+from teleop.evaluation.batch.thresholds import (
+    FEWEST_LOST_MOTION_SAMPLES,
+    LEAST_LOST_MOTION,
+    LEAST_LOST_MOTION_COUNTS,
+    LOST_MOTION_BIC,
+    LOST_MOTION_PREDICTION,
+    WIDEST_LOST_MOTION,
+)
+
+SHAPES: dict[str, tuple[float, ...]] = {"play": (1.0,), "gradual": (0.423, 1.577)}
+"""Half widths of the play operators in each shape of hysteresis, divided by d. Those of `gradual`
+are the nodes of the Gauss-Legendre quadrature for half widths between 0 and 2 d."""
+WIDTHS, REFINED = 12, 7
+"""Number of half widths d that are tried over the whole range, and around the best of them."""
+DEGREES, DAMPINGS = 5, 3
+"""Largest degree of the polynomial P(x) in the models, and largest number of damping terms."""
+TIMES = 4
+"""Number of relaxing parts in the models that contain relaxation."""
+CHI_SQUARE_95 = 3.841
+"""Quantile of the chi-square distribution with one degree of freedom."""
+
+
+class LostMotion(NamedTuple):
+    """Lost motion that was found in a record."""
+
+    half_width: float
+    """Half width d of the hysteresis [m]."""
+    error: float
+    """Half width of the 95 % interval of d [m]."""
+    shape: str
+    """Shape of the hysteresis, one of `SHAPES`."""
+    amplitude: float
+    """Half of the travel of the measured position in contact [m]."""
+
+    @property
+    def interval(self) -> Interval:
+        """Half width d with its 95 % interval [m]."""
+        return Interval(self.half_width, self.half_width - self.error, self.half_width + self.error)
+
+    def tip(self, x: Floats) -> Floats:
+        """Return the position behind the lost motion [m], for a measured position x, shape (n,)."""
+        widths = self.half_width * np.array(SHAPES[self.shape])
+        return np.asarray(played(x, widths).mean(axis=0))
+
+
+class Model(NamedTuple):
+    """The terms of a linear model of the force."""
+
+    degree: int
+    """Degree of the polynomial P(x)."""
+    dampings: int
+    """Number of damping terms: 1 for b v, more for damping that depends on the position."""
+    relaxes: bool
+    """Whether the model has relaxing parts."""
+
+
+class HysteresisFit(NamedTuple):
+    """A model that was fitted to the force, with the position behind a hysteresis."""
+
+    half_width: float
+    """Half width d of the hysteresis [m]; 0 without a hysteresis."""
+    shape: str
+    model: Model
+    parameters: int
+    """Number of fitted parameters, including d."""
+    residual: Floats
+
+    def criterion(self, n: float) -> float:
+        """Bayesian information criterion for n independent values of the residual."""
+        squares = max(float(self.residual @ self.residual), 1e-300)
+        return n * math.log(squares) + self.parameters * math.log(n)
+
+
+def find_lost_motion(record: SmoothedRecord, phases: Phases) -> LostMotion | None:
+    """Return the lost motion in a record; None if there is no strong evidence for any."""
+    rows = RegressionRows(record, phases)
+    least = max(LEAST_LOST_MOTION_COUNTS * record.count, LEAST_LOST_MOTION)
+    widest = WIDEST_LOST_MOTION * rows.scale
+    if len(rows.index) < FEWEST_LOST_MOTION_SAMPLES or widest < 2.0 * least:
+        return None
+    regressors = Regressors(rows)
+    plain = regressors.fits(record.raw_x[None], np.zeros(1), "")
+    least_rms = min(float(np.std(one.residual)) for one in plain)
+    if (
+        math.log(max(least_rms, 1e-300) / max(record.f_noise_smoothed, 1e-300))
+        < LOST_MOTION_PREDICTION
+    ):
+        return None  # the noise of the force explains the residual
+    coarse = np.geomspace(least, widest, WIDTHS)
+    found = [fit for shape in SHAPES for fit in regressors.tried(shape, coarse)]
+    n = independent_values(min(found, key=lambda one: one.criterion(len(rows.index))).residual)
+    best = min(found, key=lambda one: one.criterion(n))
+    without = min(plain, key=lambda one: one.criterion(n))
+    if best.half_width == least or without.criterion(n) - best.criterion(n) < LOST_MOTION_BIC:
+        return None
+    ratio = float(coarse[1] / coarse[0])
+    around = best.half_width * np.geomspace(1.0 / ratio, ratio, REFINED)
+    profile = [fit for fit in regressors.tried(best.shape, around) if fit.model == best.model]
+    half_width, error = minimum(
+        np.array([one.half_width for one in profile]),
+        np.array([n * math.log(float(one.residual @ one.residual)) for one in profile]),
+    )
+    if half_width - error <= 0.0 or half_width < least:
+        return None
+    chosen = LostMotion(half_width, error, best.shape, rows.scale)
+    gain = regressors.prediction_error(record.raw_x, without.model) - regressors.prediction_error(
+        chosen.tip(record.raw_x), best.model
+    )
+    return chosen if gain > LOST_MOTION_PREDICTION else None
+
+
+class Regressors:
+    """Fits the linear models to the rows of a record, for any signals in place of the position."""
+
+    def __init__(self, rows: RegressionRows) -> None:
+        self._rows, self._record = rows, rows.record
+        self._basis, _ = np.linalg.qr(rows.basis)
+        self._force = rows.f - self._basis @ (self._basis.T @ rows.f)
+        self._models = [
+            Model(*terms)
+            for terms in product(
+                (1, 2, 3, DEGREES), (1, DAMPINGS), (False, True) if rows.relaxation else (False,)
+            )
+        ]
+        self._times = np.geomspace(4.0 * self._record.width, rows.longest_time, TIMES + 1)[:-1]
+
+    def tried(self, shape: str, half_widths: Floats) -> list[HysteresisFit]:
+        """Fit all models with each of these half widths of the hysteresis."""
+        parts = np.outer(half_widths, SHAPES[shape])
+        outputs = np.concatenate(
+            [played(piece, parts.ravel()) for piece in self._split(self._record.raw_x)], axis=1
+        )
+        return self.fits(outputs.reshape(*parts.shape, -1).mean(axis=1), half_widths, shape)
+
+    def fits(self, x: Floats, half_widths: Floats, shape: str) -> list[HysteresisFit]:
+        """Fit all models with each of m signals in place of the position, shape (m, n)."""
+        found = []
+        for half_width, columns in zip(half_widths.tolist(), self._columns(x), strict=True):
+            gram, along = columns.T @ columns, columns.T @ self._force
+            size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+            gram, along = gram / np.outer(size, size), along / size
+            for model in self._models:
+                used = self._used(model)
+                theta = np.linalg.lstsq(gram[np.ix_(used, used)], along[used], rcond=1e-12)[0]
+                residual = self._force - columns[:, used] @ (theta / size[used])
+                count = len(used) + self._basis.shape[1] + (half_width > 0.0)
+                found.append(HysteresisFit(half_width, shape, model, count, residual))
+        return found
+
+    def prediction_error(self, x: Floats, model: Model) -> float:
+        """Return the logarithm of the error with which each half predicts the other half.
+
+        The baseline is removed from the whole record before, because it cannot be extrapolated.
+        """
+        columns, f = self._columns(x[None])[0][:, self._used(model)], self._force
+        columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        first = np.arange(len(f)) < len(f) // 2
+        errors = []
+        for fitted in (first, ~first):
+            theta = np.linalg.lstsq(columns[fitted], f[fitted], rcond=1e-10)[0]
+            errors.append(float(np.std(f[~fitted] - columns[~fitted] @ theta)))
+        return 0.5 * sum(math.log(max(error, 1e-300)) for error in errors)
+
+    def _used(self, model: Model) -> list[int]:
+        used = [*range(model.degree), *range(DEGREES, DEGREES + model.dampings)]
+        first = DEGREES + DAMPINGS
+        return [*used, *range(first, first + TIMES)] if model.relaxes else used
+
+    def _columns(self, x: Floats) -> Floats:
+        """Regressors without baseline at the r rows, for m signals x; shape (m, r, columns).
+
+        They are powers of the position, damping terms, and relaxing parts.
+        """
+        rows, record = self._rows, self._record
+        width = record.width / record.period
+        gaussian, derivative = smoothing_kernel(width), slope_kernel(width, record.period)
+        s = rows.normalised(x)
+        clipped = np.clip(s, -1.5, 1.5)
+        powers = [self._at_rows(clipped**degree, gaussian) for degree in range(1, DEGREES + 1)]
+        v = self._at_rows(s, derivative)
+        columns = [*powers, v, *(power * v for power in powers[: DAMPINGS - 1])]
+        if rows.relaxation:
+            y = np.array([rows.in_contact(one) for one in x])
+            relaxing = self._relaxing((y - y[:, :1]) / rows.scale)
+            columns += [self._at_rows(one, gaussian) for one in relaxing]
+        stacked = np.stack(columns, axis=-1)
+        return np.asarray(stacked - self._basis @ (self._basis.T @ stacked))
+
+    def _relaxing(self, y: Floats) -> Floats:
+        """Relaxing parts of m signals of shape (m, n), which start at zero; shape (times, m, n).
+
+        They are the solution of z' = y' - z / tau, as in `estimation.batch_models.relaxation`.
+        """
+        decay = np.exp(-self._record.period / self._times)[:, None]
+        gain = (1.0 - decay) * (self._times / self._record.period)[:, None]
+        z = np.zeros((len(self._times), len(y)))
+        out = np.empty((y.shape[1], *z.shape))
+        for start, piece in zip(self._record.starts, self._split(y), strict=True):
+            z[:] = 0.0
+            for i, change in enumerate(np.diff(piece, axis=1, prepend=piece[:, :1]).T, start):
+                z = decay * z + gain * change
+                out[i] = z
+        return np.moveaxis(out, 0, -1)
+
+    def _at_rows(self, values: Floats, kernel: Floats) -> Floats:
+        """Convolve each piece of m signals with a kernel; return the values at the rows, (m, r)."""
+        half = len(kernel) // 2
+        padded = np.concatenate(
+            [
+                np.pad(piece, ((0, 0), (half, half)), mode="reflect", reflect_type="odd")
+                for piece in self._split(values)
+            ],
+            axis=1,
+        )
+        index = self._rows.index
+        first = index + 2 * half * (np.searchsorted(self._record.starts, index, side="right") - 1)
+        return np.asarray(sum(w * padded[:, first + i] for i, w in enumerate(kernel[::-1])))
+
+    def _split(self, values: Floats) -> list[Floats]:
+        return np.split(values, self._record.starts[1:], axis=-1)
+
+
+def played(x: Floats, half_widths: Floats) -> Floats:
+    """Return the outputs of m play operators for one input, shape (m, n)."""
+    low, high = x[:, None] - half_widths, x[:, None] + half_widths
+    out = np.empty_like(low)
+    y = np.full(len(half_widths), x[0])
+    for i in range(len(x)):
+        y = np.minimum(np.maximum(y, low[i]), high[i])
+        out[i] = y
+    return out.T
+
+
+def independent_values(residual: Floats) -> float:
+    """Return the number of independent values among n values of a residual.
+
+    It is n divided by the sum of the squared autocorrelation over all lags (Bartlett's formula for
+    the correlation of two signals), without the part that white noise causes in this sum.
+    """
+    n = len(residual)
+    spectrum = np.abs(np.fft.rfft(residual, 2 * n)) ** 2
+    correlation = np.fft.irfft(spectrum)[: n // 2]
+    correlation = correlation / max(float(correlation[0]), 1e-300)
+    return n / max(1.0, 1.0 + 2.0 * float(np.sum(correlation[1:] ** 2 - 1.0 / n)))
+
+
+def minimum(half_widths: Floats, deviance: Floats) -> tuple[float, float]:
+    """Return the half width with the smallest deviance, and the half width of its 95 % interval.
+
+    The deviance is n log(sum of squares). It is interpolated by a parabola through the smallest
+    value and its neighbours.
+    """
+    at = int(np.clip(np.argmin(deviance), 1, len(deviance) - 2))
+    near = slice(at - 1, at + 2)
+    centre = half_widths[at]
+    curvature, gradient, _ = np.polyfit(half_widths[near] - centre, deviance[near], 2)
+    if curvature <= 0.0:
+        return float(half_widths[at]), math.inf
+    shift = float(np.clip(-0.5 * gradient / curvature, *(half_widths[near][[0, 2]] - centre)))
+    return float(centre + shift), math.sqrt(CHI_SQUARE_95 / curvature)
