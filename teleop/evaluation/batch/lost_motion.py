@@ -48,7 +48,7 @@ from teleop.evaluation.batch.thresholds import (
 SHAPES: dict[str, tuple[float, ...]] = {"play": (1.0,), "gradual": (0.423, 1.577)}
 """Half widths of the play operators in each shape of hysteresis, divided by d. Those of `gradual`
 are the nodes of the Gauss-Legendre quadrature for half widths between 0 and 2 d."""
-WIDTHS, REFINED = 12, 7
+WIDTHS, REFINED = 16, 7
 """Number of half widths d that are tried over the whole range, and around the best of them."""
 DEGREES, DAMPINGS = 5, 3
 """Largest degree of the polynomial P(x) in the models, and largest number of damping terms."""
@@ -124,14 +124,16 @@ def find_lost_motion(record: SmoothedRecord, phases: Phases) -> LostMotion | Non
         < LOST_MOTION_PREDICTION
     ):
         return None  # the noise of the force explains the residual
-    coarse = np.geomspace(least, widest, WIDTHS)
-    found = [fit for shape in SHAPES for fit in regressors.tried(shape, coarse)]
+    coarse = {
+        shape: np.geomspace(least, widest / max(parts), WIDTHS) for shape, parts in SHAPES.items()
+    }
+    found = [fit for shape in SHAPES for fit in regressors.tried(shape, coarse[shape])]
     n = independent_values(min(found, key=lambda one: one.criterion(len(rows.index))).residual)
     best = min(found, key=lambda one: one.criterion(n))
     without = min(plain, key=lambda one: one.criterion(n))
     if best.half_width == least or without.criterion(n) - best.criterion(n) < LOST_MOTION_BIC:
         return None
-    ratio = float(coarse[1] / coarse[0])
+    ratio = float(coarse[best.shape][1] / least)
     around = best.half_width * np.geomspace(1.0 / ratio, ratio, REFINED)
     profile = [fit for fit in regressors.tried(best.shape, around) if fit.model == best.model]
     half_width, error = minimum(

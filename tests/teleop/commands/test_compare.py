@@ -269,8 +269,7 @@ def test_the_notes_state_force_depth_and_frequency_at_which_the_results_of_each_
 
 
 def test_damping_that_a_recording_does_not_determine_has_no_value_and_no_kind(capsys):
-    tiny = 1e-300
-    result = StiffnessResult(1e3, 990.0, 1010.0, 0.0, -tiny, tiny, True)
+    result = StiffnessResult(1e3, 990.0, 1010.0, identifiable=True)
     rows = [Compared(f"{i}.mcap", {"cube": "soft"}, result, {}) for i in range(2)]
     groups = grouped(rows, ["cube"], {})
     table = group_table(groups, ["cube"])

@@ -77,9 +77,11 @@ def test_with_a_calibrated_transmission_the_intervals_contain_the_true_values(re
     assert result.k_high - result.k_low < 0.02 * k
 
 
-def test_without_it_the_damping_is_wrong(record):
-    result = result_of(record).result
-    assert result.b_high < 0.0
+def test_without_it_the_lost_motion_is_found_in_the_record(record):
+    result = result_of(record, force_lag=LAG).result
+    assert result.lost_motion.low <= LOST_MOTION <= result.lost_motion.high
+    assert result.lost_motion.value == pytest.approx(LOST_MOTION, rel=0.05)
+    assert result.b_low <= B <= result.b_high
     assert result.k_tip is None
 
 

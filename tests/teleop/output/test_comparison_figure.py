@@ -162,7 +162,7 @@ def test_damping_of_one_kind_has_one_mark():
 
 def test_damping_that_a_recording_does_not_determine_is_not_drawn():
     found = [compared("free", cube) for cube in ("soft", "medium")]
-    unknown = replace(found[1].result, b=0.0, b_low=-1e-300, b_high=1e-300)
+    unknown = replace(found[1].result, b=None, b_low=None, b_high=None)
     rows = [found[0], replace(found[1], result=unknown)]
     k, b = comparison_figure(rows, grouped(rows, BY, {}), BY).axes
     marks = [

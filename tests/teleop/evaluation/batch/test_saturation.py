@@ -77,7 +77,8 @@ def test_lost_motion_at_the_lowest_force_is_not_taken_for_free_motion(tmp_path, 
     assert main(["estimate", path, "--transmission", "none", "--json"]) == 0  # not corrected
     found = json.loads(capsys.readouterr().out)
     assert found["result"]["identifiable"]
-    assert "free" not in {phase["phase"] for phase in found["phases"]}
+    # the trial starts at the surface; later, the lowest force is in contact
+    assert "free" not in {phase["phase"] for phase in found["phases"][1:]}
 
 
 @settings(max_examples=10, deadline=None)
@@ -107,13 +108,17 @@ def test_a_coarse_force_sensor_is_not_taken_for_saturation(count):
     assert found.k_low <= K <= found.k_high
 
 
+def late(lag):
+    return K * AMPLITUDE * np.sin(2.0 * np.pi * (T - lag))
+
+
 def test_negative_damping_is_a_remark():
-    found = result(X, 10.0 + K * lost(X, 0.1 * AMPLITUDE), 0)
+    found = result(X, 10.0 + late(5e-3), 0)
     assert any("damping is negative" in reason for reason in found.reasons)
 
 
 def test_a_remark_on_negative_damping_does_not_blame_a_lag_that_is_compensated():
-    signals = Signals(T, X, 10.0 + K * lost(X, 0.1 * AMPLITUDE), periods(T), "position")
+    signals = Signals(T, X, 10.0 + late(5e-3), periods(T), "position")
     before, after = (analyse(signals, lag).result for lag in (0.0, 1e-3))
     assert any("--force-lag" in hint for hint in before.hints)
     assert any("longer than the compensated lag (1 ms)" in reason for reason in after.reasons)

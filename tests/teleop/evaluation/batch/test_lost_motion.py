@@ -1,0 +1,137 @@
+"""Lost motion is found in records of unknown bodies, and is not invented in clean records."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from teleop.evaluation.batch.analysis import analyse
+from teleop.evaluation.batch.lost_motion import independent_values, played
+from teleop.evaluation.reading.signals import Signals, periods
+
+RATE, AMPLITUDE, K = 500.0, 2e-3, 1500.0
+T = np.arange(round(10.0 * RATE)) / RATE
+
+
+def sine(frequency=0.9):
+    return AMPLITUDE * np.sin(2.0 * math.pi * frequency * T)
+
+
+def several_frequencies():
+    parts = ((0.6, 0.5, 0.0), (0.3, 1.1, 1.0), (0.15, 1.9, 2.0))
+    return sum(AMPLITUDE * a * np.sin(2.0 * math.pi * hz * T + p) for a, hz, p in parts)
+
+
+def behind_play(x, half_width):
+    """Position of a block that is pushed by two walls at a distance of twice the half width."""
+    y, found = x[0], []
+    for value in x.tolist():
+        y += max(0.0, value - y - half_width) - max(0.0, y - value - half_width)
+        found.append(y)
+    return np.array(found)
+
+
+def behind_dahl(x, most):
+    """Position behind a spring whose end is held by friction that builds up gradually (Dahl)."""
+    z, found = 0.0, []
+    for value, change in zip(x.tolist(), np.diff(x, prepend=x[0]).tolist(), strict=True):
+        z += change - abs(change) * z / most
+        found.append(value - z)
+    return np.array(found)
+
+
+def springpot(x, order=0.15, stiffness=K):
+    """Force of a body with structural damping, by the Gruenwald-Letnikov sum."""
+    weights = np.cumprod(np.concatenate([[1.0], 1.0 - (order + 1.0) / np.arange(1, len(x))]))
+    return stiffness * RATE**order * np.convolve(np.tile(x, 2), weights)[len(x) : 2 * len(x)]
+
+
+def relaxing(x):
+    """Force of a standard linear solid; the motion is periodic, and repeated until steady."""
+    z, found = 0.0, []
+    for change in np.diff(np.tile(x, 2), prepend=x[0]).tolist():
+        z = (z + change) * math.exp(-1.0 / (0.3 * RATE))
+        found.append(z)
+    return K * x + 0.4 * K * np.array(found[len(x) :])
+
+
+def linear(x):
+    return K * x + 20.0 * np.gradient(x, 1.0 / RATE)
+
+
+def stiffening(x):
+    return linear(x) + 2e8 * (x + AMPLITUDE) ** 3
+
+
+def record(x, force, seed):
+    rng = np.random.default_rng(seed)
+    f = 10.0 + force + rng.normal(0.0, 2e-3 * np.ptp(force), len(x))
+    counts = np.round((5e-3 + x + rng.normal(0.0, 2e-7, len(x))) / 1e-6) * 1e-6
+    return Signals(T, counts, f, periods(T), "position")
+
+
+@pytest.mark.parametrize("body", [linear, stiffening, relaxing])
+@pytest.mark.parametrize("motion", [sine, several_frequencies])
+def test_play_is_found_and_removed(body, motion):
+    x = motion()
+    tip = behind_play(x, 80e-6)
+    found = analyse(record(x, body(tip), 1)).result
+    exact = analyse(record(tip, body(tip), 1)).result
+    assert found.lost_motion.value == pytest.approx(80e-6, rel=0.1)
+    assert found.k_low <= exact.k <= found.k_high
+    assert found.b_low <= exact.b <= found.b_high
+    assert found.k == pytest.approx(exact.k, rel=0.02)
+    assert any(reason.startswith("lost motion of about") for reason in found.reasons)
+
+
+@pytest.mark.parametrize("motion", [sine, several_frequencies])
+def test_gradual_friction_is_found_and_its_effect_is_in_the_intervals(motion):
+    x = motion()
+    tip = behind_dahl(x, 80e-6)
+    found = analyse(record(x, linear(tip), 2)).result
+    assert found.lost_motion is not None
+    assert found.k_low <= K <= found.k_high
+    assert found.b_low <= 20.0 <= found.b_high
+
+
+@pytest.mark.parametrize("body", [linear, stiffening, relaxing, springpot])
+@pytest.mark.parametrize("motion", [sine, several_frequencies])
+def test_no_lost_motion_is_invented_on_a_rigid_rig(body, motion):
+    x = motion()
+    for seed in range(3):
+        found = analyse(record(x, body(x), seed)).result
+        assert found.lost_motion is None
+        assert not any("lost motion of" in reason for reason in found.reasons)
+
+
+def test_lost_motion_below_the_resolution_is_not_reported():
+    x = sine()
+    coarse = record(x, linear(behind_play(x, 5e-6)), 3)
+    coarse = coarse._replace(x=np.round(coarse.x / 1e-5) * 1e-5)
+    assert analyse(coarse).result.lost_motion is None
+
+
+def test_damping_is_not_determined_where_the_amplitude_is_small():
+    x = sine()
+    found = analyse(record(x, linear(behind_play(x, 0.3 * AMPLITUDE)), 4)).result
+    assert found.identifiable
+    assert found.b is None
+    assert "too small for b" in found.reasons[0]
+    nothing = analyse(record(x, linear(behind_play(x, 0.6 * AMPLITUDE)), 4)).result
+    assert nothing.k is None
+    assert "too small for k and b" in nothing.reasons[0]
+
+
+def test_played_is_the_position_between_two_walls():
+    x = np.cumsum(np.random.default_rng(5).normal(size=300))
+    for out, half_width in zip(played(x, np.array([0.0, 1.5])), (0.0, 1.5), strict=True):
+        assert out == pytest.approx(behind_play(x, half_width), abs=1e-12)
+
+
+def test_values_that_every_cycle_repeats_count_once():
+    rng = np.random.default_rng(6)
+    assert independent_values(rng.normal(size=1000)) > 400
+    cycle = rng.normal(size=50)
+    assert independent_values(np.tile(cycle, 20)) < 100
