@@ -102,7 +102,7 @@ class SubspaceForgetting(FactoredEstimator):
     upper bound is P0, the initial value of P, multiplied by 1 or by (1 - beta) / threshold^2,
     whichever is larger.
 
-    The algorithm is applied to scaled parameters theta_i / s_i and scaled regressors s_i phi_i, where
+    The algorithm is applied to scaled parameters theta_i / s_i and scaled regressors s_i phi_i.
     s_i^2 is the initial variance of parameter i. The reason is that the algorithm adds squares of
     regressors of different units: its estimates would depend on the units of b and k. With the
     information matrix R = P^-1 of the parameters without scaling, the forgetting is

@@ -239,9 +239,11 @@ def material(evaluation: Evaluation, tip: Indenter | None) -> dict[str, Any]:
     if not (tip and analysis.result.identifiable):
         return {}
     from teleop.evaluation.batch.material import elastic_modulus
+    from teleop.evaluation.online.datum import CHOSEN
 
-    known = analysis.phases.contact_point is not None
-    return {"material": elastic_modulus(analysis.result, tip, known)}
+    datum = evaluation.datum
+    stated = (datum.x, datum.f) if datum.source in CHOSEN else None
+    return {"material": elastic_modulus(analysis, tip, stated)}
 
 
 def recorded(evaluation: Evaluation, recording: Recording | None) -> dict[str, Any]:

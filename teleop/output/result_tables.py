@@ -240,9 +240,7 @@ def print_together(together: Mapping[str, Any]) -> None:
                 [
                     Path(row["file"]).name,
                     small(row["frequency_hz"]),
-                    shown_half(
-                        STIFFNESS, row["storage_n_per_m"], row["storage_interval_n_per_m"]
-                    ),
+                    shown_half(STIFFNESS, row["storage_n_per_m"], row["storage_interval_n_per_m"]),
                     shown_half(STIFFNESS, row["loss_n_per_m"], row["loss_interval_n_per_m"]),
                     f"{row['tan_delta']:.3f} \u00b1 {row['tan_delta_interval']:.1g}",
                 ]
