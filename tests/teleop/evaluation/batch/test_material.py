@@ -100,13 +100,15 @@ def test_the_modulus_of_a_flat_punch_does_not_depend_on_the_contact_point() -> N
 def test_the_force_on_a_layer_is_the_integral_of_its_stiffness(indenter: Indenter) -> None:
     layer = Indenter(indenter.shape, indenter.radius, indenter.angle, 5e-3)
     force = force_law(layer, 3e-3)
-    depths = np.linspace(0.0, 2e-3, 81)
+    depths = 2e-3 * np.linspace(0.0, 1.0, 25) ** 2
     stiffness = [
         2.0 * a * hayes_factor(a / 5e-3, POISSON) for a in map(indenter.contact_radius, depths)
     ]
     expected = np.trapezoid(stiffness, depths)
     assert force(depths[-1:])[0] == pytest.approx(expected, rel=2e-3)
-    assert force(depths[1:2])[0] == pytest.approx(force_law(indenter, 1.0)(depths[1:2])[0], rel=0.1)
+    assert force(depths[1:2])[0] == pytest.approx(
+        force_law(indenter, 1.0)(depths[1:2])[0], rel=0.15
+    )
 
 
 def test_a_layer_gives_a_smaller_modulus_than_a_half_space() -> None:
