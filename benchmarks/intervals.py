@@ -6,6 +6,9 @@ be within 1.96 standard deviations of the estimate for 93 to 97 % of the seeds. 
 without an interval, k should be within 2 % of the true k for 95 % of the seeds. The plant is a
 Kelvin-Voigt body, f = b v + k x. For the Hunt-Crossley estimators, it is a Hunt-Crossley body,
 f = K x^n + B x^n v.
+
+The noise is white. With `--noise-time TAU`, it is coloured: an autoregressive process of first
+order, whose autocorrelation decreases by the factor e in the time TAU [s].
 """
 
 from __future__ import annotations
@@ -29,6 +32,7 @@ from bank_case import (
     hunt_crossley_force,
     show,
 )
+from scipy.signal import lfilter
 
 from estimation import METHODS
 from estimation.estimator import LEVEL_95
@@ -45,7 +49,18 @@ def truth(name: str) -> dict[str, float]:
     return HUNT_CROSSLEY if hunt_crossley(name) else LINEAR
 
 
-def last_values(seeds: range, seconds: float) -> dict[str, np.ndarray]:
+def force_noise(seed: int, count: int, time: float) -> np.ndarray:
+    """Return the noise of the force [N], with the correlation time `time` [s]; 0 is white noise."""
+    rng = np.random.default_rng(seed)
+    if time == 0.0:
+        return rng.normal(0.0, NOISE, count)
+    before = round(5.0 * time * RATE)  # the process is then stationary
+    decay = math.exp(-1.0 / (time * RATE))
+    white = rng.normal(0.0, NOISE * math.sqrt(1.0 - decay * decay), count + before)
+    return np.asarray(lfilter([1.0], [1.0, -decay], white)[before:])
+
+
+def last_values(seeds: range, seconds: float, time: float = 0.0) -> dict[str, np.ndarray]:
     """Return the value and standard deviation of each parameter, and the relative error of k.
 
     For each estimator, the array has the shape (seeds, parameters + 1, 2). The k of the
@@ -64,7 +79,7 @@ def last_values(seeds: range, seconds: float) -> dict[str, np.ndarray]:
     }
     found: dict[str, list[list[tuple[float, float]]]] = {name: [] for name in METHODS}
     for seed in seeds:
-        noise = np.random.default_rng(seed).normal(0.0, NOISE, len(t))
+        noise = force_noise(seed, len(t), time)
         for kind, bank in kinds.items():
             force, k = plants[kind]
             bank.reset()
@@ -97,13 +112,15 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--seeds", type=int, default=2000)
     parser.add_argument("--seconds", type=float, default=10.0)
-    seeds, seconds = vars(parser.parse_args()).values()
+    parser.add_argument("--noise-time", type=float, default=0.0)
+    seeds, seconds, time = vars(parser.parse_args()).values()
     last_values(range(1), seconds)  # compile once; the workers load the result
     parts = [range(first, seeds, 40) for first in range(min(40, seeds))]
     with ProcessPoolExecutor(2) as pool:
-        results = list(pool.map(partial(last_values, seconds=seconds), parts))
+        results = list(pool.map(partial(last_values, seconds=seconds, time=time), parts))
+    noise = f", noise with the correlation time {time:g} s" if time else ""
     show(
-        f"Coverage of the 95 % interval after {seconds:g} s, {seeds} seeds",
+        f"Coverage of the 95 % interval after {seconds:g} s, {seeds} seeds{noise}",
         [verdict(name, np.concatenate([part[name] for part in results])) for name in METHODS],
         ("method", "b or K", "k or B", "n", "k rms error", "largest", "within 2 %", "verdict"),
     )

@@ -84,7 +84,10 @@ class MultiEstimator(Estimator):
     If several candidates have equal signals, the candidate nearest to (b, k) = (0, 0) is selected.
     For example, the data do not determine the damping while v is zero. The estimate of b is then
     the candidate value nearest to zero. For this purpose, a small term is added to each signal. The
-    term does not change the result for candidates that the data distinguish. Let B be the
+    term does not change the result for candidates that the data distinguish: the signal of the
+    selected candidate is larger than the smallest signal by at most 2 `TIE` times the integral that
+    is the third factor below. If v and x are collinear within about 1e-4 of their size, another
+    candidate than that of equation (11) can therefore be selected. Let B be the
     difference between the largest and the smallest candidate value of b, and K that of k. The term
     of a candidate (b, k) is the product of three factors:
 

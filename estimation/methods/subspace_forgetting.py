@@ -95,12 +95,22 @@ class SubspaceForgetting(FactoredEstimator):
     """Recursive least squares that forgets only in the subspace of new information (SIFt-RLS).
 
     The regressors phi of a sample are a vector. A sample contains information about the parameters
-    theta only in the direction of phi. So old information is forgotten only in this direction.
+    theta only in one direction. So old information is forgotten only in this direction.
     Samples with small regressors are ignored, see `threshold`.
 
     For every motion, the covariance P of theta has a positive lower bound and an upper bound. The
     upper bound is P0, the initial value of P, multiplied by 1 or by (1 - beta) / threshold^2,
     whichever is larger.
+
+    The algorithm is applied to scaled parameters theta_i / s_i and scaled regressors s_i phi_i.
+    s_i^2 is the initial variance of parameter i. The reason is that the algorithm adds squares of
+    regressors of different units: its estimates would depend on the units of b and k. With the
+    information matrix R = P^-1 of the parameters without scaling, the forgetting is
+
+        R <- R - (1 - beta) R P0 phi phi' P0 R / (phi' P0 R P0 phi).
+
+    So old information is forgotten in the direction P0 phi. Without the scaling, P0 would be the
+    identity matrix. The estimates are those of the publication only if all initial variances are 1.
 
     The method is Algorithm 1 of B. Lai and D. S. Bernstein, "SIFt-RLS: Subspace of Information
     Forgetting Recursive Least Squares", arXiv:2404.10844, 2024, for one measurement per sample. The

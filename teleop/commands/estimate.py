@@ -72,7 +72,7 @@ class FigureOptions:
     plot_fit: Path | None = None
     """Plot the force over the displacement, with the phases of the palpation (such as loading and
     hold), the fit of the best model, and the residual of this fit. For several files, plot the
-    complex modulus over frequency."""
+    complex stiffness over frequency."""
     width: Width = "screen"
 
     @property
@@ -103,15 +103,15 @@ class FigureOptions:
             if self.plot_force:
                 save(evaluation.plot_force(self.width, title), self.plot_force, overwrite)
             if self.plot_fit:
-                from teleop.output.fit_figures import fit_figure, modulus_figure
+                from teleop.output.fit_figures import complex_stiffness_figure, fit_figure
 
                 if together is None:
                     figure = fit_figure(name, evaluation)
-                elif together["modulus"]:
-                    figure = modulus_figure(together["modulus"])
+                elif together["complex_stiffness"]:
+                    figure = complex_stiffness_figure(together["complex_stiffness"])
                 else:
                     raise InputError(
-                        "--plot-fit: no file has a complex modulus: expected periodic palpations"
+                        "--plot-fit: no file has a complex stiffness: expected periodic palpations"
                     )
                 save(figure, self.plot_fit, overwrite)
 
@@ -143,7 +143,7 @@ def estimate(
     printed, and the estimates of the online estimators, which use one sample after another.
 
     Several files are evaluated one after another. Then a test shows whether a Kelvin-Voigt model
-    with the same stiffness and damping fits all files, and the complex modulus of each file is
+    with the same stiffness and damping fits all files, and the complex stiffness of each file is
     printed.
 
     Example: `teleop estimate indentation.csv --force "Load [N]" --estimators all`
@@ -239,9 +239,11 @@ def material(evaluation: Evaluation, tip: Indenter | None) -> dict[str, Any]:
     if not (tip and analysis.result.identifiable):
         return {}
     from teleop.evaluation.batch.material import elastic_modulus
+    from teleop.evaluation.online.datum import CHOSEN
 
-    known = analysis.phases.contact_point is not None
-    return {"material": elastic_modulus(analysis.result, tip, known)}
+    datum = evaluation.datum
+    stated = (datum.x, datum.f) if datum.source in CHOSEN else None
+    return {"material": elastic_modulus(analysis, tip, stated)}
 
 
 def recorded(evaluation: Evaluation, recording: Recording | None) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """Draw the results of the batch evaluation, which fits models to all samples of a file together.
 
-The figures show the fitted force, the residual, the phases of the motion and the complex modulus.
+The figures show the fitted force, the residual, the phases of the motion and the complex stiffness.
 """
 
 from __future__ import annotations
@@ -158,8 +158,8 @@ def draw_fit(
     over_t.plot(t, force, color=MODEL, linewidth=0.6, label=name)
 
 
-def modulus_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Return a figure of the complex modulus k' + i k'' against frequency, with 95 % intervals.
+def complex_stiffness_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Return a figure of the complex stiffness k' + i k'' against frequency, with 95 % intervals.
 
     The panels show the storage stiffness k', the loss stiffness k'', and tan delta = k'' / k'.
     """
@@ -168,20 +168,20 @@ def modulus_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     ordered = sorted(rows, key=lambda row: float(row["frequency_hz"]))
     frequency = [row["frequency_hz"] for row in ordered]
     # A larger unit only from 10 of it on, because k" is often ten times smaller than k'.
-    scale, unit = STIFFNESS.axis(0.1 * ordered[0]["storage"])
-    for axes, (name, label, size, colour) in zip(
+    scale, unit = STIFFNESS.axis(0.1 * ordered[0]["storage_n_per_m"])
+    for axes, (name, ending, label, size, colour) in zip(
         panels,
         (
-            ("storage", f"storage k\u2032 [{unit}]", scale, BLUE),
-            ("loss", f"loss k\u2033 [{unit}]", scale, ORANGE),
-            ("tan_delta", "tan \u03b4 = k\u2033 / k\u2032", 1.0, "#000000"),
+            ("storage", "_n_per_m", f"storage k\u2032 [{unit}]", scale, BLUE),
+            ("loss", "_n_per_m", f"loss k\u2033 [{unit}]", scale, ORANGE),
+            ("tan_delta", "", "tan \u03b4 = k\u2033 / k\u2032", 1.0, "#000000"),
         ),
         strict=True,
     ):
         axes.errorbar(
             frequency,
-            [row[name] * size for row in ordered],
-            [row[f"{name}_interval"] * size for row in ordered],
+            [row[name + ending] * size for row in ordered],
+            [row[f"{name}_interval{ending}"] * size for row in ordered],
             color=colour,
             marker="o",
             markersize=4,

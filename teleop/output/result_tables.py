@@ -215,7 +215,7 @@ def significant(value: float, width: float) -> str:
 
 
 def print_together(together: Mapping[str, Any]) -> None:
-    """Print the result of `evaluate_together`: fits, complex modulus, ratios and conclusions."""
+    """Print the result of `evaluate_together`: fits, complex stiffness, ratios and conclusions."""
     console = plain_console()
     names = [Path(row["file"]).name for row in together["alone"]]
     if len(set(names)) < len(names):
@@ -230,20 +230,20 @@ def print_together(together: Mapping[str, Any]) -> None:
             for name, row in rows
         ),
     )
-    if together["modulus"]:
+    if together["complex_stiffness"]:
         print_table(
             console,
-            "complex modulus",
+            "complex stiffness",
             ("", "f [Hz]", f"k' [{STIFFNESS.unit}]", f'k" [{STIFFNESS.unit}]', "tan delta"),
             (
                 [
                     Path(row["file"]).name,
                     small(row["frequency_hz"]),
-                    shown_half(STIFFNESS, row["storage"], row["storage_interval"]),
-                    shown_half(STIFFNESS, row["loss"], row["loss_interval"]),
+                    shown_half(STIFFNESS, row["storage_n_per_m"], row["storage_interval_n_per_m"]),
+                    shown_half(STIFFNESS, row["loss_n_per_m"], row["loss_interval_n_per_m"]),
                     f"{row['tan_delta']:.3f} \u00b1 {row['tan_delta_interval']:.1g}",
                 ]
-                for row in together["modulus"]
+                for row in together["complex_stiffness"]
             ),
         )
     for symbol, ratio in together["ratios"].items():

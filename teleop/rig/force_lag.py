@@ -5,12 +5,17 @@ spring of stiffness k without damping is displaced by x, the measured force is
 
     f = L(k play(x)) + c
 
-L is a first-order lag with time constant tau, play is the play operator (backlash) of half width
-delta, and c is an offset. Both L and play delay the force. The damping that is estimated from x and
-f is therefore not zero. Let x be a sine of amplitude A and angular frequency omega, with
-omega tau << 1 and delta << A. The lag then changes the estimated damping by -k tau. The lost motion
-changes the estimated damping by about -4 k delta / (pi omega A). Only this second change depends on
-the speed omega A. Lag and lost motion can therefore be separated only if the speed varies.
+L is a pure delay of s tau followed by a first-order lag with time constant (1 - s) tau, with s from
+0 to 1. play is the play operator (backlash) of half width delta, and c is an offset. tau is the lag
+that is reported. At low frequencies, omega tau << 1, L delays a sine by tau for every s, so that
+the correction of a recording needs only tau. s is fitted because it changes the force at the
+highest frequencies of the record. A wrong s would change tau and delta.
+
+Both L and play delay the force. The damping that is estimated from x and f is therefore not zero.
+Let x be a sine of amplitude A and angular frequency omega, with omega tau << 1 and delta << A. The
+lag then changes the estimated damping by -k tau. The lost motion changes the estimated damping by
+about -4 k delta / (pi omega A). Only this second change depends on the speed omega A. Lag and lost
+motion can therefore be separated only if the speed varies.
 
 References
 ----------
@@ -21,8 +26,10 @@ McGraw-Hill, 1968, section 2.3.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +45,9 @@ from teleop.control.excitation_signals import Chirp
 from teleop.errors import InputError
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 SPRING = 5000.0
 """Stiffness of the reference spring [N/m]."""
@@ -81,13 +91,18 @@ SETTLED = 0.3
 """Time at the start of the record that is not fitted, because of the transient of the lag [s]."""
 STEP = 0.02
 """Step of a parameter in the numerical derivatives, as a fraction of the parameter's scale."""
+SHARE_ERROR = 0.5
+"""Standard deviation of the share of the delay in the lag if the record does not determine it. The
+share is between 0 and 1, and each of these values is within two standard deviations of all others.
+"""
 
 
 class ForceLag(NamedTuple):
     """Measured lag of a force channel, and lost motion and compliance of a rig."""
 
     lag: Interval
-    """Time constant of the first-order lag, with its 95 % confidence interval [s]."""
+    """Sum of the pure delay and of the time constant of the first-order lag of the force channel,
+    with its 95 % confidence interval [s]."""
     lost_motion: Interval
     """Lost motion, with its 95 % confidence interval [m]. This is the distance by which the tip is
     behind the encoder position in each direction of motion."""
@@ -203,15 +218,33 @@ class SpringRecord:
 
     def __init__(self, position: Floats, force: Floats, dt: Floats) -> None:
         self.position, self.dt = position, dt
+        self.t = np.cumsum(dt)
         self.settled = slice(int(SETTLED / dt.mean()), None)
         self.force = force[self.settled]
 
-    def fit(self, lag: float, lost_motion: float) -> SpringFit:
-        """Return the stiffness and the residuals of a fit with given lag and play."""
-        tip = Play(abs(lost_motion)).run(self.position)
+    @cached_property
+    def curve(self) -> CubicSpline:
+        """The position as a function of time, to delay it by a part of a sample period."""
+        from scipy.interpolate import CubicSpline
+
+        return CubicSpline(self.t, self.position)
+
+    def delayed(self, delay: float) -> Floats:
+        """Return the position, delayed by a time [s], at all samples [m]."""
+        if delay == 0.0:
+            return self.position
+        return np.asarray(self.curve(np.maximum(self.t - delay, self.t[0])))
+
+    def fit(self, lag: float, lost_motion: float, share: float = 0.0) -> SpringFit:
+        """Return the stiffness and the residuals of a fit with given lag and play.
+
+        `share` is the share of a pure delay in the lag, from 0 to 1.
+        """
+        position = self.delayed(share * lag)
+        tip = Play(abs(lost_motion)).run(position)
         if lost_motion < 0.0:
-            tip = 2.0 * self.position - tip
-        x = lagged(tip, self.dt, lag)[self.settled]
+            tip = 2.0 * position - tip
+        x = lagged(tip, self.dt, (1.0 - share) * lag)[self.settled]
         about = x - x.mean()
         f = self.force - self.force.mean()
         k = float(about @ f) / max(float(about @ about), 1e-300)
@@ -222,15 +255,23 @@ class SpringRecord:
         v = (np.gradient(self.position) / self.dt)[self.settled]
         return float(fit.residual @ v) / max(float(v @ v) * fit.k, 1e-300)
 
-    def slope(self, lag: float, lost_motion: float, lag_step: float, lost_step: float) -> Floats:
-        """Return the derivative of `SpringFit.residual`, as a finite difference at each sample.
+    def derivatives(
+        self, at: Sequence[float], steps: Sequence[float | None]
+    ) -> tuple[list[Floats], Floats]:
+        """Return the derivatives of the residual at each sample, and those of the stiffness.
 
-        To differentiate with respect to the lag [N/s], give the step `lag_step` [s], and set
-        `lost_step` to 0. To differentiate with respect to the lost motion [N/m], give the step
-        `lost_step` [m], and set `lag_step` to 0.
+        They are finite differences with respect to lag [s], lost motion [m] and share of the delay,
+        in this order. `at` contains the values of these parameters, and `steps` the steps. A
+        parameter with the step None is left out.
         """
-        ahead = self.fit(lag + lag_step, lost_motion + lost_step).residual
-        return (ahead - self.fit(lag, lost_motion).residual) / (lag_step + lost_step)
+        here = self.fit(*at)
+        residuals, stiffnesses = [], []
+        for i, step in enumerate(steps):
+            if step is not None:
+                ahead = self.fit(*(value + step * (i == j) for j, value in enumerate(at)))
+                residuals.append((ahead.residual - here.residual) / step)
+                stiffnesses.append((ahead.k - here.k) / step)
+        return residuals, np.array(stiffnesses)
 
 
 def stroke_speeds(position: Floats, dt: Floats) -> Floats:
@@ -286,31 +327,23 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
     equal = math.pi**2 / 8.0 * alone * float(np.mean(speeds)) if len(speeds) else 0.0
     if len(speeds) == 0 or np.quantile(speeds, 0.9) < SPEEDS * np.quantile(speeds, 0.1):
         return not_separated(record, alone, equal)
-    scale = np.array([alone, equal])
-    starts = (np.array([1.0, 0.0]), np.array([0.5, 0.5]))
+    scale = np.array([alone, equal, 1.0])
+    starts = (np.array([1.0, 0.0, 0.5]), np.array([0.5, 0.5, 0.5]))
     found = [
         least_squares(
             lambda z: record.fit(*(z * scale).tolist()).residual,
             start,
-            bounds=((0.0, -3.0), (LONGEST / alone, 6.0)),
+            bounds=((0.0, -3.0, 0.0), (LONGEST / alone, 6.0, 1.0)),
             diff_step=STEP,
         )
         for start in starts
     ]
-    lag, lost = (min(found, key=lambda result: float(result.cost)).x * scale).tolist()
-    fit = record.fit(lag, lost)
-    slopes = [
-        record.slope(lag, lost, STEP * alone, 0.0),
-        record.slope(lag, lost, 0.0, STEP * equal),
-    ]
-    covariance = covariance_of(fit, slopes)
-    lag_half, lost_half = half_widths(covariance)
-    by_errors = np.array(
-        [
-            (record.fit(lag + STEP * alone, lost).k - fit.k) / (STEP * alone),
-            (record.fit(lag, lost + STEP * equal).k - fit.k) / (STEP * equal),
-        ]
-    )
+    lag, lost, share = (min(found, key=lambda result: float(result.cost)).x * scale).tolist()
+    fit = record.fit(lag, lost, share)
+    steps = (STEP * alone, STEP * equal, STEP if share < 0.5 else -STEP)
+    slopes, by_errors = record.derivatives((lag, lost, share), steps)
+    covariance = covariance_of(fit, slopes, (math.inf, math.inf, SHARE_ERROR))
+    lag_half, lost_half, _ = half_widths(covariance)
     return ForceLag(
         Interval(lag, max(0.0, lag - lag_half), lag + lag_half),
         Interval(max(0.0, lost), max(0.0, lost - lost_half), max(0.0, lost + lost_half)),
@@ -324,31 +357,44 @@ def not_separated(record: SpringRecord, alone: float, equal: float) -> ForceLag:
     """Return the result for a recording from which lag and lost motion cannot be separated.
 
     Lag and lost motion (backlash) both delay the force. The upper bound of the lag is computed with
-    zero lost motion, and that of the lost motion with zero lag. The lower bounds are zero.
+    zero lost motion, and that of the lost motion with zero lag. The lower bounds are zero. The lag
+    is assumed to be of first order: a pure delay with the same phase is shorter, and therefore also
+    in the interval.
     """
     from scipy.optimize import minimize_scalar
 
     fit = record.fit(alone, 0.0)
-    (lag_half,) = half_widths(covariance_of(fit, [record.slope(alone, 0.0, STEP * alone, 0.0)]))
+    slopes, _ = record.derivatives((alone, 0.0), (STEP * alone,))
+    (lag_half,) = half_widths(covariance_of(fit, slopes))
     lag = Interval(alone, 0.0, alone + lag_half)
     if equal == 0.0:
-        return ForceLag(
-            lag, Interval(0.0, 0.0, math.inf), fit.k_interval(), fit.squared**0.5, False
-        )
+        lost_motion = Interval(0.0, 0.0, math.inf)
+        return ForceLag(lag, lost_motion, fit.k_interval(), fit.squared**0.5, False)
     lost = float(
         minimize_scalar(
             lambda lost: record.fit(0.0, lost).squared, bounds=(0.0, 3.0 * equal), method="bounded"
         ).x
     )
-    slopes = [record.slope(0.0, lost, 0.0, STEP * equal)]
+    slopes, _ = record.derivatives((0.0, lost), (None, STEP * equal))
     (half,) = half_widths(covariance_of(record.fit(0.0, lost), slopes))
-    return ForceLag(lag, Interval(0.0, 0.0, lost + half), fit.k_interval(), fit.squared**0.5, False)
+    lost_motion = Interval(0.0, 0.0, lost + half)
+    return ForceLag(lag, lost_motion, fit.k_interval(), fit.squared**0.5, False)
 
 
-def covariance_of(fit: SpringFit, slopes: list[Floats]) -> Floats:
-    """Return the covariance of m parameters from the derivatives of the residual, shape (m, m)."""
+def covariance_of(
+    fit: SpringFit, slopes: list[Floats], known: Sequence[float] | None = None
+) -> Floats:
+    """Return the covariance of m parameters from the derivatives of the residual, shape (m, m).
+
+    `known` contains the standard deviation with which each parameter is known without the record.
+    """
     jacobian = np.stack(slopes, axis=1)
-    return np.asarray(fit.variance * np.linalg.pinv(jacobian.T @ jacobian))
+    information = jacobian.T @ jacobian / max(fit.variance, 1e-300)
+    if known is not None:
+        information += np.diag(1.0 / np.array(known) ** 2)
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    size = np.outer(size, size)
+    return np.asarray(np.linalg.pinv(information / size) / size)
 
 
 def half_widths(covariance: Floats) -> list[float]:

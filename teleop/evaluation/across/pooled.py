@@ -102,7 +102,7 @@ def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
         )
     if len(kinds_of_b) > 1:
         reasons.append(f"b is not compared: it is {' or '.join(MEANING.values())}")
-    moduli = [(file, e.analysis.modulus()) for file, e in evaluations.items()]
+    stiffnesses = [(file, e.analysis.complex_stiffness()) for file, e in evaluations.items()]
     return {
         "alone": [
             {"file": file, "b": one.b, "k": one.k, "rms": one.rms}
@@ -116,7 +116,7 @@ def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
         "misfit": differing,
         "insufficient": bool(differing or within or worse),
         "reasons": reasons,
-        "modulus": [{"file": file, **modulus} for file, modulus in moduli if modulus],
+        "complex_stiffness": [{"file": file, **one} for file, one in stiffnesses if one],
     }
 
 

@@ -156,7 +156,7 @@ class Analysis:
         )
 
     def summary(self) -> dict[str, Any]:
-        """Return motion, phases, cycles, contact point and complex modulus, as a dictionary."""
+        """Return motion, phases, cycles, contact point and complex stiffness, as a dictionary."""
         point = self.phases.contact_point
         return {
             "motion": motion_of(self.record)._asdict(),
@@ -164,7 +164,7 @@ class Analysis:
             "cycles": self.cycles(),
             "contact_point": point
             and dict(zip(("position_m", "low_m", "high_m"), point, strict=True)),
-            "modulus": self.modulus(),
+            "complex_stiffness": self.complex_stiffness(),
         }
 
     @cached_property
@@ -229,8 +229,8 @@ class Analysis:
             )
         return found
 
-    def modulus(self) -> dict[str, float] | None:
-        """Return the complex modulus at the frequency of the palpation.
+    def complex_stiffness(self) -> dict[str, float] | None:
+        """Return the complex stiffness k' + i k'' at the frequency of the palpation.
 
         The dictionary contains the storage stiffness k' [N/m], the loss stiffness k'' = b omega
         [N/m] and tan delta = k'' / k'. For each of them, it also contains the half width of the
@@ -248,10 +248,10 @@ class Analysis:
         loss, half = result.b * omega, (result.b - result.b_low) * omega
         return {
             "frequency_hz": record.frequency,
-            "storage": result.k,
-            "storage_interval": result.k - result.k_low,
-            "loss": loss,
-            "loss_interval": half,
+            "storage_n_per_m": result.k,
+            "storage_interval_n_per_m": result.k - result.k_low,
+            "loss_n_per_m": loss,
+            "loss_interval_n_per_m": half,
             "tan_delta": loss / result.k,
             "tan_delta_interval": float(
                 np.hypot(half / result.k, loss * (result.k - result.k_low) / result.k**2)

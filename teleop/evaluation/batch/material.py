@@ -21,6 +21,16 @@ with K(u) = int_0^inf (1 - L(m)) cos(m u) dm. L(m) is the compliance of the laye
 compliance of a half-space, for a pressure that is sinusoidal over the surface with the wave number
 m / h. For a sphere or a cone, the same kappa, with the contact radius a, is an approximation.
 
+For a flat punch, E is computed from the tangent stiffness. For a sphere or a cone, the law of the
+contact is fitted to the samples:
+
+    f = f0 + E* g(d) + c g(d) v,    d = max(x - x0, 0),    g(d) = int_0^d 2 a(s) kappa(s) ds
+
+f0 is the force out of contact, x0 is the contact point, v is the speed, and c is the damping, which
+grows with the depth as in the model of Hunt and Crossley. The tangent stiffness is not used,
+because damping that grows with depth, and the curvature of the law, change it, and because its
+depth has the error of a contact point that was found without the law.
+
 References
 ----------
 I. N. Sneddon, "The relation between load and penetration in the axisymmetric Boussinesq problem for
@@ -32,15 +42,25 @@ Mechanics", Cambridge, 1985 (chapter 4, Hertz); W. C. Hayes, L. M. Keer, G. Herr
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, Literal
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
+from estimation.arrays import Floats
+from estimation.estimator import LEVEL_95
+from estimation.robust_error import robust_fit
+from estimation.stiffening import Interval
 from teleop.errors import InputError
+from teleop.evaluation.batch.analysis import Analysis
 from teleop.evaluation.batch.stiffness_result import StiffnessResult
 
 IndenterName = Literal["flat", "sphere", "cone"]
+
+FEWEST_LAW_SAMPLES = 20
+"""Smallest number of samples to which the law of the contact is fitted."""
 
 
 @dataclass(frozen=True)
@@ -105,64 +125,190 @@ def hayes_factor(aspect: float, poisson: float, nodes: int = 48) -> float:
     return float(weights @ phi)
 
 
-def modulus_per_stiffness(indenter: Indenter, depth: float) -> float:
-    """Return the ratio of the elastic modulus to the stiffness at an indentation depth [1/m].
-
-    The modulus is the product of this ratio and the tangent stiffness.
-    """
-    a = indenter.contact_radius(depth)
-    layer = indenter.thickness
-    factor = 1.0 if layer is None else hayes_factor(a / layer, indenter.poisson)
-    return (1.0 - indenter.poisson**2) / (2.0 * a * factor)
-
-
 def elastic_modulus(
-    result: StiffnessResult, indenter: Indenter, depth_known: bool
+    analysis: Analysis, indenter: Indenter, stated: tuple[float, float] | None = None
 ) -> dict[str, Any]:
     """Return the elastic modulus [Pa] with its 95 % interval, as a dictionary for JSON.
 
-    The interval includes the errors of the stiffness and of the contact point, combined as
-    independent errors. It does not include errors of the dimensions of the tip. For a sphere or a
-    cone, the depth must be measured from the contact point (`depth_known`), because the contact
-    radius depends on it.
+    For a flat punch, the modulus is computed from the stiffness. For a sphere or a cone, the law of
+    the contact is fitted (`fit_contact_law`). This needs the contact point. If the record does not
+    contain it, it is the point `stated`: its position [m] and the force out of contact [N]. The
+    interval does not include errors of the dimensions of the tip, nor of a stated point.
     """
-    if result.k is None or result.k_low is None or result.k_high is None:
+    result = analysis.result
+    if result.k is None:
         raise InputError("elastic modulus: no stiffness is identifiable from the record")
-    depth = result.depth or 0.0
-    if indenter.shape != "flat" and not (depth_known and depth > 0.0):
-        raise InputError(
-            f"elastic modulus with a {indenter.shape}: the depth is not known, because the record "
-            "has no contact point: expected a record that begins or ends out of contact"
-        )
-    a = indenter.contact_radius(depth)
+    if indenter.shape == "flat":
+        a, found, depth = indenter.contact_radius(0.0), from_stiffness(result, indenter), 0.0
+    else:
+        law = fit_contact_law(analysis, indenter, stated)
+        found, depth = law.modulus, law.depth
+        a = indenter.contact_radius(depth)
     factor = 1.0
     method = {"flat": "Sneddon", "sphere": "Hertz", "cone": "Sneddon"}[indenter.shape]
     method = f"{method}, {indenter.shape}, contact radius {a * 1e3:.3g} mm"
+    if indenter.shape != "flat":
+        method += " at the largest depth"
     if indenter.thickness is not None:
         factor = hayes_factor(a / indenter.thickness, indenter.poisson)
         approximate = "" if indenter.shape == "flat" else ", approximate for this shape"
         method += f", Hayes' factor {factor:.3g}{approximate}"
     else:
         method += ", half-space"
-    per_stiffness = modulus_per_stiffness(indenter, depth)
-    modulus = result.k * per_stiffness
-    low = high = 0.0
-    if indenter.shape != "flat":
-        shallow, deep = depth - result.depth_error, depth + result.depth_error
-        if shallow <= 0.0:
-            raise InputError(
-                f"elastic modulus with a {indenter.shape}: the error of the contact point, "
-                f"{result.depth_error * 1e3:.2g} mm, is larger than the depth of "
-                f"{depth * 1e3:.2g} mm"
-            )
-        low = modulus - result.k * modulus_per_stiffness(indenter, deep)
-        high = result.k * modulus_per_stiffness(indenter, shallow) - modulus
-    return {
-        "modulus_pa": modulus,
-        "modulus_low_pa": modulus - math.hypot((result.k - result.k_low) * per_stiffness, low),
-        "modulus_high_pa": modulus + math.hypot((result.k_high - result.k) * per_stiffness, high),
+    document = {
+        "modulus_pa": found.value,
+        "modulus_low_pa": found.low,
+        "modulus_high_pa": found.high,
         "poisson": indenter.poisson,
         "contact_radius_m": a,
         "hayes_factor": factor,
         "method": method,
     }
+    if indenter.shape != "flat":
+        document |= {
+            "depth_m": depth,
+            "contact_point_m": law.point,
+            "fit_rms_n": law.rms,
+            "fit_r2": law.r2,
+        }
+    return document
+
+
+def from_stiffness(result: StiffnessResult, indenter: Indenter) -> Interval:
+    """Return the elastic modulus [Pa] that a flat punch measures, from the stiffness at the tip."""
+    a = indenter.contact_radius(0.0)
+    factor = 1.0
+    if indenter.thickness is not None:
+        factor = hayes_factor(a / indenter.thickness, indenter.poisson)
+    each = (1.0 - indenter.poisson**2) / (2.0 * a * factor)
+    assert result.k is not None
+    k = result.k_tip or Interval(result.k, *result.interval("k"))
+    return Interval(*(each * value for value in k))
+
+
+class ContactLaw(NamedTuple):
+    """Fit of the law of the contact of a sphere or a cone."""
+
+    modulus: Interval
+    """Elastic modulus with its 95 % interval [Pa]."""
+    point: float
+    """Position of the contact point [m]."""
+    depth: float
+    """Largest depth of the fitted samples [m]."""
+    rms: float
+    """Root mean square of the residual of the force [N]."""
+    r2: float
+    """Coefficient of determination of the fit."""
+
+
+def fit_contact_law(
+    analysis: Analysis, indenter: Indenter, stated: tuple[float, float] | None = None
+) -> ContactLaw:
+    """Fit the law of the contact to the loading and unloading of a record, and to the approach.
+
+    The samples are not smoothed, because the law is not linear. The position is that of the tip: if
+    the compliance of the transmission is known, its deformation is subtracted. Holds are not
+    fitted, because the force relaxes in them. Without a contact point in the record, the contact
+    point is `stated`, as in `elastic_modulus`.
+    """
+    record, phases = analysis.record, analysis.phases
+    point, level = phases.contact_point, phases.free_force
+    x, f = record.raw_x, record.raw_f
+    if point is None and stated is None:
+        raise InputError(
+            f"elastic modulus with a {indenter.shape}: the depth is not known, because the record "
+            "has no contact point: expected a record that begins or ends out of contact, or a "
+            "datum at the contact point"
+        )
+    about = level if stated is None or point is not None else stated[1]
+    x = x - analysis.transmission.compliance * (f - (about or 0.0))
+    first = point.value if point is not None else stated[0] if stated else 0.0
+    depth = float(x.max()) - first
+    if depth <= 0.0:
+        raise InputError(
+            f"elastic modulus with a {indenter.shape}: the position is never deeper than the "
+            "contact point"
+        )
+    used = x > first - depth
+    for phase in phases.phases:
+        if phase.name == "hold":
+            used[phase.start : phase.end] = False
+    x, v, f = x[used], record.v[used], f[used]
+    if len(x) < FEWEST_LAW_SAMPLES:
+        raise InputError(f"elastic modulus: only {len(x)} samples in loading and unloading")
+    law = force_law(indenter, 2.0 * depth)
+
+    def columns(zero: float) -> Floats:
+        """Return the regressors of E*, c and, without a stated datum, f0."""
+        shape = law(np.maximum(x - zero, 0.0))
+        found = [shape, shape * v]
+        return np.column_stack(found if point is None else [*found, np.ones(len(x))])
+
+    force = f - stated[1] if point is None and stated else f
+
+    def squares(zero: float) -> float:
+        each = columns(zero)
+        scaled = each / np.maximum(np.abs(each).max(axis=0), 1e-300)
+        residual = force - scaled @ np.linalg.lstsq(scaled, force, rcond=None)[0]
+        return float(residual @ residual)
+
+    zero = first
+    if point is not None:
+        grid = np.linspace(first - 0.5 * depth, first + 0.5 * depth, 41)
+        best = grid[int(np.argmin([squares(one) for one in grid]))]
+        near = grid[1] - grid[0]
+        zero = float(
+            minimize_scalar(
+                squares,
+                bounds=(best - near, best + near),
+                method="bounded",
+                options={"xatol": 1e-7 * depth},
+            ).x
+        )
+    jacobian = columns(zero)
+    size = np.maximum(np.abs(jacobian).max(axis=0), 1e-300)
+    theta = np.linalg.lstsq(jacobian / size, force, rcond=None)[0] / size
+    residual = force - jacobian @ theta
+    if point is not None:  # the contact point is the fourth parameter
+        step = 1e-4 * depth
+        slope = (columns(zero + step) - columns(zero - step)) @ theta / (2.0 * step)
+        jacobian = np.column_stack([jacobian, slope])
+    chosen = np.zeros(jacobian.shape[1])
+    chosen[0] = 1.0
+    plane = 1.0 - indenter.poisson**2
+    value = plane * float(theta[0])
+    half = LEVEL_95 * plane * robust_fit(jacobian, force).deviation(chosen)
+    rms = math.sqrt(float(np.mean(residual**2)))
+    return ContactLaw(
+        Interval(value, value - half, value + half),
+        zero,
+        float(x.max()) - zero,
+        rms,
+        1.0 - rms**2 / max(float(np.var(force)), 1e-300),
+    )
+
+
+def force_law(indenter: Indenter, deepest: float) -> Callable[[Floats], Floats]:
+    """Return the force per E* [m^2] as a function of the depth, up to the depth `deepest` [m]."""
+    if indenter.thickness is None:
+        if indenter.shape == "sphere":
+            each, power = 4.0 / 3.0 * indenter.contact_radius(1.0), 1.5
+        else:
+            each, power = indenter.contact_radius(1.0), 2.0
+        return lambda depth: np.asarray(each * depth**power)
+    # 2 a(s) kappa is proportional to s^(power - 1) apart from the slowly varying kappa. Its mean
+    # over the depth is interpolated.
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    shares = 0.5 * (nodes + 1.0)
+    depths = deepest * np.linspace(0.0, 1.0, 13) ** 2  # closer near 0, where kappa changes fastest
+    radii = np.array([indenter.contact_radius(one) for one in depths])
+    kappa = np.array([hayes_factor(a / indenter.thickness, indenter.poisson) for a in radii])
+    a = np.array([[indenter.contact_radius(one * s) for s in shares] for one in depths])
+    inner = np.interp(a, radii, kappa)
+    force = depths * ((a * inner) @ weights)
+    half_space = replace(indenter, thickness=None)
+    plain = force_law(half_space, deepest)
+    ratio = force[1:] / plain(depths[1:])
+    ratio = np.concatenate([[1.0], ratio])
+    roots = np.sqrt(depths)
+    return lambda depth: np.asarray(plain(depth) * np.interp(np.sqrt(depth), roots, ratio))

@@ -26,6 +26,9 @@ class Datum(NamedTuple):
 
 
 OWN_ZERO = Datum(0.0, 0.0, "the file's own zero")
+FIRST, GIVEN = "the first sample", "given"
+CHOSEN = (OWN_ZERO.source, FIRST, GIVEN)
+"""Values of `Datum.source` of a datum that the user has chosen."""
 
 
 def find_datum(signals: Signals, wanted: str, phases: Phases | None = None) -> Datum:
@@ -58,7 +61,7 @@ def find_datum(signals: Signals, wanted: str, phases: Phases | None = None) -> D
     if wanted == "file":
         return OWN_ZERO
     if wanted == "start":
-        return Datum(float(signals.x[0]), float(signals.f[0]), "the first sample")
+        return Datum(float(signals.x[0]), float(signals.f[0]), FIRST)
     if wanted == "mean":
         motion = moving_part(signals.x)
         return Datum(
@@ -73,7 +76,7 @@ def find_datum(signals: Signals, wanted: str, phases: Phases | None = None) -> D
             f"datum {wanted!r}: expected auto, contact, file, start, mean, or a position and "
             "a force with units such as 1.5mm,20N"
         )
-    return Datum(x, f, "given")
+    return Datum(x, f, GIVEN)
 
 
 def moving_part(x: Floats) -> slice:

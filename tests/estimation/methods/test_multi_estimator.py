@@ -101,6 +101,33 @@ def test_equals_an_exhaustive_search_for_degenerate_signals(name, rate):
     assert_same_winners(SMALL, rate, *DEGENERATE[name], 1e-3)
 
 
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("spread", [1e-3, 1e-4, 1e-5])
+def test_the_signal_of_nearly_collinear_data_is_the_smallest_within_the_documented_bound(
+    seed, spread
+):
+    """Equation (11) in extended precision, in which the sums have no rounding errors that count."""
+    rng = np.random.default_rng(seed)
+    x = 4e-3 * np.exp(0.01 * np.arange(300))
+    v = 10.0 * x * (1.0 + spread * rng.normal(size=300))
+    f = 20.0 * v + 2100.0 * x + rng.normal(0.0, 0.05, 300)
+    estimator = MultiEstimator(PAPER, 10.0)
+    estimator.run(x, v, f, 1e-3)
+    weights = np.exp(np.longdouble(-0.02) * np.arange(299, -1, -1)) * np.longdouble(1e-3)
+    b, k = (a[..., None] for a in np.ix_(PAPER.b.values, PAPER.k.values))
+    signals = (weights * (b * v.astype(np.longdouble) + k * x - f) ** 2).sum(axis=-1)
+    got = signals[
+        round((estimator.estimate.b - PAPER.b.first) / PAPER.b.spacing),
+        round((estimator.estimate.k - PAPER.k.first) / PAPER.k.spacing),
+    ]
+    ranges = (PAPER.b.last - PAPER.b.first, PAPER.k.last - PAPER.k.first)
+    bound = (weights * (f**2 + (ranges[0] * v) ** 2 + (ranges[1] * x) ** 2)).sum()
+    assert got - signals.min() <= 2.0 * TIE * bound
+    if spread >= 1e-3:
+        assert got == signals.min()
+    assert bound < 500.0 * (weights * f**2).sum()  # less than 1e-6 of the integral of f^2
+
+
 def test_a_damping_that_the_data_do_not_determine_is_zero():
     estimator = MultiEstimator(PAPER, 10.0)
     estimator.run(np.full(500, 4e-3), np.zeros(500), np.full(500, 8.4), 1e-3)

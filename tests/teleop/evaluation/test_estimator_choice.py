@@ -148,8 +148,14 @@ def test_recordings_of_one_body_agree(capsys, tmp_path):
     assert [file["file"] for file in document["files"]] == [*map(str, files)]
     assert document["together"]["misfit"] == {}
     assert document["together"]["b"] == pytest.approx(20.0, rel=0.1)
-    assert main(["estimate", *map(str, files)]) == 0
+    picture = tmp_path / "stiffness.png"
+    assert main(["estimate", *map(str, files), "--plot-fit", str(picture)]) == 0
+    assert picture.stat().st_size > 10_000
     out = " ".join(capsys.readouterr().out.split())
+    for row, frequency in zip(document["together"]["complex_stiffness"], (0.5, 2.0), strict=True):
+        loss = 20.0 * 2.0 * np.pi * frequency
+        assert row["storage_n_per_m"] == pytest.approx(2100.0, rel=0.01)
+        assert row["loss_n_per_m"] == pytest.approx(loss, abs=2.0 * row["loss_interval_n_per_m"])
     assert "one Kelvin-Voigt body is consistent with all 2 files; a difference of k by" in out
 
 
