@@ -48,7 +48,7 @@ from teleop.evaluation.batch.thresholds import (
 SHAPES: dict[str, tuple[float, ...]] = {"play": (1.0,), "gradual": (0.423, 1.577)}
 """Half widths of the play operators in each shape of hysteresis, divided by d. Those of `gradual`
 are the nodes of the Gauss-Legendre quadrature for half widths between 0 and 2 d."""
-WIDTHS, REFINED = 16, 7
+WIDTHS, REFINED = 12, 8
 """Number of half widths d that are tried over the whole range, and around the best of them."""
 DEGREES, DAMPINGS = 5, 3
 """Largest degree of the polynomial P(x) in the models, and largest number of damping terms."""
@@ -89,7 +89,8 @@ class Model(NamedTuple):
     dampings: int
     """Number of damping terms: 1 for b v, more for damping that depends on the position."""
     relaxes: bool
-    """Whether the model has relaxing parts."""
+    """Whether the model has relaxing parts. They are needed for a sine too: behind lost motion, the
+    motion of the tip contains further frequencies."""
 
 
 class HysteresisFit(NamedTuple):
@@ -124,21 +125,24 @@ def find_lost_motion(record: SmoothedRecord, phases: Phases) -> LostMotion | Non
         < LOST_MOTION_PREDICTION
     ):
         return None  # the noise of the force explains the residual
-    coarse = {
-        shape: np.geomspace(least, widest / max(parts), WIDTHS) for shape, parts in SHAPES.items()
-    }
-    found = [fit for shape in SHAPES for fit in regressors.tried(shape, coarse[shape])]
+    found = []
+    for shape, parts in SHAPES.items():
+        coarse = np.geomspace(least, widest / max(parts), WIDTHS)
+        tried = regressors.tried(shape, coarse)
+        near = min(tried, key=lambda one: one.criterion(len(rows.index))).half_width
+        ratio = float(coarse[1] / coarse[0])
+        found += tried + regressors.tried(shape, near * np.geomspace(1.0 / ratio, ratio, REFINED))
     n = independent_values(min(found, key=lambda one: one.criterion(len(rows.index))).residual)
     best = min(found, key=lambda one: one.criterion(n))
     without = min(plain, key=lambda one: one.criterion(n))
-    if best.half_width == least or without.criterion(n) - best.criterion(n) < LOST_MOTION_BIC:
+    if without.criterion(n) - best.criterion(n) < LOST_MOTION_BIC:
         return None
-    ratio = float(coarse[best.shape][1] / least)
-    around = best.half_width * np.geomspace(1.0 / ratio, ratio, REFINED)
-    profile = [fit for fit in regressors.tried(best.shape, around) if fit.model == best.model]
     half_width, error = minimum(
-        np.array([one.half_width for one in profile]),
-        np.array([n * math.log(float(one.residual @ one.residual)) for one in profile]),
+        {
+            one.half_width: n * math.log(float(one.residual @ one.residual))
+            for one in found
+            if (one.shape, one.model) == (best.shape, best.model)
+        }
     )
     if half_width - error <= 0.0 or half_width < least:
         return None
@@ -157,10 +161,7 @@ class Regressors:
         self._basis, _ = np.linalg.qr(rows.basis)
         self._force = rows.f - self._basis @ (self._basis.T @ rows.f)
         self._models = [
-            Model(*terms)
-            for terms in product(
-                (1, 2, 3, DEGREES), (1, DAMPINGS), (False, True) if rows.relaxation else (False,)
-            )
+            Model(*terms) for terms in product((1, 2, 3, DEGREES), (1, DAMPINGS), (False, True))
         ]
         self._times = np.geomspace(4.0 * self._record.width, rows.longest_time, TIMES + 1)[:-1]
 
@@ -218,11 +219,10 @@ class Regressors:
         clipped = np.clip(s, -1.5, 1.5)
         powers = [self._at_rows(clipped**degree, gaussian) for degree in range(1, DEGREES + 1)]
         v = self._at_rows(s, derivative)
+        y = np.array([rows.in_contact(one) for one in x])
+        relaxing = self._relaxing((y - y[:, :1]) / rows.scale)
         columns = [*powers, v, *(power * v for power in powers[: DAMPINGS - 1])]
-        if rows.relaxation:
-            y = np.array([rows.in_contact(one) for one in x])
-            relaxing = self._relaxing((y - y[:, :1]) / rows.scale)
-            columns += [self._at_rows(one, gaussian) for one in relaxing]
+        columns += [self._at_rows(one, gaussian) for one in relaxing]
         stacked = np.stack(columns, axis=-1)
         return np.asarray(stacked - self._basis @ (self._basis.T @ stacked))
 
@@ -284,12 +284,13 @@ def independent_values(residual: Floats) -> float:
     return n / max(1.0, 1.0 + 2.0 * float(np.sum(correlation[1:] ** 2 - 1.0 / n)))
 
 
-def minimum(half_widths: Floats, deviance: Floats) -> tuple[float, float]:
+def minimum(profile: dict[float, float]) -> tuple[float, float]:
     """Return the half width with the smallest deviance, and the half width of its 95 % interval.
 
-    The deviance is n log(sum of squares). It is interpolated by a parabola through the smallest
-    value and its neighbours.
+    `profile` contains the deviance, n log(sum of squares), by the half width. It is interpolated by
+    a parabola through the smallest value and its neighbours.
     """
+    half_widths, deviance = np.array(sorted(profile.items())).T
     at = int(np.clip(np.argmin(deviance), 1, len(deviance) - 2))
     near = slice(at - 1, at + 2)
     centre = half_widths[at]
