@@ -74,7 +74,7 @@ def hunt_crossley(coefficient: float, n: float, alpha: float) -> Viscous:
 
 
 def layered(soft: float, stiff: float, knee: float, width: float, b: float) -> Viscous:
-    """Return a soft layer on a stiff one; the stiffness changes over `width`, 0 for a sharp knee."""
+    """Return a soft layer on a stiff one; the knee has a `width`, 0 for a sharp knee."""
     if width == 0.0:
         return Viscous(
             lambda d: soft * d + (stiff - soft) * np.maximum(d - knee, 0.0),
@@ -93,7 +93,7 @@ def layered(soft: float, stiff: float, knee: float, width: float, b: float) -> V
 
 @dataclass(frozen=True)
 class Relaxing:
-    """Quasi-linear viscoelastic body: a force-depth law, and Maxwell arms (share, time constant)."""
+    """Quasi-linear viscoelastic body: a law of depth, and Maxwell arms (share, time constant)."""
 
     law: Function
     arms: Sequence[tuple[float, float]]
@@ -267,7 +267,7 @@ def minimum_jerk(t: Array, times: Sequence[float], values: Sequence[float]) -> A
 def gap(x: Array, dt: float, k: float, b: float, width: float) -> tuple[Array, Array]:
     """Return tip and force of a bonded body behind a gap of +-`width`.
 
-    The tip has no inertia and no friction: in the gap, the body moves it to the depth of zero force.
+    The tip has neither inertia nor friction: in the gap, the body moves it to zero force.
     """
     y, tips, forces = 0.0, [], []
     decay = b / (b + dt * k)
