@@ -106,7 +106,8 @@ class Relaxing:
         f = elastic.copy()
         for share, tau in self.arms:
             decay = math.exp(-dt / tau)
-            f += share * lfilter([math.sqrt(decay)], [1.0, -decay], change)
+            # Exact if the elastic force is linear in time between the samples.
+            f += share * tau / dt * lfilter([1.0 - decay], [1.0, -decay], change)
         return f if self.bonded else np.where(d > 0.0, np.maximum(f, 0.0), 0.0)
 
 
@@ -305,23 +306,25 @@ class Slider:
         tips, forces = [], []
         for position in x.tolist():
             drive = (position - y) * stiffness - k * y
+            net = drive - sigma * z
+            # The state relative to its limit; positive if the motion makes it grow.
+            grows = math.copysign(1.0, net) * z / self.slip
             if self.form == "coulomb":
                 v = max(drive - self.friction, 0.0) + min(drive + self.friction, 0.0)
                 v /= smooth
             elif self.form == "lugre":
-                limit = self.friction * (1.0 + (self.static - 1.0) * math.exp(-((v / 1e-3) ** 2)))
-                loss = sigma * abs(v) * z / limit
-                v = (drive - sigma * z + sigma1 * loss) / (smooth + sigma1 + dt * sigma)
-                limit = self.friction * (1.0 + (self.static - 1.0) * math.exp(-((v / 1e-3) ** 2)))
-                z = (z + v * dt) / (1.0 + dt * sigma * abs(v) / limit)
+                limit = self.slip * (1.0 + (self.static - 1.0) * math.exp(-((v / 1e-3) ** 2)))
+                free = max(1.0 - grows * self.slip / limit, 0.0)
+                v = net / (smooth + (sigma1 + dt * sigma) * free)
+                z = (z + v * dt) / (1.0 + dt * abs(v) / limit)
             elif self.form == "dahl":
-                v = (drive - sigma * z) / (smooth + dt * sigma)
+                v = net / (smooth + dt * sigma * max(1.0 - grows, 0.0))
                 side = math.copysign(self.slip, v)
                 z = side + (z - side) * math.exp(-abs(v) * dt / self.slip)
             else:  # Bouc-Wen, exponent 2, equal shares of beta and gamma
-                v = (drive - sigma * z) / (smooth + dt * sigma)
-                share = (z / self.slip) ** 2 if v * z > 0.0 else 0.0
-                z += v * dt * (1.0 - share)
+                free = max(1.0 - grows**2, 0.0) if grows > 0.0 else 1.0
+                v = net / (smooth + dt * sigma * free)
+                z += v * dt * free
             y += v * dt
             tips.append(y)
             forces.append(k * y + b * v)
