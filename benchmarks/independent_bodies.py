@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.random import Generator
-from scipy.interpolate import CubicSpline
 from scipy.signal import butter, fftconvolve, lfilter, sosfilt
 
 Array = np.ndarray
@@ -410,10 +409,3 @@ def loading_slope(x: Array, f: Array, at: float, band: float = 0.05) -> float | 
             above += float(dx @ (f[part] - f[part].mean()))
             below += float(dx @ dx)
     return above / below if below > 0.0 else None
-
-
-def held(t: Array, values: Array, period: float) -> Array:
-    """Return the values of a channel that is updated only once per `period`."""
-    updates = np.arange(t[0], t[-1] + period, period)
-    n = np.searchsorted(updates, t + 1e-9, side="right") - 1
-    return np.asarray(CubicSpline(t, values)(np.minimum(updates, t[-1])))[n]
