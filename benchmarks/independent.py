@@ -10,8 +10,8 @@ of which is right:
 - the slope of the elastic force, for bodies that have one, at the depth of this point of the
   record, and at the depth at which the elastic force is the stated force.
 
-b is k''/omega at the stated frequency, or else the derivative of the force to the velocity at the
-stated force, for bodies that have one. Both refer to the tip and the compliance in series, without
+b is k''/omega at the stated frequency, or else the derivative of the force to the velocity at these
+two depths, for bodies that have one. Both refer to the tip and the compliance in series, without
 lost motion and lag. k and b are judged separately:
 
 - right: the 95 % interval contains the truth, or the error is below 1 % (b: below 0.02 k/omega);
@@ -105,53 +105,53 @@ class Case:
 
     def stiffnesses(self, force: float, named_storage: bool = False) -> list[float]:
         """Return the true stiffnesses at a force of the record; empty if there is none."""
+        truth, body = self.truth, self.body
         if not self.kind.has_k:
             return []
-        truth = self.truth
-        found: list[float | None] = []
-        if self.kind.steady and (self.is_linear or named_storage):
+        if self.kind.steady and self.is_linear:
+            return [self.complex_stiffness.real]
+        if isinstance(body, Linear):
+            return [body.k / (1.0 + self.draw.notes.get("compliance", 0.0) * body.k)]
+        if not truth.body.min() <= force <= truth.body.max():
+            return []
+        found: list[float | None] = [physics.loading_slope(truth.tip, truth.body, force)]
+        if self.kind.steady and named_storage:
             found.append(self.complex_stiffness.real)
-            if self.is_linear:
-                return found
         if self.kind.steady:
             v = np.gradient(truth.tip, truth.t)
             beside_loss = truth.body - self.complex_stiffness.imag / self.draw.omega * v
             found.append(physics.loading_slope(truth.tip, beside_loss, force))
-        if not isinstance(self.body, Linear) or self.kind.link:
-            found.append(physics.loading_slope(truth.tip, truth.body, force))
-        depth, viscous = self.depth_at(force), self.viscous
-        if viscous and self.kind.link is None and depth is not None:
-            found.append(float(viscous.tangent(np.array(depth))))
-            d = np.sort(truth.depth)
-            static = np.interp(force, viscous.elastic(d), d)
-            found.append(float(viscous.tangent(np.array(static))))
-        if isinstance(self.body, physics.Adhesive):
-            found.append(self.body.k)
+        if self.viscous:
+            found += [float(k) for k in self.viscous.tangent(self.depths_at(force))]
+        if isinstance(body, physics.Adhesive):
+            found.append(body.k)
         return [k for k in found if k is not None]
 
-    def depth_at(self, force: float) -> float | None:
-        """Return the mean depth at which the force is loaded to a value; None if it never is."""
+    def depths_at(self, force: float) -> Array:
+        """Return the depths at which the elastic force, and that in loading, have a value."""
         truth = self.truth
+        d = np.sort(truth.depth)
+        assert self.viscous is not None
+        static = float(np.interp(force, self.viscous.elastic(d), d))
         near = np.abs(truth.body - force) < 0.02 * np.ptp(truth.body)
         near &= np.gradient(truth.depth) > 0.0
-        return float(truth.depth[near].mean()) if near.any() else None
+        return np.array([static, truth.depth[near].mean()] if near.any() else [static])
 
-    def damping(self, force: float, at_frequency: bool) -> float | None:
-        """Return the true b; None if it is not defined."""
+    def dampings(self, force: float, at_frequency: bool) -> list[float]:
+        """Return the true values of b; empty if it is not defined."""
         if not self.kind.has_k:
-            return None
+            return []
         if self.kind.steady and (at_frequency or isinstance(self.body, Linear)):
-            return self.complex_stiffness.imag / self.draw.omega
+            return [self.complex_stiffness.imag / self.draw.omega]
         if self.kind.link:
-            return None
+            return []
         if at_frequency:
-            return self.loss_per_velocity
+            return [self.loss_per_velocity]
         if isinstance(self.body, physics.Adhesive):
-            return self.body.b
-        depth = self.depth_at(force)
-        if self.viscous is None or depth is None:
-            return None
-        return float(self.viscous.viscosity(np.array(depth)))
+            return [self.body.b]
+        if self.viscous is None:
+            return []
+        return [float(b) for b in self.viscous.viscosity(self.depths_at(force))]
 
     @property
     def loss_per_velocity(self) -> float:
@@ -258,15 +258,17 @@ def judge_b(case: Case, result: dict[str, Any], named: bool) -> Judged:
     if not result["identifiable"] or not case.kind.has_k:
         return Judged(None, "-")
     at_frequency = result.get("damping_at_hz") is not None
-    truth = case.damping(result["tangent"]["force_n"], at_frequency)
-    if truth is None:
+    truths = case.dampings(result["tangent"]["force_n"], at_frequency)
+    if not truths:
         return Judged(None, "-")
+    truth = min(truths, key=lambda value: abs(value - (b or 0.0)))
     constant_speed = any(re.search(ONE_SPEED, reason) for reason in result["reasons"])
     if b is None or constant_speed:
         return Judged(truth, "named" if named or constant_speed else "refused")
     slack = CLOSE_LOSS * abs(result["k"]) / case.draw.omega
     error = abs(b - truth)
-    if result["b_low"] <= truth <= result["b_high"] or error < max(slack, CLOSE * abs(truth)):
+    inside = any(result["b_low"] <= value <= result["b_high"] for value in truths)
+    if inside or error < max(slack, CLOSE * abs(truth)):
         return Judged(truth, "right")
     return Judged(truth, "named" if named else "near" if error < NEAR * abs(truth) else "WRONG")
 

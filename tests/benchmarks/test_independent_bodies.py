@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
 import math
 import sys
@@ -15,7 +16,7 @@ bodies = importlib.import_module("independent_bodies")
 independent = importlib.import_module("independent")
 
 W = 2.0 * math.pi
-T = np.arange(-2.0, 8.0, 1e-4)
+T = np.arange(-2.0, 4.0, 1e-4)
 X = 2e-3 + 1e-3 * np.sin(W * T)
 RECORD = T >= 0.0
 
@@ -24,9 +25,10 @@ def stiffness(force: np.ndarray) -> complex:
     return bodies.complex_stiffness(T[RECORD], X[RECORD], force[RECORD], 1.0)
 
 
-def case(name: str, repeat: int = 0):
+@functools.cache
+def case(name: str):
     kind = next(kind for kind in independent.KINDS if kind.name == name)
-    return independent.simulate(kind, 1, repeat)
+    return independent.simulate(kind, 1, 0)
 
 
 def test_the_complex_stiffness_of_a_kelvin_voigt_body_is_exact():
@@ -81,7 +83,7 @@ def test_friction_on_a_slider_loses_the_position_by_friction_times_compliance(fo
 def test_the_loop_of_dahl_friction_has_the_area_of_its_closed_form():
     slip, amplitude = 2e-4, 1e-3
     z = bodies.dahl(X[RECORD], slip)
-    one = slice(20_000, 30_001)
+    one = slice(10_000, 20_001)
     area = np.trapezoid(z[one], X[RECORD][one])
     stroke = 2.0 * amplitude / slip
     steady = math.tanh(stroke / 2.0)
@@ -109,21 +111,20 @@ def test_the_delay_of_each_lag_is_as_stated():
 
 @pytest.mark.parametrize(
     "name",
-    ["linear, sine", "force lag", "held position", "hum on a multiple", "Hunt-Crossley n = 1"],
+    ["linear, sine", "force lag", "held position", "Hunt-Crossley n = 1"],
 )
 def test_the_truth_of_a_case_is_that_of_its_body(name):
     made = case(name)
     force = 0.5 * float(made.truth.body.max())
     assert made.body.tangent(np.array(1e-3)) == pytest.approx(made.draw.k)
     assert made.draw.k in [pytest.approx(k, rel=2e-3) for k in made.stiffnesses(force)]
-    depth = made.depth_at(force)
-    expected = float(made.body.viscosity(np.array(depth)))
-    assert made.damping(force, False) == pytest.approx(expected, rel=2e-3)
+    expected = made.body.viscosity(made.depths_at(force))
+    assert made.dampings(force, False)[0] == pytest.approx(expected[0], rel=2e-3)
 
 
 def test_a_coulomb_link_changes_neither_the_true_stiffness_in_series_nor_the_true_damping():
     made = case("known lost motion")
-    compliance = float(made.draw.options[3].removesuffix("um/N")) * 1e-6
+    compliance = made.draw.notes["compliance"]
     dynamic = made.draw.k + 1j * made.draw.omega * made.draw.b
     assert made.complex_stiffness == pytest.approx(dynamic / (1.0 + compliance * dynamic), rel=2e-3)
 
