@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import importlib
 import math
@@ -94,7 +95,7 @@ def test_the_loop_of_dahl_friction_has_the_area_of_its_closed_form():
 
 def test_the_slope_in_loading_ignores_the_unloading_and_the_level_of_a_pass():
     v = np.gradient(X, T)
-    force = 800.0 * X + np.where(v > 0.0, 0.3, -0.5) + 0.02 * np.floor(T + 0.25)
+    force = np.where(v > 0.0, 800.0 * X + 0.3, 1000.0 * X) + 0.02 * np.floor(T + 0.25)
     assert bodies.loading_slope(X, force, 2.0) == pytest.approx(800.0, rel=1e-3)
 
 
@@ -127,6 +128,10 @@ def test_a_coulomb_link_changes_neither_the_true_stiffness_in_series_nor_the_tru
     compliance = made.draw.notes["compliance"]
     dynamic = made.draw.k + 1j * made.draw.omega * made.draw.b
     assert made.complex_stiffness == pytest.approx(dynamic / (1.0 + compliance * dynamic), rel=2e-3)
+    by_hand = dataclasses.replace(made, kind=dataclasses.replace(made.kind, steady=False))
+    assert by_hand.stiffnesses(1.0) == [
+        pytest.approx(made.draw.k / (1.0 + compliance * made.draw.k))
+    ]
 
 
 def result(**values: object) -> dict[str, object]:
