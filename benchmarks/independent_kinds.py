@@ -378,12 +378,14 @@ def short_lag(form: str) -> Analog:
     return apply
 
 
-def hum(low: float, high: float) -> Analog:
-    """Return hum of the mains, which differ from 50 Hz by 10 to 50 mHz, as they usually do."""
+def hum(low: float, high: float, exact: bool = False) -> Analog:
+    """Return hum of the mains, which differ from 50 Hz by 10 to 50 mHz unless it is exact."""
 
     def apply(draw: Draw, t: Array, x: Array, f: Array) -> tuple[Array, Array]:
         size = draw.uniform(low, high) * np.ptp(f)
-        mains = 50.0 + draw.uniform(0.01, 0.05) * draw.rng.choice([-1.0, 1.0])
+        mains = 50.0
+        if not exact:
+            mains += draw.uniform(0.01, 0.05) * draw.rng.choice([-1.0, 1.0])
         return x, f + size * np.sin(2.0 * math.pi * mains * t + draw.uniform(0.0, 6.0))
 
     return apply
@@ -394,6 +396,11 @@ def sample_at_mains(draw: Draw) -> None:
     multiple = int(draw.rng.integers(1, 4))
     draw.notes["multiple"] = multiple
     draw.rate = 50.0 - multiple * draw.frequency
+
+
+def sample_at_mains_exactly(draw: Draw) -> None:
+    """As before, at the second or third multiple: hum at the frequency itself cannot be seen."""
+    draw.rate = 50.0 - int(draw.rng.integers(2, 4)) * draw.frequency
 
 
 def sample_near_mains(draw: Draw) -> None:
@@ -605,6 +612,8 @@ KINDS = [
          ranges={"frequency": (0.2, 1.5)}),
     Kind("hum on a multiple", linear, sine, True, analog=(hum(0.05, 0.4),), cause=HUM,
          prepare=sample_at_mains, ranges={"frequency": (0.3, 1.2)}),
+    Kind("hum exactly on a multiple", linear, sine, True, analog=(hum(0.05, 0.4, exact=True),),
+         cause=HUM, prepare=sample_at_mains_exactly, ranges={"frequency": (0.3, 1.2)}),
     Kind("hum between multiples", linear, sine, True, analog=(hum(0.05, 0.3),), cause=HUM,
          prepare=sample_near_mains, ranges={"frequency": (0.3, 1.2)}),
     Kind("hum", linear, hand, analog=(hum(0.05, 0.2),), cause=HUM,
