@@ -16,9 +16,11 @@ from estimation.batch_models.prony import Relaxation, fit_prony
 from estimation.robust_error import robust_fit
 from estimation.smoothing import CORNER
 from estimation.transmission import RIGID, TransmissionCalibration
+from teleop.evaluation.batch.constancy import cycles_of
 from teleop.evaluation.batch.contact_phases import Phase, Phases, find_phases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, local_stiffness
 from teleop.evaluation.batch.regression_rows import RegressionRows
+from teleop.evaluation.batch.sampling_checks import without_sampling_faults
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord, resample, smoothed_record
 from teleop.evaluation.batch.stiffness_result import StiffnessResult, stiffness_result
 from teleop.evaluation.batch.strokes import cycle_frequency, least_stroke, turning_points
@@ -157,6 +159,7 @@ class Analysis:
             "motion": motion_of(self.record)._asdict(),
             "phases": self.phase_rows,
             "cycles": self.cycles(),
+            "cycles_summary": cycles_of(self.record, self.phases).summary(),
             "contact_point": point
             and dict(zip(("position_m", "low_m", "high_m"), point, strict=True)),
             "modulus": self.modulus(),
@@ -267,6 +270,7 @@ def analyse(
     `force_lag` is the lag of the force that is compensated [s]. The lost motion of `transmission`
     has been removed from the position before.
     """
+    signals, faults = without_sampling_faults(signals)
     resampled = resample(signals, force_lag)
     record = smoothed_record(resampled)
     phases = find_phases(record)
@@ -287,5 +291,5 @@ def analyse(
     if local is not None:
         finer = smoothed_record(resampled, WIDER_BAND * bandwidth)
         other = local_stiffness(finer, find_phases(finer))
-    result = stiffness_result(record, phases, local, other, transmission)
+    result = stiffness_result(record, phases, local, other, transmission, faults)
     return Analysis(record, phases, local, result, transmission)

@@ -24,7 +24,7 @@ import numpy as np
 from estimation.estimator import LEVEL_95
 from estimation.stiffening import Interval
 from estimation.transmission import TransmissionCalibration
-from teleop.evaluation.batch.constancy import change_over_cycles
+from teleop.evaluation.batch.constancy import change_over_cycles, cycles_of
 from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.kinds import BESIDES_RELAXATION, LOSS, TANGENT, UNDETERMINED
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
@@ -150,12 +150,14 @@ def stiffness_result(
     local: LocalStiffness | None,
     other: LocalStiffness | None,
     transmission: TransmissionCalibration,
+    faults: Sequence[Reason] = (),
 ) -> StiffnessResult:
     """Return k and b of a record with 95 % intervals, or the reasons why they are not reported.
 
     `local` is None if there are too few samples for a fit. `other` is fitted with another smoothing
     bandwidth; its difference from `local` widens the intervals, and so do the errors of the
-    calibrated transmission.
+    calibrated transmission. `faults` are the remarks on faults of the logger
+    (`teleop.evaluation.batch.sampling_checks`).
     """
     against = reasons_before_fit(record, phases)
     if local is None and not against:
@@ -163,7 +165,7 @@ def stiffness_result(
             Reason("too few samples in contact: expected a longer record or a faster rate")
         )
     if local is None or against:
-        return without_result(against)
+        return without_result([*against, *faults])
     second = other or local
     x, v = record.x[phases.usable], record.v[phases.usable]
     per_speed = float(np.abs(v).mean()) / max(float((v**2).mean()), 1e-300)
@@ -179,13 +181,17 @@ def stiffness_result(
         LEVEL_95 * math.hypot(local.b_std, 0.5 * (local.b - second.b)),
         transmission.damping_error(local.k, per_speed),
     )
-    change = change_over_cycles(record, phases)
+    cycles = cycles_of(record, phases)
+    change = change_over_cycles(cycles)
     against = reasons_after_fit(local, half_k, phases)
     if change and change.with_frequency:
         against = [Reason(change.text)]
     if against:
-        return without_result(against)
-    found = remarks(record, phases, local, half_b, change, transmission)
+        return without_result([*against, *faults])
+    if change:
+        typical = float(np.mean(cycles.k))
+        half_k = max(half_k, local.k * max(abs(k / typical - 1.0) for k in change.k))
+    found = [*faults, *remarks(record, phases, local, half_b, change, transmission)]
     k_tip = None
     if transmission.compliance:
         k_tip = transmission.at_tip(Interval(local.k, local.k - half_k, local.k + half_k))

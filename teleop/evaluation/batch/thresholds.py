@@ -27,6 +27,29 @@ SHARP_CORNER_NOISE = 5.0
 """Smallest difference between measured and smoothed values that indicates a sharp corner of the
 signal, in standard deviations of the noise."""
 
+# Faults of the logger and the data stream
+
+HELD_STEPS = 2.5
+"""Smallest change of a channel, in steps of its resolution, that shows whether its samples are held.
+Without held samples, a smaller change can follow on several equal values."""
+FEWEST_UPDATES = 20
+"""Smallest number of updates by which a held channel is recognised."""
+REGULAR_UPDATES = 0.9
+"""Smallest share of the updates of a held channel that have the typical distance."""
+FEWEST_STALLED = 20
+"""Smallest number of equal samples in a stalled stream."""
+SHORTEST_STALL = 0.01
+"""Shortest stall of a stream that is searched, as a fraction of the record."""
+LEAST_STALLED_FORCE = 0.2
+"""Smallest difference of the force from that at the same position at other times that shows a
+stalled stream, as a fraction of the force range. Hysteresis and relaxation are smaller."""
+STALL_MARGIN = 0.05
+"""Positions or forces count as different if they differ by more than this fraction of their
+range."""
+STALLED_SHARE = 0.3
+"""Smallest share of the constant samples at which the pair of position and force must differ from
+that at other times."""
+
 # Strokes and cycles of the motion
 
 LEAST_STROKE = 0.2
@@ -222,8 +245,17 @@ FEWEST_CYCLE_SAMPLES = 8
 """Smallest number of samples in a cycle that is compared."""
 TREMOR_TRAVEL = 0.25
 """Least travel of a cycle, relative to the largest travel of a cycle. A smaller cycle is tremor."""
-LEAST_CHANGE = 0.15
-"""Smallest relative change of the stiffness that is reported."""
+LEAST_CHANGE = 0.1
+"""Smallest relative change of the stiffness that is reported. In 260 records of 13 kinds with a
+constant stiffness, limits of 0.08 and 0.15 give the same number of false alarms (none)."""
+CUMULATIVE_RANGE = 2.0
+"""Smallest significant range of the cumulative sum of the slopes of the cycles, in standard
+deviations of a slope times the square root of the number of cycles. For independent slopes, one of
+100 records exceeds it (Kuiper's distribution); the other limits of a change make false alarms
+rarer."""
+FEWEST_DEVIATING_CYCLES = 3
+"""Smallest number of cycles with another stiffness that is reported. The median of three is not
+changed by one cycle with a wrong slope, such as an incomplete first cycle."""
 CHANGE_SCATTER = 5.0
 """Smallest change of the stiffness that is reported, in standard errors."""
 FREQUENCY_CHANGE = 1.5
