@@ -13,6 +13,7 @@ from teleop.evaluation.batch.constancy import Change, rise_at_rest
 from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
 from teleop.evaluation.batch.masks import runs
+from teleop.evaluation.batch.sampling_checks import impossible_lag, opposite_signs
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.strokes import is_single_stroke, typical_speed
 from teleop.evaluation.batch.thresholds import (
@@ -34,6 +35,8 @@ from teleop.evaluation.batch.thresholds import (
     LEAST_RISE_OF_FORCE,
     LEVEL_WIDTH_NOISE,
     LOADING_SPEED,
+    LONGEST_LAG,
+    LONGEST_LAG_SHARE,
     NO_RESULT_R2,
     OUT_OF_CONTACT_TRAVEL,
     PUNCTURE_FALL,
@@ -42,6 +45,7 @@ from teleop.evaluation.batch.thresholds import (
     SHORTEST_CREEP,
     SHORTEST_RELAXATION_HOLD,
     SMALL_BASELINE,
+    STEEPEST_LOSS,
     STRUCTURAL_DEGREE,
     SUFFICIENT_RESIDUAL,
     WIDEST_INTERVAL,
@@ -58,6 +62,8 @@ def unsuited(record: SmoothedRecord, phases: Phases) -> Reason | None:
     The function searches for inverted signs of force and position, a creep test, a puncture of the
     specimen, and a drift of the force at rest.
     """
+    if reason := impossible_lag(record) or opposite_signs(record):
+        return reason
     if phases.saturated and rests_at_zero(record):
         return Reason(
             "the force rests near zero at the highest positions, and is negative at the lowest: "
@@ -376,7 +382,8 @@ def remarks(
     elif half_b > abs(local.b):
         found.append(Reason("damping is not resolved: its interval contains zero"))
     elif local.b < 0.0:
-        found.append(negative_damping(record.force_lag, transmission))
+        period = 1.0 / (local.frequency if np.isfinite(local.frequency) else record.band.centre)
+        found.append(negative_damping(record.force_lag, transmission, -local.b / local.k, period))
     return found
 
 
@@ -393,8 +400,20 @@ def longest_hold(record: SmoothedRecord, phases: Phases) -> float:
     return record.period * max(holds, default=0)
 
 
-def negative_damping(force_lag: float, transmission: TransmissionCalibration) -> Reason:
-    """Return the remark that the fitted damping is negative, with its possible causes."""
+def negative_damping(
+    force_lag: float, transmission: TransmissionCalibration, needed: float, period: float
+) -> Reason:
+    """Return the remark that the fitted damping is negative, with its possible causes.
+
+    `needed` is the lag of the force that would explain the damping [s], and `period` that of the
+    motion [s].
+    """
+    if 2.0 * np.pi * needed > STEEPEST_LOSS * period:
+        return Reason(
+            f"damping is negative: the force would have to lag by {needed * 1e3:.3g} ms, more than "
+            "a force channel or lost motion causes: wrong time stamps, a wrong sign, or position "
+            "and force of different recordings"
+        )
     if transmission.lost_motion:
         return Reason(
             f"damping is negative although a force lag of {force_lag * 1e3:.3g} ms and lost motion "
@@ -402,6 +421,11 @@ def negative_damping(force_lag: float, transmission: TransmissionCalibration) ->
             "small for this record"
         )
     lost = f"{LOST_MOTION}, which biases k too"
+    if needed > min(LONGEST_LAG, LONGEST_LAG_SHARE * period):
+        return Reason(
+            f"damping is negative: {lost}; a lag of the force would have to be "
+            f"{needed * 1e3:.3g} ms"
+        )
     if not force_lag:
         lags = "damping is negative: the force lags behind the position"
         return Reason(f"{lags}, or {lost}", LAG)

@@ -1,4 +1,4 @@
-"""Find faults of logger and data stream in a record, and remove their effect.
+"""Find faults of sensors, logger and data stream in a record, and remove their effect if possible.
 
 **Held samples.** A channel that is updated more slowly than the file is written repeats each value
 until the next update. The repeated values are delayed by half of the time between two updates, on
@@ -10,26 +10,36 @@ resolution, there is then no repeated value.
 out for this time. A rest, a hold, a loss of contact, a saturated sensor and a rigid stop also have
 a constant channel. In these cases, the record has the same pairs of position and force at other
 times, or the force only decreases (relaxation).
+
+**Signs and times.** If the force decreases while the position increases, one of the two signs is
+wrong. If the force lags behind the position by a large part of a period, neither a force channel
+nor lost motion explains it: the time stamps are wrong, or the channels are of different records.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimation.arrays import Floats
+from estimation.baseline import without_baseline
 from teleop.evaluation.batch.masks import runs
+from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
     FEWEST_STALLED,
     FEWEST_UPDATES,
     HELD_STEPS,
+    LAGGING_R2,
     LEAST_STALLED_FORCE,
+    OPPOSITE_SIGNS,
     REGULAR_UPDATES,
     SHORTEST_STALL,
     STALL_MARGIN,
     STALLED_SHARE,
+    STEEPEST_LOSS,
 )
 from teleop.evaluation.reading.signals import Signals, periods, smallest_step
 from teleop.evaluation.reason import Reason
@@ -187,3 +197,48 @@ def is_stalled(signals: Signals, name: str, start: int, end: int) -> bool:
         if not low - LEAST_STALLED_FORCE * span < f[start] < high + LEAST_STALLED_FORCE * span:
             count += int(np.count_nonzero(here & part))
     return count > STALLED_SHARE * (end - start)
+
+
+def opposite_signs(record: SmoothedRecord) -> Reason | None:
+    """Return the reason that the force decreases while the position increases; otherwise None."""
+    if record.band.coherence == 0.0:
+        return None
+    moved, changed = (np.diff(values[:: record.stride]) for values in (record.x, record.f))
+    size = math.sqrt(float(moved @ moved) * float(changed @ changed))
+    if size == 0.0 or float(moved @ changed) > OPPOSITE_SIGNS * size:
+        return None
+    low, high = record.force_range
+    both = "--invert force or --invert position reverses one sign"
+    if high < -low / 3.0:
+        sign, hint = "the sign of the force is wrong", "--invert force reverses the sign"
+    elif low > -high / 3.0:
+        sign = "the sign of the position is wrong, or that of the force and its zero"
+        hint = "--invert position reverses the sign of the position, --invert force of the force"
+    else:
+        sign, hint = "the sign of the force or of the position is wrong", both
+    return Reason(
+        f"the force decreases while the position increases: {sign}, or forces of inertia dominate "
+        "(expected force and position positive in compression)",
+        hint,
+    )
+
+
+def impossible_lag(record: SmoothedRecord) -> Reason | None:
+    """Return the reason that the force lags by more than a measuring chain can; otherwise None."""
+    if not math.isfinite(record.frequency):
+        return None
+    omega = 2.0 * math.pi * record.frequency
+    x, f = (without_baseline(values, record.order) for values in (record.x, record.f))
+    columns = np.column_stack([np.ones(len(x)), x - x.mean(), record.v / omega])
+    theta = np.linalg.lstsq(columns, f, rcond=None)[0]
+    rest = f - columns @ theta
+    if float(np.var(rest)) > (1.0 - LAGGING_R2) * float(np.var(f)):
+        return None
+    if theta[2] > -STEEPEST_LOSS * abs(theta[1]):
+        return None
+    lag = math.atan2(-theta[2], theta[1]) / omega
+    return Reason(
+        f"the force lags behind the position by {lag * 1e3:.3g} ms ({lag * record.frequency:.2g} "
+        "periods), more than a force channel or lost motion causes: wrong time stamps, a wrong "
+        "sign, or position and force of different recordings"
+    )

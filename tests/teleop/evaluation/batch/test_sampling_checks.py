@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimation.testing_records import relaxed
+from estimation.testing_records import COVERAGE_KINDS, relaxed
 from teleop.evaluation.batch.analysis import analyse
 from teleop.evaluation.batch.sampling_checks import without_sampling_faults
 from teleop.evaluation.reading.signals import Signals, periods
@@ -92,3 +92,34 @@ def test_a_rigid_stop_with_a_coarse_encoder_is_not_a_stalled_position():
     wanted = 5e-3 * np.sin(OMEGA * 0.5 * t) + 1e-3
     x, f = np.round(np.minimum(wanted, 0.0) / 1e-5) * 1e-5, 2000.0 * np.maximum(wanted, 0.0)
     assert not without_sampling_faults(signals(t, x, f)).remarks
+
+
+@pytest.mark.parametrize("kind", ["intermittent contact", "ramp, hold, release", "relaxing body"])
+def test_an_inverted_force_is_named_and_not_taken_for_a_drift_or_puncture(kind):
+    for seed in range(3):
+        record = COVERAGE_KINDS[kind](np.random.default_rng(seed))
+        found = result(record.t, record.x, -record.f)
+        assert found.k is None
+        assert "the sign of the force is wrong" in found.reasons[0]
+        assert "--invert force" in found.hints[0]
+
+
+def test_both_signs_inverted_are_named():
+    record = COVERAGE_KINDS["intermittent contact"](np.random.default_rng(3))
+    found = result(record.t, -record.x, -record.f)
+    assert found.k is None
+    assert "--invert both" in found.hints[0]
+
+
+def test_a_lag_that_no_force_channel_has_is_not_blamed_for_negative_damping():
+    t, x, f = palpation(k=1600.0)
+    found = result(t, x, np.interp(t - 0.2, t, f))
+    assert found.k is None
+    assert "the force lags behind the position by 19" in found.reasons[0]
+    assert "time stamps" in found.reasons[0]
+    found = result(t, x, np.interp(t - 0.07, t, f))
+    (reason,) = [reason for reason in found.reasons if "damping is negative" in reason]
+    assert "lag of the force would have to be" in reason
+    found = result(t, x, np.interp(t - 0.01, t, f))
+    (reason,) = [reason for reason in found.reasons if "damping is negative" in reason]
+    assert "the force lags behind the position, or" in reason
