@@ -34,9 +34,15 @@ from teleop.evaluation.batch.thresholds import (
     FEWEST_COMPARED_CYCLES,
     FEWEST_CYCLE_SAMPLES,
     FEWEST_DEVIATING_CYCLES,
+    FEWEST_LAG_CYCLES,
     FREQUENCY_CHANGE,
+    LAG_PERIOD_CHANGE,
+    LAG_SCATTER,
+    LARGEST_GROWTH,
     LEAST_CHANGE,
     LEAST_DRIFT,
+    LEAST_PHASE_DRIFT,
+    LINEAR_LAG,
     REST_SPEED,
     SHORTEST_REST,
     STIFFEST_AT_REST,
@@ -220,6 +226,64 @@ def deviating_cycles(k: Floats) -> tuple[int, int] | None:
     if inside > n / 2 and start == 0:
         return end, n
     return start, end
+
+
+class LagDrift(NamedTuple):
+    """A lag of the force against the position that changes in proportion to the time."""
+
+    rate: float
+    """Change of the lag per time: relative difference of the clocks of the two channels."""
+    change: float
+    """Change of the lag over the record [s]; positive if the lag grows."""
+    phase: float
+    """Magnitude of the change of the phase over the record [rad]."""
+
+    @property
+    def text(self) -> str:
+        """Sentence for the user that describes the drift."""
+        return (
+            f"the lag of the force changes by {self.change * 1e3:.3g} ms over the record at a "
+            f"constant stiffness: the clocks of position and force differ by {abs(self.rate):.2%}, "
+            "or samples of one channel are lost"
+        )
+
+
+def drift_of_lag(cycles: Cycles) -> LagDrift | None:
+    """Return the drift of the lag between force and position; None if there is no drift.
+
+    A difference of the clocks shifts the phase between force and position in proportion to the
+    time, and does not change the magnitude of the complex stiffness. A body that softens or relaxes
+    changes this magnitude, or its phase changes mainly at the start.
+    """
+    inner = slice(1, -1)
+    k, b, seconds = cycles.k[inner], cycles.b[inner], cycles.seconds[inner]
+    middle = cycles.start[inner] + 0.5 * seconds
+    n = len(k)
+    if n < FEWEST_LAG_CYCLES or float(k.min()) <= 0.0:
+        return None
+    third = n // 3
+    early, late = (float(np.median(part)) for part in (seconds[:third], seconds[-third:]))
+    if max(early, late) > LAG_PERIOD_CHANGE * min(early, late):
+        return None
+    omega = 2.0 * np.pi / float(np.median(seconds))
+    phase = np.arctan2(b * omega, k)
+    size = np.log(np.hypot(k, b * omega))
+    since = (middle - middle.mean()) / max(float(np.ptp(middle)), 1e-300)
+    power = float(since @ since)
+    slope, growth = float(since @ phase) / power, float(since @ size) / power
+    rest = phase - phase.mean() - slope * since
+    error = float(np.sqrt(rest @ rest / (n - 2) / power))
+    linear = 1.0 - float(rest @ rest) / max(float(np.sum((phase - phase.mean()) ** 2)), 1e-300)
+    if (
+        abs(slope) < max(LEAST_PHASE_DRIFT, LAG_SCATTER * error)
+        or linear < LINEAR_LAG
+        or abs(growth) > LARGEST_GROWTH * abs(slope)
+    ):
+        return None
+    change = -slope / omega
+    whole = float(cycles.start[-1] + cycles.seconds[-1] - cycles.start[0])
+    rate = change / float(np.ptp(middle))
+    return LagDrift(rate, rate * whole, abs(rate) * whole * omega)
 
 
 def slopes_in_cycle(record: SmoothedRecord, part: NDArray[np.intp]) -> tuple[float, float]:

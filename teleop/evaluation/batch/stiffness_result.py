@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -24,12 +24,13 @@ import numpy as np
 from estimation.estimator import LEVEL_95
 from estimation.stiffening import Interval
 from estimation.transmission import TransmissionCalibration
-from teleop.evaluation.batch.constancy import change_over_cycles, cycles_of
+from teleop.evaluation.batch.constancy import change_over_cycles, cycles_of, drift_of_lag
 from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.kinds import BESIDES_RELAXATION, LOSS, TANGENT, UNDETERMINED
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
 from teleop.evaluation.batch.reasons import reasons_after_fit, reasons_before_fit, remarks
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
+from teleop.evaluation.batch.thresholds import LARGEST_PHASE_DRIFT
 from teleop.evaluation.reason import Reason
 
 DATUM_ERROR = 1e-4
@@ -186,11 +187,17 @@ def stiffness_result(
     against = reasons_after_fit(local, half_k, phases)
     if change and change.with_frequency:
         against = [Reason(change.text)]
+    drift = drift_of_lag(cycles)
+    if drift and drift.phase > LARGEST_PHASE_DRIFT:
+        against = [Reason(drift.text)]
     if against:
         return without_result([*against, *faults])
     if change:
         typical = float(np.mean(cycles.k))
         half_k = max(half_k, local.k * max(abs(k / typical - 1.0) for k in change.k))
+    if drift:  # the lag at the start is not known, and b is 0 if it is not determined
+        faults = [*faults, Reason(f"{drift.text}; damping is not determined, and given as 0")]
+        local, half_b = replace(local, b=0.0, b_std=0.0), 0.0
     found = [*faults, *remarks(record, phases, local, half_b, change, transmission)]
     k_tip = None
     if transmission.compliance:

@@ -278,6 +278,23 @@ CHANGE_SCATTER = 5.0
 FREQUENCY_CHANGE = 1.5
 """If the ratio of the frequencies of the first and last cycles is larger, a change of the stiffness
 is attributed to the frequency."""
+FEWEST_LAG_CYCLES = 5
+"""Smallest number of whole cycles from which a drift of the lag is found."""
+LAG_PERIOD_CHANGE = 1.2
+"""If the ratio of the periods of the first and last cycles is larger, a change of the phase may be
+caused by the frequency, and no drift of the lag is sought."""
+LEAST_PHASE_DRIFT = 0.007
+"""Smallest change of the phase between force and position over the record that is reported [rad].
+It changes the loss factor by half of this value."""
+LAG_SCATTER = 8.0
+"""Smallest drift of the phase that is reported, in standard errors."""
+LINEAR_LAG = 0.9
+"""Smallest share of the variance of the phase that a linear drift explains."""
+LARGEST_GROWTH = 0.5
+"""Largest relative change of the magnitude of the stiffness during a drift of the lag, as a
+multiple of the change of the phase."""
+LARGEST_PHASE_DRIFT = 0.5
+"""If the phase drifts by more [rad], k is not reported either: its error can exceed 2 %."""
 CREEP_NOISE = 3.0
 """Smallest motion in the last quarter of a creep, in standard deviations of the noise of the
 position."""

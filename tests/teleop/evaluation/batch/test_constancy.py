@@ -114,3 +114,25 @@ def test_the_slopes_of_the_cycles_are_summarised():
     assert summary["count"] >= 6
     assert summary["k_low_quartile"] <= summary["k_median"] <= summary["k_high_quartile"]
     assert summary["k_median"] == pytest.approx(500.0, rel=1e-3)
+
+
+def shifted(rate, stiffness=1.0, clock=1e-3):
+    t = np.arange(0.0, 12.0, 1.0 / rate)
+    x = 2e-3 + 1e-3 * np.sin(2.0 * np.pi * t)
+    f = 1600.0 * stiffness * x + 4.0 * np.gradient(x, t)
+    return result(t, x, np.interp(t * (1.0 - clock), t, f), 3e-3)
+
+
+@pytest.mark.parametrize("clock", [1e-3, -1e-3])
+def test_clocks_that_differ_give_no_damping(clock):
+    found = shifted(1000.0, clock=clock)
+    assert found.k == pytest.approx(1600.0, rel=5e-3)
+    assert not found.determines("b")
+    assert any("clocks of position and force differ by 0.10%" in text for text in found.reasons)
+
+
+def test_equal_clocks_and_softening_are_no_drift_of_the_lag():
+    softer = 1.0 - 0.25 * np.arange(0.0, 12.0, 1e-3) / 12.0
+    for found in (shifted(1000.0, clock=0.0), shifted(1000.0, softer, clock=0.0)):
+        assert found.determines("b")
+        assert not any("clocks" in text for text in found.reasons)
