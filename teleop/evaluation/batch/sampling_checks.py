@@ -228,9 +228,9 @@ def impossible_lag(record: SmoothedRecord) -> Reason | None:
     if not math.isfinite(record.frequency):
         return None
     omega = 2.0 * math.pi * record.frequency
-    x, f = (without_baseline(values, record.order) for values in (record.x, record.f))
+    x, f = record.palpation, without_baseline(record.f, record.order)
     columns = np.column_stack([np.ones(len(x)), x - x.mean(), record.v / omega])
-    theta = np.linalg.lstsq(columns, f, rcond=None)[0]
+    theta = np.linalg.solve(columns.T @ columns, columns.T @ f)
     rest = f - columns @ theta
     if float(np.var(rest)) > (1.0 - LAGGING_R2) * float(np.var(f)):
         return None

@@ -26,8 +26,10 @@ from estimation.stiffening import Interval
 from estimation.transmission import TransmissionCalibration
 from teleop.evaluation.batch.constancy import change_over_cycles, cycles_of, drift_of_lag
 from teleop.evaluation.batch.contact_phases import Phases
+from teleop.evaluation.batch.interference import interference
 from teleop.evaluation.batch.kinds import BESIDES_RELAXATION, LOSS, TANGENT, UNDETERMINED
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
+from teleop.evaluation.batch.measured_point import Point, measured_point
 from teleop.evaluation.batch.reasons import reasons_after_fit, reasons_before_fit, remarks
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import LARGEST_PHASE_DRIFT
@@ -184,17 +186,28 @@ def stiffness_result(
     )
     cycles = cycles_of(record, phases)
     change = change_over_cycles(cycles)
+    drift = drift_of_lag(cycles)
+    where = measured_point(record, phases, local, half_k)
     against = reasons_after_fit(local, half_k, phases)
     if change and change.with_frequency:
         against = [Reason(change.text)]
-    drift = drift_of_lag(cycles)
     if drift and drift.phase > LARGEST_PHASE_DRIFT:
         against = [Reason(drift.text)]
+    line = interference(record)
+    if line and line.harmonic:
+        against = [Reason(line.text)]
+    if isinstance(where, Reason):
+        # a change and interference have remarks of their own, and also change the slopes of cycles
+        if not change and not line and not against:
+            against.append(where)
+        where = Point(local.best.force, local.best.position)
     if against:
         return without_result([*against, *faults])
     if change:
         typical = float(np.mean(cycles.k))
         half_k = max(half_k, local.k * max(abs(k / typical - 1.0) for k in change.k))
+    if line:
+        faults = [*faults, Reason(line.text)]
     if drift:  # the lag at the start is not known, and b is 0 if it is not determined
         faults = [*faults, Reason(f"{drift.text}; damping is not determined, and given as 0")]
         local, half_b = replace(local, b=0.0, b_std=0.0), 0.0
@@ -215,8 +228,8 @@ def stiffness_result(
     if local.baseline_size > 0.0:  # contact point and level change with the baseline
         point = level = None
     zero = point.value if point else lowest
-    force = local.best.force
-    depth = local.best.position - zero
+    force, position = where
+    depth = position - zero
     secant = secant_change = None
     if level is not None and depth > 0.0:
         secant = (force - level) / depth

@@ -50,6 +50,24 @@ STALLED_SHARE = 0.3
 """Smallest share of the constant samples at which the pair of position and force must differ from
 that at other times."""
 
+# Interference
+
+LEAST_LINE = 0.02
+"""Smallest amplitude of interference that is reported, as a fraction of the force range."""
+LINE_FLOOR = 8.0
+"""Smallest amplitude of interference, as a multiple of the median of the spectrum near it. White
+noise exceeds 4 times the median in one of 65 000 bins."""
+LINE_RESPONSE = 5.0
+"""Smallest amplitude of interference, as a multiple of the force that the position at the same
+frequency causes."""
+LINE_NEIGHBOURS = 4.0
+"""Smallest amplitude of a harmonic that is interference, as a multiple of those of the two
+harmonics below and above it. The harmonics of a body in contact decrease with their order."""
+LINE_WIDTH = 3
+"""Distance from the maximum of a line at which the spectrum with a Hann window is low [bins]."""
+FEWEST_LINE_CYCLES = 6
+"""Smallest number of cycles with which lines between harmonics are distinguished from them."""
+
 # Signs and times of the channels
 
 OPPOSITE_SIGNS = -0.25
@@ -278,6 +296,24 @@ CHANGE_SCATTER = 5.0
 FREQUENCY_CHANGE = 1.5
 """If the ratio of the frequencies of the first and last cycles is larger, a change of the stiffness
 is attributed to the frequency."""
+FEWEST_SLOPE_CYCLE_SAMPLES = 14
+"""Smallest number of samples of a cycle in which a slope at a force is computed."""
+FEWEST_SLOPE_CYCLES = 3
+"""Smallest number of cycles that contain the force at which k is stated."""
+INNER_FORCE = 0.1
+"""Part of the force range of a cycle, at each end, in which no slope is computed."""
+SLOPE_DIFFERENCE = 2.0
+"""Smallest difference of k from the median slope of the cycles at which k is not reported, as a
+multiple of the sum of the half widths of their intervals."""
+LEAST_SLOPE_DIFFERENCE = 0.05
+"""Smallest relative difference of k from the median slope of the cycles at which k is not
+reported. In records with a linear, stiffening or relaxing body, the difference is below 0.03."""
+LARGEST_SLOPE_SCATTER = 0.05
+"""Largest relative standard deviation of the slopes of the cycles of a linear body whose surface
+moves. If only the position drifts, it is below 0.02."""
+POINT_DISTANCE = 0.02
+"""Largest distance of the record from the point at which k is stated, as a fraction of the ranges
+of position and force."""
 FEWEST_LAG_CYCLES = 5
 """Smallest number of whole cycles from which a drift of the lag is found."""
 LAG_PERIOD_CHANGE = 1.2
