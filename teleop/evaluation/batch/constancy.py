@@ -179,6 +179,7 @@ def change_over_cycles(cycles: Cycles) -> Change | None:
     frequency = 1.0 / cycles.seconds
     deviation = 1.4826 * float(np.median(np.abs(np.diff(cycles.k))))
     count = max(FEWEST_COMPARED_CYCLES // 2, n // 10)
+    compared: list[tuple[NDArray[np.bool_], NDArray[np.bool_], tuple[int, int] | None]]
     compared = [(np.arange(n) < count, np.arange(n) >= n - count, None)]
     if (found := deviating_cycles(cycles.k)) is not None:
         inside = (np.arange(n) >= found[0]) & (np.arange(n) < found[1])

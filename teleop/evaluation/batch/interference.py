@@ -26,6 +26,7 @@ from teleop.evaluation.batch.thresholds import (
     LINE_WIDTH,
 )
 
+
 class Line(NamedTuple):
     """A line of the spectrum of the force that the motion does not cause."""
 

@@ -31,7 +31,6 @@ from teleop.evaluation.batch.thresholds import (
 )
 from teleop.evaluation.reason import Reason
 
-
 SLOPE_SAMPLES = 40
 """Approximate number of samples of a cycle that are fitted. The samples are smoothed, so that more
 samples do not make the slope more accurate."""
@@ -103,8 +102,9 @@ def measured_point(
     k = np.array([one.k for one in slopes])
     middle = float(np.median(k))
     scatter = 1.4826 * float(np.median(np.abs(k - middle)))
-    if elsewhere and scatter > LARGEST_SLOPE_SCATTER * abs(middle):
-        low, high = np.percentile(k, [25.0, 75.0])
+    low, high = np.percentile(k, [25.0, 75.0])
+    # half of the interquartile range is 0.67 standard deviations
+    if elsewhere and high - low > 1.35 * LARGEST_SLOPE_SCATTER * abs(middle):
         return Reason(
             f"the stiffness is not determined: the slopes of the cycles scatter (quartiles "
             f"{STIFFNESS.shown(float(low)):.4g} and {STIFFNESS.text(float(high), '.4g')}), and no "
@@ -113,7 +113,10 @@ def measured_point(
         )
     # the median of n values has 1.25 times the standard error of their mean
     half = LEVEL_95 * 1.25 * scatter / math.sqrt(len(k))
-    least = max(SLOPE_DIFFERENCE * (half_k + half), LEAST_SLOPE_DIFFERENCE * abs(middle))
+    least = max(
+        (1.0 if elsewhere else SLOPE_DIFFERENCE) * (half_k + half),
+        LEAST_SLOPE_DIFFERENCE * abs(middle),
+    )
     if abs(local.k - middle) > least:
         return Reason(
             f"the stiffness is not determined: the model of the whole record has "
