@@ -36,6 +36,13 @@ SLOPE_SAMPLES = 40
 samples do not make the slope more accurate."""
 
 
+GRID = np.linspace(0.0, 1.0, 41)
+"""Places in the range of positions at which the elastic force of a cycle is computed."""
+NEVER_SINGULAR = 1e-14
+"""Relative increase of the diagonal of the normal equations, with which they have a solution if
+two regressors are proportional."""
+
+
 class Point(NamedTuple):
     """Force [N] and position [m] at which the stiffness is stated."""
 
@@ -69,16 +76,18 @@ def slopes_of_cycles(record: SmoothedRecord, phases: Phases, force: float | None
         s, time = (x - x.mean()) / travel, np.linspace(-1.0, 1.0, len(part))
         columns = [np.ones(len(part)), s, s**2, s**3, v / speed, s * v / speed, time]
         matrix = np.column_stack(columns)
-        theta = np.linalg.lstsq(matrix.T @ matrix, matrix.T @ f, rcond=1e-12)[0]
-        grid = np.linspace(float(s.min()), float(s.max()), 41)
-        elastic = np.polynomial.polynomial.polyval(grid, theta[:4])
+        normal = matrix.T @ matrix
+        normal.flat[:: len(normal) + 1] *= 1.0 + NEVER_SINGULAR
+        theta = np.linalg.solve(normal, matrix.T @ f)
+        grid = float(s.min()) + GRID * float(np.ptp(s))
+        elastic = theta[0] + grid * (theta[1] + grid * (theta[2] + grid * theta[3]))
         low, high = float(elastic[0]), float(elastic[-1])
         level = 0.5 * (low + high) if force is None else force
         margin = INNER_FORCE * (high - low)
         if not low + margin < level < high - margin:
             continue
         at = float(grid[np.argmin(np.abs(elastic - level))])
-        slope = float(np.polynomial.polynomial.polyval(at, theta[1:4] * [1.0, 2.0, 3.0])) / travel
+        slope = float(theta[1] + at * (2.0 * theta[2] + 3.0 * at * theta[3])) / travel
         found.append(Slope(slope, Point(level, float(x.mean()) + at * travel)))
     return found
 

@@ -382,7 +382,8 @@ def remarks(
     elif half_b > abs(local.b):
         found.append(Reason("damping is not resolved: its interval contains zero"))
     elif local.b < 0.0:
-        period = 1.0 / (local.frequency if np.isfinite(local.frequency) else record.band.centre)
+        # besides relaxation, b is not the loss at a frequency, and shows no phase
+        period = 1.0 / local.frequency if np.isfinite(local.frequency) else np.inf
         found.append(negative_damping(record.force_lag, transmission, -local.b / local.k, period))
     return found
 
