@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -16,10 +17,12 @@ from estimation.batch_models.prony import Relaxation, fit_prony
 from estimation.robust_error import robust_fit
 from estimation.smoothing import CORNER
 from estimation.transmission import RIGID, TransmissionCalibration
+from teleop.evaluation.batch.constancy import cycles_of
 from teleop.evaluation.batch.contact_phases import Phase, Phases, find_phases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, local_stiffness
 from teleop.evaluation.batch.lost_motion import find_lost_motion
 from teleop.evaluation.batch.regression_rows import RegressionRows
+from teleop.evaluation.batch.sampling_checks import without_sampling_faults
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord, resample, smoothed_record
 from teleop.evaluation.batch.stiffness_result import (
     StiffnessResult,
@@ -34,6 +37,7 @@ from teleop.evaluation.batch.thresholds import (
     WIDEST_KERNEL,
 )
 from teleop.evaluation.reading.signals import Signals
+from teleop.evaluation.reason import Reason
 
 
 class MotionSummary(NamedTuple):
@@ -162,6 +166,7 @@ class Analysis:
             "motion": motion_of(self.record)._asdict(),
             "phases": self.phase_rows,
             "cycles": self.cycles(),
+            "cycles_summary": cycles_of(self.record, self.phases).summary(),
             "contact_point": point
             and dict(zip(("position_m", "low_m", "high_m"), point, strict=True)),
             "complex_stiffness": self.complex_stiffness(),
@@ -273,7 +278,8 @@ def analyse(
     has been removed from the position before. If it is not known, and the record shows lost motion,
     the evaluation is repeated with the position behind it.
     """
-    analysis = fitted(signals, force_lag, transmission)
+    signals, faults = without_sampling_faults(signals)
+    analysis = fitted(signals, force_lag, transmission, faults)
     if transmission.lost_motion or analysis.local is None:
         return analysis
     found = find_lost_motion(analysis.record, analysis.phases)
@@ -281,12 +287,17 @@ def analyse(
         return analysis
     tip = signals._replace(x=found.tip(signals.x), measured_step=signals.step)
     known = replace(transmission, lost_motion=found.half_width, lost_motion_error=found.error)
-    corrected = fitted(tip, force_lag, known)
+    corrected = fitted(tip, force_lag, known, faults)
     return replace(corrected, result=with_lost_motion(corrected.result, analysis.local, found))
 
 
-def fitted(signals: Signals, force_lag: float, transmission: TransmissionCalibration) -> Analysis:
-    """Fit the models to a record, and return k and b."""
+def fitted(
+    signals: Signals,
+    force_lag: float,
+    transmission: TransmissionCalibration,
+    faults: Sequence[Reason],
+) -> Analysis:
+    """Fit the models to a record, and return k and b. `faults` are the remarks on its samples."""
     resampled = resample(signals, force_lag)
     record = smoothed_record(resampled)
     phases = find_phases(record)
@@ -307,5 +318,5 @@ def fitted(signals: Signals, force_lag: float, transmission: TransmissionCalibra
     if local is not None:
         finer = smoothed_record(resampled, WIDER_BAND * bandwidth)
         other = local_stiffness(finer, find_phases(finer))
-    result = stiffness_result(record, phases, local, other, transmission)
+    result = stiffness_result(record, phases, local, other, transmission, faults)
     return Analysis(record, phases, local, result, transmission)

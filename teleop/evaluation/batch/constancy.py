@@ -1,4 +1,18 @@
-"""Detect a drift of the force at rest, and a change of the stiffness from cycle to cycle."""
+"""Detect a drift of the force at rest, and a change of stiffness or lag from cycle to cycle.
+
+The stiffness of each cycle is the slope of the force against the position. A change anywhere in the
+record is found by the cumulative sum of the deviations of these slopes from their mean. For
+independent slopes, the range of this sum, divided by the standard deviation of a slope and by the
+square root of the number of cycles, has the distribution of the range of a Brownian bridge. The
+range is also large if the stiffness changes for a part of the record only. The largest value of the
+sum has little power in this case.
+
+References
+----------
+N. H. Kuiper, "Tests concerning random points on a circle", Indagationes Mathematicae 63, 1960 (the
+distribution); A. W. Lo, "Long-term memory in stock market prices", Econometrica 59(5), 1991 (the
+test by the range of the cumulative sum).
+"""
 
 from __future__ import annotations
 
@@ -15,12 +29,20 @@ from teleop.evaluation.batch.masks import runs
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
     CHANGE_SCATTER,
+    CUMULATIVE_RANGE,
     DRIFT_NOISE,
     FEWEST_COMPARED_CYCLES,
     FEWEST_CYCLE_SAMPLES,
+    FEWEST_DEVIATING_CYCLES,
+    FEWEST_LAG_CYCLES,
     FREQUENCY_CHANGE,
+    LAG_PERIOD_CHANGE,
+    LAG_SCATTER,
+    LARGEST_GROWTH,
     LEAST_CHANGE,
     LEAST_DRIFT,
+    LEAST_PHASE_DRIFT,
+    LINEAR_LAG,
     REST_SPEED,
     SHORTEST_REST,
     STIFFEST_AT_REST,
@@ -30,12 +52,15 @@ from teleop.evaluation.batch.thresholds import (
 
 
 class Change(NamedTuple):
-    """A change of the stiffness between the first and the last cycles of a record."""
+    """A change of the stiffness between the cycles of a record."""
 
     k: tuple[float, float]
     """Median stiffness of the first cycles, and of the last cycles [N/m]."""
     frequency: tuple[float, float]
     """Median frequency of the first cycles, and of the last cycles [Hz]."""
+    during: tuple[float, float] | None = None
+    """Start and end of the deviating cycles [s], if these are not simply the last ones. The first
+    value in `k` and `frequency` is then that of the other cycles."""
 
     @property
     def with_frequency(self) -> bool:
@@ -48,12 +73,18 @@ class Change(NamedTuple):
     @property
     def text(self) -> str:
         """Sentence for the user that describes the change of the stiffness."""
-        (first, last), (begin, end) = self
+        (first, last), (begin, end) = self.k, self.frequency
         start, final = (STIFFNESS.text(k, ".4g") for k in (first, last))
         if self.with_frequency:
             return (
                 f"the stiffness changes with the frequency, from {start} at {begin:.3g} Hz "
                 f"to {final} at {end:.3g} Hz: expected a recording at one frequency"
+            )
+        if self.during:
+            return (
+                f"the stiffness changes over the cycles, from {STIFFNESS.shown(first):.4g} to "
+                f"{final} between {self.during[0]:.3g} and {self.during[1]:.3g} s (medians of the "
+                "other cycles and of these cycles)"
             )
         return (
             f"the stiffness changes over the cycles, from "
@@ -92,49 +123,176 @@ def rise_at_rest(record: SmoothedRecord) -> tuple[float, float] | None:
     return None
 
 
-def change_over_cycles(record: SmoothedRecord, phases: Phases) -> Change | None:
-    """Return the change of the stiffness from the first to the last cycles; None for no change.
+class Cycles(NamedTuple):
+    """Stiffness and damping of each cycle in contact; arrays have shape (n,)."""
 
-    The median stiffness of the first cycles is compared with the median stiffness of the last
-    cycles. The difference of the two medians counts as a change if it satisfies two conditions. It
-    is at least the fraction `LEAST_CHANGE` of the smaller median. It is also at least
-    `CHANGE_SCATTER` standard errors, which are computed from the differences between successive
-    cycles. The result is also None if there are fewer than `FEWEST_COMPARED_CYCLES` cycles.
-    """
+    start: Floats
+    """Time at which the cycle starts [s]."""
+    seconds: Floats
+    """Duration of the cycle [s]."""
+    k: Floats
+    """Stiffness: slope of the force against the position [N/m]."""
+    b: Floats
+    """Damping: coefficient of the velocity [N s/m]."""
+
+    def summary(self) -> dict[str, float | int | None]:
+        """Return number, median and quartiles of the stiffness of the cycles, for JSON."""
+        if not len(self.k):
+            return {"count": 0, "k_median": None, "k_low_quartile": None, "k_high_quartile": None}
+        low, median, high = (float(k) for k in np.percentile(self.k, [25.0, 50.0, 75.0]))
+        return {
+            "count": len(self.k),
+            "k_median": median,
+            "k_low_quartile": low,
+            "k_high_quartile": high,
+        }
+
+
+def cycles_of(record: SmoothedRecord, phases: Phases) -> Cycles:
+    """Return stiffness and damping of the cycles of a record, without cycles of tremor."""
     begins = [phase.start for phase in phases.phases if phase.name == "loading"]
     parts = [start + np.flatnonzero(phases.usable[start:end]) for start, end in pairwise(begins)]
     travel = [float(np.ptp(record.x[part])) if len(part) else 0.0 for part in parts]
     smallest = TREMOR_TRAVEL * max(travel, default=0.0)
-    k, seconds = [], []
-    for i, (start, end) in enumerate(pairwise(begins)):
-        part = parts[i]
-        if len(part) >= FEWEST_CYCLE_SAMPLES and travel[i] >= smallest:
-            k.append(slope_in_cycle(record, part))
-            seconds.append((end - start) * record.period)
-    if len(k) < FEWEST_COMPARED_CYCLES:
+    found = [
+        (float(record.t[start]), (end - start) * record.period, *slopes_in_cycle(record, part))
+        for (start, end), part, moved in zip(pairwise(begins), parts, travel, strict=True)
+        if len(part) >= FEWEST_CYCLE_SAMPLES and moved >= smallest
+    ]
+    return Cycles(*np.array(found, dtype=np.float64).reshape(-1, 4).T)
+
+
+def change_over_cycles(cycles: Cycles) -> Change | None:
+    """Return the largest change of the stiffness in a record; None for no change.
+
+    The median stiffness of the first cycles is compared with the median stiffness of the last
+    cycles. If they do not differ, the cycles in which the stiffness differs most from the others
+    are compared with the others (`deviating_cycles`). The difference of the two medians counts as a
+    change if it satisfies two conditions. It is at least the fraction `LEAST_CHANGE` of the smaller
+    median. It is also at least `CHANGE_SCATTER` standard errors, which are computed from the
+    differences between successive cycles. The result is also None if there are fewer than
+    `FEWEST_COMPARED_CYCLES` cycles.
+    """
+    n = len(cycles.k)
+    if n < FEWEST_COMPARED_CYCLES:
         return None
-    count = max(FEWEST_COMPARED_CYCLES // 2, len(k) // 10)
-    slopes = np.array(k)
-    first, last = float(np.median(slopes[:count])), float(np.median(slopes[-count:]))
-    scatter = 1.4826 * float(np.median(np.abs(np.diff(slopes)))) / np.sqrt(count)
-    difference = abs(last - first)
+    frequency = 1.0 / cycles.seconds
+    deviation = 1.4826 * float(np.median(np.abs(np.diff(cycles.k))))
+    count = max(FEWEST_COMPARED_CYCLES // 2, n // 10)
+    compared: list[tuple[NDArray[np.bool_], NDArray[np.bool_], tuple[int, int] | None]]
+    compared = [(np.arange(n) < count, np.arange(n) >= n - count, None)]
+    if (found := deviating_cycles(cycles.k)) is not None:
+        inside = (np.arange(n) >= found[0]) & (np.arange(n) < found[1])
+        compared.append((~inside, inside, found))
+    for one, two, part in compared:
+        first, last = float(np.median(cycles.k[one])), float(np.median(cycles.k[two]))
+        difference = abs(last - first)
+        scatter = deviation / np.sqrt(min(one.sum(), two.sum()))
+        if (
+            difference < LEAST_CHANGE * min(abs(first), abs(last))
+            or difference < CHANGE_SCATTER * scatter
+        ):
+            continue
+        during = None
+        if part is not None:
+            end = part[1] - 1
+            during = (float(cycles.start[part[0]]), float(cycles.start[end] + cycles.seconds[end]))
+        return Change(
+            (first, last),
+            (float(np.median(frequency[one])), float(np.median(frequency[two]))),
+            during,
+        )
+    return None
+
+
+def deviating_cycles(k: Floats) -> tuple[int, int] | None:
+    """Return first and last plus 1 of the cycles whose stiffness differs from that of the others.
+
+    The result is None if the range of the cumulative sum is not significant, or if the cycles in
+    question, or the others, are fewer than `FEWEST_DEVIATING_CYCLES`.
+    """
+    n = len(k)
+    low, middle, high = np.percentile(k, [10.0, 50.0, 90.0])
+    # a single cycle with a wrong slope must not look like a change
+    limited = np.clip(k, middle - 2.0 * (middle - low), middle + 2.0 * (high - middle))
+    # the median of the differences does not contain the changes themselves
+    deviation = 1.4826 * float(np.median(np.abs(np.diff(k)))) / np.sqrt(2.0)
+    sums = np.concatenate([[0.0], np.cumsum(limited - limited.mean())])
+    start, end = sorted((int(np.argmax(sums)), int(np.argmin(sums))))
+    if float(np.ptp(sums)) < CUMULATIVE_RANGE * max(deviation, 1e-300) * np.sqrt(n):
+        return None
+    inside = end - start
+    if min(inside, n - inside) < FEWEST_DEVIATING_CYCLES:
+        return None
+    if inside > n / 2 and start == 0:
+        return end, n
+    return start, end
+
+
+class LagDrift(NamedTuple):
+    """A lag of the force against the position that changes in proportion to the time."""
+
+    rate: float
+    """Change of the lag per time: relative difference of the clocks of the two channels."""
+    change: float
+    """Change of the lag over the record [s]; positive if the lag grows."""
+    phase: float
+    """Magnitude of the change of the phase over the record [rad]."""
+
+    @property
+    def text(self) -> str:
+        """Sentence for the user that describes the drift."""
+        return (
+            f"the lag of the force changes by {self.change * 1e3:.3g} ms over the record at a "
+            f"constant stiffness: the clocks of position and force differ by {abs(self.rate):.2%}, "
+            "or samples of one channel are lost"
+        )
+
+
+def drift_of_lag(cycles: Cycles) -> LagDrift | None:
+    """Return the drift of the lag between force and position; None if there is no drift.
+
+    A difference of the clocks shifts the phase between force and position in proportion to the
+    time, and does not change the magnitude of the complex stiffness. A body that softens or relaxes
+    changes this magnitude, or its phase changes mainly at the start.
+    """
+    inner = slice(1, -1)
+    k, b, seconds = cycles.k[inner], cycles.b[inner], cycles.seconds[inner]
+    middle = cycles.start[inner] + 0.5 * seconds
+    n = len(k)
+    if n < FEWEST_LAG_CYCLES or float(k.min()) <= 0.0:
+        return None
+    third = n // 3
+    early, late = (float(np.median(part)) for part in (seconds[:third], seconds[-third:]))
+    if max(early, late) > LAG_PERIOD_CHANGE * min(early, late):
+        return None
+    omega = 2.0 * np.pi / float(np.median(seconds))
+    phase = np.arctan2(b * omega, k)
+    size = np.log(np.hypot(k, b * omega))
+    since = (middle - middle.mean()) / max(float(np.ptp(middle)), 1e-300)
+    power = float(since @ since)
+    slope, growth = float(since @ phase) / power, float(since @ size) / power
+    rest = phase - phase.mean() - slope * since
+    error = float(np.sqrt(rest @ rest / (n - 2) / power))
+    linear = 1.0 - float(rest @ rest) / max(float(np.sum((phase - phase.mean()) ** 2)), 1e-300)
     if (
-        difference < LEAST_CHANGE * min(abs(first), abs(last))
-        or difference < CHANGE_SCATTER * scatter
+        abs(slope) < max(LEAST_PHASE_DRIFT, LAG_SCATTER * error)
+        or linear < LINEAR_LAG
+        or abs(growth) > LARGEST_GROWTH * abs(slope)
     ):
         return None
-    return Change(
-        (first, last),
-        (1.0 / float(np.median(seconds[:count])), 1.0 / float(np.median(seconds[-count:]))),
-    )
+    change = -slope / omega
+    whole = float(cycles.start[-1] + cycles.seconds[-1] - cycles.start[0])
+    rate = change / float(np.ptp(middle))
+    return LagDrift(rate, rate * whole, abs(rate) * whole * omega)
 
 
-def slope_in_cycle(record: SmoothedRecord, part: NDArray[np.intp]) -> float:
-    """Return the stiffness in one cycle [N/m]: the slope of the force against the position.
+def slopes_in_cycle(record: SmoothedRecord, part: NDArray[np.intp]) -> tuple[float, float]:
+    """Return the stiffness [N/m] and the damping [N s/m] in one cycle.
 
-    The slope is the coefficient of the position in a least-squares fit of the force. The other
-    regressors are a constant, the velocity and the time. Damping and drift of the force therefore
-    do not change the slope.
+    They are the coefficients of the position and of the velocity in a least-squares fit of the
+    force. The other regressors are a constant and the time. Drift of the force therefore does not
+    change them.
     """
     columns: Floats = np.column_stack(
         [np.ones(len(part)), record.clock[part], record.v[part], record.x[part]]
@@ -142,4 +300,5 @@ def slope_in_cycle(record: SmoothedRecord, part: NDArray[np.intp]) -> float:
     columns = columns - columns.mean(axis=0)
     columns[:, 0] = 1.0
     size = np.maximum(np.abs(columns).max(axis=0), 1e-300)
-    return float(np.linalg.lstsq(columns / size, record.f[part], rcond=None)[0][3] / size[3])
+    theta = np.linalg.lstsq(columns / size, record.f[part], rcond=None)[0] / size
+    return float(theta[3]), float(theta[2])

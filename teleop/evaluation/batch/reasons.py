@@ -7,12 +7,13 @@ from scipy.ndimage import median_filter
 
 from estimation.arrays import Floats
 from estimation.baseline import BELOW
-from estimation.quantities import STIFFNESS
+from estimation.quantities import DAMPING, STIFFNESS
 from estimation.transmission import TransmissionCalibration
-from teleop.evaluation.batch.constancy import Change, rise_at_rest
+from teleop.evaluation.batch.constancy import Change, LagDrift, rise_at_rest
 from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
 from teleop.evaluation.batch.masks import runs
+from teleop.evaluation.batch.sampling_checks import impossible_lag, opposite_signs
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.strokes import is_single_stroke, typical_speed
 from teleop.evaluation.batch.thresholds import (
@@ -34,6 +35,8 @@ from teleop.evaluation.batch.thresholds import (
     LEAST_RISE_OF_FORCE,
     LEVEL_WIDTH_NOISE,
     LOADING_SPEED,
+    LONGEST_LAG,
+    LONGEST_LAG_SHARE,
     NO_RESULT_R2,
     OUT_OF_CONTACT_TRAVEL,
     PUNCTURE_FALL,
@@ -42,6 +45,7 @@ from teleop.evaluation.batch.thresholds import (
     SHORTEST_CREEP,
     SHORTEST_RELAXATION_HOLD,
     SMALL_BASELINE,
+    STEEPEST_LOSS,
     STRUCTURAL_DEGREE,
     SUFFICIENT_RESIDUAL,
     WIDEST_INTERVAL,
@@ -58,6 +62,8 @@ def unsuited(record: SmoothedRecord, phases: Phases) -> Reason | None:
     The function searches for inverted signs of force and position, a creep test, a puncture of the
     specimen, and a drift of the force at rest.
     """
+    if reason := impossible_lag(record) or opposite_signs(record):
+        return reason
     if phases.saturated and rests_at_zero(record):
         return Reason(
             "the force rests near zero at the highest positions, and is negative at the lowest: "
@@ -313,11 +319,9 @@ def remarks(
     record: SmoothedRecord,
     phases: Phases,
     local: LocalStiffness,
-    half_b: float,
     change: Change | None,
-    transmission: TransmissionCalibration,
 ) -> list[Reason]:
-    """Return the remarks on a record whose stiffness is reported.
+    """Return the remarks on a record whose stiffness is reported, except those on damping.
 
     A remark informs the user, for example, that the Kelvin-Voigt model does not fit well.
     """
@@ -369,18 +373,30 @@ def remarks(
                 f"need {FEWEST_INDEPENDENT}: expected a longer record or a faster rate"
             )
         )
-    if is_constant_speed(record.v[phases.usable]):
-        found.append(Reason("the speed in contact is constant: damping is not determined"))
-    elif half_b > abs(local.b):
-        found.append(Reason(DAMPING_NOT_RESOLVED))
-    elif local.b < 0.0:
-        found.append(negative_damping(record.force_lag, transmission))
     return found
 
 
-def is_constant_speed(v: Floats) -> bool:
-    """Return whether the velocity in contact is constant, so that damping acts as an offset."""
-    return bool(np.std(v) < CONSTANT_SPEED * float(np.mean(np.abs(v))))
+def no_damping(
+    v: Floats,
+    local: LocalStiffness,
+    half_b: float,
+    drift: LagDrift | None,
+    force_lag: float,
+    transmission: TransmissionCalibration,
+) -> Reason | None:
+    """Return the reason why a record with a stiffness determines no damping; otherwise None.
+
+    `v` is the velocity in contact. The damping of a passive body is not negative.
+    """
+    if float(np.std(v)) < CONSTANT_SPEED * float(np.mean(np.abs(v))):
+        return Reason("the speed in contact is constant: damping is not determined")
+    if drift:
+        return Reason(f"{drift.text}: damping is not determined")
+    if local.b + half_b < 0.0:
+        # besides relaxation, b is not the loss at a frequency, and shows no phase
+        period = 1.0 / local.frequency if np.isfinite(local.frequency) else np.inf
+        return negative_damping(local.b, force_lag, transmission, -local.b / local.k, period)
+    return None
 
 
 def longest_hold(record: SmoothedRecord, phases: Phases) -> float:
@@ -396,19 +412,42 @@ def longest_hold(record: SmoothedRecord, phases: Phases) -> float:
     return record.period * max(holds, default=0)
 
 
-def negative_damping(force_lag: float, transmission: TransmissionCalibration) -> Reason:
-    """Return the remark that the fitted damping is negative, with its possible causes."""
-    if transmission.lost_motion:
+def negative_damping(
+    b: float,
+    force_lag: float,
+    transmission: TransmissionCalibration,
+    needed: float,
+    period: float,
+) -> Reason:
+    """Return the reason that the fitted damping is negative, with its possible causes.
+
+    `needed` is the lag of the force that would explain the damping [s], and `period` that of the
+    motion [s].
+    """
+    text = f"damping is not determined: it is negative ({DAMPING.text(b, '.3g')})"
+    if 2.0 * np.pi * needed > STEEPEST_LOSS * period:
         return Reason(
-            f"damping is negative although a force lag of {force_lag * 1e3:.3g} ms and lost motion "
+            f"{text}. The force would have to lag by {needed * 1e3:.3g} ms, more than "
+            "a force channel or lost motion causes: wrong time stamps, a wrong sign, or position "
+            "and force of different recordings"
+        )
+    if transmission.lost_motion and force_lag:
+        return Reason(
+            f"{text} although a force lag of {force_lag * 1e3:.3g} ms and lost motion "
             f"of {transmission.lost_motion * 1e6:.3g} um are compensated: these values are too "
             "small for this record"
         )
+    if transmission.lost_motion:
+        return Reason(
+            f"{text}: the force lags behind the position, by {needed * 1e3:.2g} ms or more", LAG
+        )
     lost = f"{LOST_MOTION}, which biases k too"
+    if needed > min(LONGEST_LAG, LONGEST_LAG_SHARE * period):
+        return Reason(f"{text}: {lost}; a lag of the force would have to be {needed * 1e3:.3g} ms")
     if not force_lag:
-        lags = "damping is negative: the force lags behind the position"
-        return Reason(f"{lags}, or {lost}", LAG)
+        lags = f"the force lags behind the position, by {needed * 1e3:.2g} ms or more"
+        return Reason(f"{text}: {lags}, or {lost}", LAG)
     return Reason(
-        f"damping is negative although the force lag is compensated: {lost}, or the lag of the "
+        f"{text} although the force lag is compensated: {lost}, or the lag of the "
         f"force is longer than the compensated lag ({force_lag * 1e3:g} ms)"
     )

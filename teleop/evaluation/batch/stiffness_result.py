@@ -28,20 +28,23 @@ from estimation.estimator import LEVEL_95
 from estimation.quantities import DAMPING, STIFFNESS
 from estimation.stiffening import Interval
 from estimation.transmission import TransmissionCalibration
-from teleop.evaluation.batch.constancy import change_over_cycles
+from teleop.evaluation.batch.constancy import change_over_cycles, cycles_of, drift_of_lag
 from teleop.evaluation.batch.contact_phases import Phases
+from teleop.evaluation.batch.interference import interference
 from teleop.evaluation.batch.kinds import BESIDES_RELAXATION, LOSS, TANGENT
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
 from teleop.evaluation.batch.lost_motion import LostMotion
+from teleop.evaluation.batch.measured_point import Point, measured_point
 from teleop.evaluation.batch.reasons import (
     DAMPING_NOT_RESOLVED,
-    is_constant_speed,
+    no_damping,
     reasons_after_fit,
     reasons_before_fit,
     remarks,
 )
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
+    LARGEST_PHASE_DRIFT,
     LEAST_AMPLITUDE_FOR_B,
     LEAST_AMPLITUDE_FOR_K,
     UNCERTAIN_CORRECTION,
@@ -170,12 +173,14 @@ def stiffness_result(
     local: LocalStiffness | None,
     other: LocalStiffness | None,
     transmission: TransmissionCalibration,
+    faults: Sequence[Reason] = (),
 ) -> StiffnessResult:
     """Return k and b of a record with 95 % intervals, or the reasons why they are not reported.
 
     `local` is None if there are too few samples for a fit. `other` is fitted with another smoothing
     bandwidth; its difference from `local` widens the intervals, and so do the errors of the
-    calibrated transmission.
+    calibrated transmission. `faults` are the remarks on faults of the logger
+    (`teleop.evaluation.batch.sampling_checks`).
     """
     against = reasons_before_fit(record, phases)
     if local is None and not against:
@@ -183,7 +188,7 @@ def stiffness_result(
             Reason("too few samples in contact: expected a longer record or a faster rate")
         )
     if local is None or against:
-        return without_result(against)
+        return without_result([*against, *faults])
     second = other or local
     x, v = record.x[phases.usable], record.v[phases.usable]
     per_speed = float(np.abs(v).mean()) / max(float((v**2).mean()), 1e-300)
@@ -195,18 +200,41 @@ def stiffness_result(
             math.hypot(record.x_noise, record.count / math.sqrt(12.0)),
         ),
     )
-    constant = is_constant_speed(v)
     half_b = math.hypot(
         LEVEL_95 * math.hypot(local.b_std, 0.5 * (local.b - second.b)),
         transmission.damping_error(local.k, per_speed),
     )
-    change = change_over_cycles(record, phases)
+    cycles = cycles_of(record, phases)
+    change = change_over_cycles(cycles)
+    drift = drift_of_lag(cycles)
+    where = measured_point(record, phases, local, half_k)
     against = reasons_after_fit(local, half_k, phases)
     if change and change.with_frequency:
         against = [Reason(change.text)]
+    if drift and drift.phase > LARGEST_PHASE_DRIFT:
+        against = [Reason(drift.text)]
+    line = interference(record)
+    if line and line.harmonic:
+        against = [Reason(line.text)]
+    if isinstance(where, Reason):
+        # a change and interference have remarks of their own, and also change the slopes of cycles
+        if not change and not line and not against:
+            against.append(where)
+        where = Point(local.best.force, local.best.position)
     if against:
-        return without_result(against)
-    found = remarks(record, phases, local, half_b, change, transmission)
+        return without_result([*against, *faults])
+    if change:
+        typical = float(np.mean(cycles.k))
+        half_k = max(half_k, local.k * max(abs(k / typical - 1.0) for k in change.k))
+    if line:
+        faults = [*faults, Reason(line.text)]
+    found = [*faults, *remarks(record, phases, local, change)]
+    damping = (local.b, local.b - half_b, local.b + half_b)
+    unknown = no_damping(v, local, half_b, drift, record.force_lag, transmission)
+    if unknown:
+        found.append(unknown)
+    elif half_b > abs(local.b):
+        found.append(Reason(DAMPING_NOT_RESOLVED))
     k_tip = None
     if transmission.compliance:
         k_tip = transmission.at_tip(Interval(local.k, local.k - half_k, local.k + half_k))
@@ -223,8 +251,8 @@ def stiffness_result(
     if local.baseline_size > 0.0:  # contact point and level change with the baseline
         point = level = None
     zero = point.value if point else lowest
-    force = local.best.force
-    depth = local.best.position - zero
+    force, position = where
+    depth = position - zero
     secant = secant_change = None
     if level is not None and depth > 0.0:
         secant = (force - level) / depth
@@ -233,7 +261,7 @@ def stiffness_result(
         local.k,
         local.k - half_k,
         local.k + half_k,
-        *((None, None, None) if constant else (local.b, local.b - half_b, local.b + half_b)),
+        *((None, None, None) if unknown else damping),
         True,
         *texts_and_hints(found),
         force if level is None else force - level,

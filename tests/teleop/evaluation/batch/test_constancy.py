@@ -75,3 +75,64 @@ def test_a_sweep_over_a_body_without_relaxation_has_its_stiffness():
     t, x = sweep()
     found = result(t, x, 500.0 * x + np.gradient(x, t))
     assert found.k_low <= 500.0 <= found.k_high
+
+
+def palpated(stiffness, seconds=10.0):
+    t = np.arange(0.0, seconds, 2e-3)
+    x = 2e-3 + 1e-3 * np.sin(2.0 * np.pi * t)
+    f = 500.0 * stiffness(t / seconds) * x + 6e-3 * np.cos(2.0 * np.pi * t)
+    return result(t, x, f)
+
+
+def test_a_change_for_a_part_of_the_record_is_named_with_its_time():
+    found = palpated(lambda s: np.where((s > 0.3) & (s < 0.6), 1.25, 1.0))
+    (reason,) = [reason for reason in found.reasons if "changes over the cycles" in reason]
+    numbers = r"from (\S+) to (\S+) N/m between (\S+) and (\S+) s"
+    first, last, begin, end = (float(one) for one in re.findall(numbers, reason)[0])
+    assert first == pytest.approx(500.0, rel=0.02)
+    assert last == pytest.approx(625.0, rel=0.02)
+    assert begin == pytest.approx(3.0, abs=1.1)
+    assert end == pytest.approx(6.0, abs=1.1)
+    assert found.k_low <= 500.0
+    assert found.k_high >= 625.0
+
+
+def test_a_single_cycle_with_another_slope_is_no_change():
+    found = palpated(lambda s: np.where((s > 0.4) & (s < 0.5), 1.3, 1.0))
+    assert not any("changes over the cycles" in reason for reason in found.reasons)
+
+
+def test_slow_softening_is_a_change():
+    found = palpated(lambda s: 1.0 - 0.3 * s)
+    assert any("changes over the cycles" in reason for reason in found.reasons)
+
+
+def test_the_slopes_of_the_cycles_are_summarised():
+    t = np.arange(0.0, 10.0, 2e-3)
+    x = 2e-3 + 1e-3 * np.sin(2.0 * np.pi * t)
+    summary = analyse(Signals(t, x, 500.0 * x, periods(t), "position")).summary()["cycles_summary"]
+    assert summary["count"] >= 6
+    assert summary["k_low_quartile"] <= summary["k_median"] <= summary["k_high_quartile"]
+    assert summary["k_median"] == pytest.approx(500.0, rel=1e-3)
+
+
+def shifted(rate, stiffness=1.0, clock=1e-3):
+    t = np.arange(0.0, 12.0, 1.0 / rate)
+    x = 2e-3 + 1e-3 * np.sin(2.0 * np.pi * t)
+    f = 1600.0 * stiffness * x + 4.0 * np.gradient(x, t)
+    return result(t, x, np.interp(t * (1.0 - clock), t, f), 3e-3)
+
+
+@pytest.mark.parametrize("clock", [1e-3, -1e-3])
+def test_clocks_that_differ_give_no_damping(clock):
+    found = shifted(1000.0, clock=clock)
+    assert found.k == pytest.approx(1600.0, rel=5e-3)
+    assert not found.determines("b")
+    assert any("clocks of position and force differ by 0.10%" in text for text in found.reasons)
+
+
+def test_equal_clocks_and_softening_are_no_drift_of_the_lag():
+    softer = 1.0 - 0.25 * np.arange(0.0, 12.0, 1e-3) / 12.0
+    for found in (shifted(1000.0, clock=0.0), shifted(1000.0, softer, clock=0.0)):
+        assert found.determines("b")
+        assert not any("clocks" in text for text in found.reasons)

@@ -1,0 +1,159 @@
+"""Compare the stated stiffness, and its force and depth, with the single cycles of a record.
+
+If the surface of the specimen moves, or the tip slides, the position does not determine the depth.
+A model with a baseline and a polynomial in the position can then describe the force with a wrong
+slope. In a single cycle, the surface hardly moves. Therefore the slope of the force in each cycle
+is computed at the stated force, from the model f = P(x) + (b + c x) v + d t with a polynomial P of
+degree 3.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from estimation.estimator import LEVEL_95
+from estimation.quantities import STIFFNESS
+from teleop.evaluation.batch.contact_phases import Phases
+from teleop.evaluation.batch.local_stiffness import LocalStiffness
+from teleop.evaluation.batch.smoothed_record import SmoothedRecord
+from teleop.evaluation.batch.thresholds import (
+    FEWEST_SLOPE_CYCLE_SAMPLES,
+    FEWEST_SLOPE_CYCLES,
+    INNER_FORCE,
+    LARGEST_SLOPE_SCATTER,
+    LEAST_SLOPE_DIFFERENCE,
+    POINT_DISTANCE,
+    SLOPE_DIFFERENCE,
+)
+from teleop.evaluation.reason import Reason
+
+SLOPE_SAMPLES = 40
+"""Approximate number of samples of a cycle that are fitted. The samples are smoothed, so that more
+samples do not make the slope more accurate."""
+
+
+GRID = np.linspace(0.0, 1.0, 41)
+"""Places in the range of positions at which the elastic force of a cycle is computed."""
+NEVER_SINGULAR = 1e-14
+"""Relative increase of the diagonal of the normal equations, with which they have a solution if
+two regressors are proportional."""
+
+
+class Point(NamedTuple):
+    """Force [N] and position [m] at which the stiffness is stated."""
+
+    force: float
+    position: float
+
+
+class Slope(NamedTuple):
+    """Slope of the force in a cycle [N/m], at a point of this cycle."""
+
+    k: float
+    point: Point
+
+
+def slopes_of_cycles(record: SmoothedRecord, phases: Phases, force: float | None) -> list[Slope]:
+    """Return the slope of each cycle at a force; cycles that do not contain the force are left out.
+
+    Without a force, each cycle has the slope at the middle of its own force range.
+    """
+    begins = [phase.start for phase in phases.phases if phase.name == "loading"]
+    found = []
+    for start, end in pairwise(begins):
+        part = start + np.flatnonzero(phases.usable[start:end])
+        if len(part) < FEWEST_SLOPE_CYCLE_SAMPLES:
+            continue
+        part = part[:: max(1, len(part) // SLOPE_SAMPLES)]
+        x, v, f = record.x[part], record.v[part], record.f[part]
+        travel, speed = float(np.ptp(x)), float(np.abs(v).max())
+        if travel == 0.0 or speed == 0.0:
+            continue
+        s, time = (x - x.mean()) / travel, np.linspace(-1.0, 1.0, len(part))
+        columns = [np.ones(len(part)), s, s**2, s**3, v / speed, s * v / speed, time]
+        matrix = np.column_stack(columns)
+        normal = matrix.T @ matrix
+        normal.flat[:: len(normal) + 1] *= 1.0 + NEVER_SINGULAR
+        theta = np.linalg.solve(normal, matrix.T @ f)
+        grid = float(s.min()) + GRID * float(np.ptp(s))
+        elastic = theta[0] + grid * (theta[1] + grid * (theta[2] + grid * theta[3]))
+        low, high = float(elastic[0]), float(elastic[-1])
+        level = 0.5 * (low + high) if force is None else force
+        margin = INNER_FORCE * (high - low)
+        if not low + margin < level < high - margin:
+            continue
+        at = float(grid[np.argmin(np.abs(elastic - level))])
+        slope = float(theta[1] + at * (2.0 * theta[2] + 3.0 * at * theta[3])) / travel
+        found.append(Slope(slope, Point(level, float(x.mean()) + at * travel)))
+    return found
+
+
+def measured_point(
+    record: SmoothedRecord, phases: Phases, local: LocalStiffness, half_k: float
+) -> Point | Reason:
+    """Return the recorded point at which k is stated, or the reason why k is not reported."""
+    stated = Point(local.best.force, local.best.position)
+    if record.order == 0:
+        return stated if was_measured(record, phases, local) else not_measured(stated)
+    slopes = slopes_of_cycles(record, phases, stated.force)
+    elsewhere = len(slopes) < FEWEST_SLOPE_CYCLES
+    if elsewhere:
+        slopes = slopes_of_cycles(record, phases, None)
+        # the stiffness of a linear model is the same at all points
+        if local.best.degree > 1:
+            return not_measured(stated)
+        if len(slopes) < FEWEST_SLOPE_CYCLES:
+            return stated
+    k = np.array([one.k for one in slopes])
+    middle = float(np.median(k))
+    scatter = 1.4826 * float(np.median(np.abs(k - middle)))
+    low, high = np.percentile(k, [25.0, 75.0])
+    # half of the interquartile range is 0.67 standard deviations
+    if elsewhere and high - low > 1.35 * LARGEST_SLOPE_SCATTER * abs(middle):
+        return Reason(
+            f"the stiffness is not determined: the slopes of the cycles scatter (quartiles "
+            f"{STIFFNESS.shown(float(low)):.4g} and {STIFFNESS.text(float(high), '.4g')}), and no "
+            f"cycle contains {stated.force:.3g} N, the middle of the force range of the model. The "
+            "surface moves or the tip slides, so that the position does not determine the depth"
+        )
+    # the median of n values has 1.25 times the standard error of their mean
+    half = LEVEL_95 * 1.25 * scatter / math.sqrt(len(k))
+    least = max(
+        (1.0 if elsewhere else SLOPE_DIFFERENCE) * (half_k + half),
+        LEAST_SLOPE_DIFFERENCE * abs(middle),
+    )
+    if abs(local.k - middle) > least:
+        return Reason(
+            f"the stiffness is not determined: the model of the whole record has "
+            f"{STIFFNESS.text(local.k, '.4g')} at {stated.force:.3g} N, and the median of the "
+            f"cycles is {STIFFNESS.text(middle, '.4g')}. The surface moves or the tip slides, so "
+            "that the position does not determine the depth, or the body has another law"
+        )
+    force, position = np.median([one.point for one in slopes], axis=0)
+    return Point(float(force), float(position))
+
+
+def not_measured(stated: Point) -> Reason:
+    """Return the reason that the record does not contain the point at which k would be stated."""
+    return Reason(
+        f"the stiffness is not determined: the middle of the force range, {stated.force:.3g} N at "
+        f"a position of {stated.position * 1e3:.4g} mm, is not a point of the record"
+    )
+
+
+def was_measured(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> bool:
+    """Return whether the record passes near the point at which k is stated, in loading."""
+    part = phases.usable & (record.v > 0.0)
+    if not part.any():
+        return True
+    x, f = record.x[part], record.f[part] - local.b * record.v[part]
+    noise = 3.0 * record.f_noise_smoothed
+    away_x = np.abs(x - local.best.position) / max(float(np.ptp(x)), 1e-300)
+    away_f = np.maximum(np.abs(f - local.best.force) - noise, 0.0) / max(float(np.ptp(f)), 1e-300)
+    # the distance to the path, not to its samples, which are far apart in fast motions
+    spacing = float(np.max(np.abs(record.v))) * record.period / max(float(np.ptp(x)), 1e-300)
+    return bool(np.min(np.maximum(away_x, away_f)) < POINT_DISTANCE + spacing)

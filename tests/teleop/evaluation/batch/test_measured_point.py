@@ -1,0 +1,58 @@
+"""A stated stiffness agrees with the cycles of the record, at a point that was measured."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from estimation.testing_records import COVERAGE_KINDS
+from teleop.evaluation.batch.analysis import analyse
+from teleop.evaluation.reading.signals import Signals, periods
+
+
+def analysis(t, x, f):
+    f = f + np.random.default_rng(0).normal(0.0, 5e-3, len(t))
+    return analyse(Signals(t, x, f, periods(t), "position"))
+
+
+def moving_surface(travel, stiffening=100.0e6):
+    t = np.arange(0.0, 20.0, 5e-3)
+    surface = np.interp(t, [0, 3, 6, 9, 12, 15, 20], [0, 0.3, 0.2, 0.5, 0.9, 0.8, 1.0])
+    depth = 2e-3 + 1e-3 * np.sin(2.0 * np.pi * t)
+    return analysis(t, depth + travel * surface, 300.0 * depth + stiffening * depth**3)
+
+
+def test_no_stiffness_if_the_surface_moves_much_farther_than_the_tip():
+    found = moving_surface(3e-2).result
+    assert found.k is None
+    assert "the surface moves or the tip slides" in found.reasons[0].lower()
+
+
+@pytest.mark.parametrize("travel", [2e-3, 5e-3, 8e-3, 1.2e-2])
+def test_a_stiffness_on_a_moving_surface_is_that_of_the_cycles_at_its_force(travel):
+    found = moving_surface(travel).result
+    depth = np.linspace(1e-3, 3e-3, 1001)
+    if found.k is not None:
+        at = np.interp(found.force, 300.0 * depth + 100.0e6 * depth**3, depth)
+        tangent = 300.0 + 300.0e6 * at**2
+        assert 0.95 * found.k_low < tangent < 1.05 * found.k_high
+
+
+def test_a_surface_at_rest_has_the_tangent_of_its_cycles():
+    found = moving_surface(0.0).result
+    forces = 300.0 * np.array([1e-3, 3e-3]) + 100.0e6 * np.array([1e-3, 3e-3]) ** 3
+    grid = np.linspace(1e-3, 3e-3, 1001)
+    middle = np.interp(forces.mean(), 300.0 * grid + 100.0e6 * grid**3, grid)
+    assert found.k == pytest.approx(300.0 + 300.0e6 * middle**2, rel=0.02)
+    assert found.force == pytest.approx(forces.mean(), rel=0.02)
+
+
+def test_force_and_depth_are_a_point_of_a_record_whose_position_drifts():
+    for seed in range(4):
+        record = COVERAGE_KINDS["sinusoid with drift"](np.random.default_rng(seed))
+        one = analyse(Signals(record.t, record.x, record.f, periods(record.t), "position"))
+        found = one.result
+        assert found.k_low <= record.k <= found.k_high
+        x, f = record.x - record.x.min(), record.f
+        near = np.hypot((x - found.depth) / np.ptp(x), (f - found.force) / np.ptp(f))
+        assert near.min() < 0.1
