@@ -47,6 +47,7 @@ from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
 from teleop.evaluation.batch.candidate import Candidate, fit_candidate
 from teleop.evaluation.batch.contact_phases import Phases
+from teleop.evaluation.batch.extensions import extended
 from teleop.evaluation.batch.regression_rows import DEGREES, RegressionRows
 from teleop.evaluation.batch.relaxation_search import with_relaxation
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
@@ -105,6 +106,7 @@ def local_stiffness(
         if best.degree > 1 and best.times:
             elastic = rows.polynomial(best.theta[: rows.v_column + 1 + best.degree])
             found += with_relaxation(rows, elastic, DEGREES[1:4], best.bic)
+    found += extended(rows, found)
     found = [one for one in found if one.k_std < abs(one.k)] or found
     weights = model_weights(found)
     k, k_std = averaged(weights, [(one.k, one.k_std) for one in found])
@@ -169,7 +171,9 @@ def model_weights(found: list[Candidate]) -> Floats:
     """
     bics = np.array([one.bic for one in found])
     weights = np.exp(-0.5 * (bics - bics.min()))
-    models = [(one.degree, len(one.times)) for one in found]
+    models = [
+        (one.degree, len(one.times), *(part.kind for part in one.extensions)) for one in found
+    ]
     for model in set(models):
         member = np.array([one == model for one in models])
         weights[member] *= weights[member].max() / max(float(weights[member].sum()), 1e-300)

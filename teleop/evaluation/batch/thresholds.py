@@ -137,6 +137,17 @@ value. A larger misfit is not caused by relaxation: the baseline describes slow 
 NEGLIGIBLE_BIC = 60.0
 """Difference of the Bayesian information criterion from which a model is ignored. The weight of
 such a model is less than exp(-30) times that of the best model."""
+LEAST_MISFIT = 1e-3
+"""Residual of the best model below which no extension is tried, as a fraction of the force (root
+mean square). A part of the force of this size changes k by at most about 0.1 %."""
+KNOTS = 9
+"""Number of positions that are tried for a knot, before the position is refined."""
+LARGEST_KNOT = 0.8
+"""Largest distance of these positions from the middle, as a fraction of half of the travel."""
+FRICTION_WIDTHS = (0.01, 0.04, 0.12, 0.35)
+"""Half widths of the stop operator that are tried, as fractions of half of the travel."""
+LEAST_STOP_NOISE = 4.0
+"""Smallest half width of the stop operator, in standard deviations of the noise of the position."""
 FRICTION_RESIDUAL = 0.5
 """Friction is reported if the residual with Coulomb friction is less than this fraction of the
 residual of the best candidate."""
