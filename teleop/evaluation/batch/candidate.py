@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
@@ -26,7 +27,6 @@ from teleop.evaluation.batch.thresholds import (
     SMOOTHING_ERROR,
 )
 
-
 KNOT = "knot"
 DEPTH_DAMPING = "depth damping"
 MASS = "mass"
@@ -39,16 +39,11 @@ class Extension(NamedTuple):
 
     kind: str
     """Kind: `KNOT`, `DEPTH_DAMPING`, `MASS` or `FRICTION`."""
-    value: float
-    """Normalised position of a knot; half width r of the friction [m]; number of columns of the
-    damping that depends on depth; not used for a mass."""
+    values: tuple[float, ...]
+    """Normalised position and width of a knot; half widths r of the friction [m]; number of columns
+    of the damping that depends on depth; empty for a mass."""
     columns: tuple[Floats, ...]
     """Regressors at the fitted samples."""
-
-    @property
-    def is_searched(self) -> bool:
-        """Whether `value` was searched, and counts as a parameter."""
-        return self.kind in (KNOT, FRICTION)
 
 
 class Value(NamedTuple):
@@ -68,8 +63,8 @@ class FittedPart(NamedTuple):
     """The physical quantities of a fitted extension, in SI units.
 
     A knot has its position, and the stiffness before and after it. Damping that depends on depth
-    has its value at the lowest and at the highest position. A mass and a friction force have one
-    value.
+    has its value at the lowest, the middle and the highest position. Friction has its force, and
+    the force of each stop operator. A mass has one value.
     """
 
     kind: str
@@ -121,8 +116,9 @@ class Candidate(NamedTuple):
     @property
     def parameters(self) -> int:
         """Number of fitted parameters."""
-        searched = sum(one.is_searched - (one.kind == KNOT) for one in self.extensions)
-        return len(self.theta) + len(self.times) + searched
+        # The second column of a knot stands for its position.
+        widths = sum(len(one.values) for one in self.extensions if one.kind == FRICTION)
+        return len(self.theta) + len(self.times) + widths
 
     def part(self, kind: str) -> FittedPart | None:
         """Return the physical quantities of one kind of extension; None without this kind."""
@@ -154,7 +150,7 @@ def fit_candidate(
     for one in extensions:
         starts.append(place)
         if one.kind == KNOT:
-            knots.append((place, one.value))
+            knots.append((place, one.values))
         elif one.kind == DEPTH_DAMPING:
             depth_damping = slice(place, place + len(one.columns))
         place += len(one.columns)
@@ -166,14 +162,14 @@ def fit_candidate(
     for c, z in zip(theta[first + degree :], cornered, strict=False):
         elastic = elastic + c * z[index]
     for at, knot in knots:
-        elastic = elastic + theta[at] * np.maximum(rows.fine_powers[:, 0] - knot, 0.0)
+        elastic = elastic + theta[at] * knot_force(rows.fine_powers[:, 0], *knot)[0]
 
     def slope_at(s: float) -> Floats:
         """Derivative of P(x), including a knot, to the position, for each parameter, (m,)."""
         found = np.zeros(m)
         found[first : first + degree] = powers * s ** (powers - 1) / rows.scale
         for at, knot in knots:
-            found[at] = (s > knot) / rows.scale
+            found[at] = float(knot_force(s, *knot)[1]) / rows.scale
         return found
 
     def effect(i: int) -> Floats:
@@ -185,7 +181,7 @@ def fit_candidate(
 
     def with_knots(found: Floats, s: float) -> Floats:
         for at, knot in knots:
-            found[at : at + 2] = max(s - knot, 0.0), s > knot
+            found[at], found[at + 1], _ = knot_force(s, *knot)
         return found
 
     # Half of the force range, and its derivative to each parameter. If the force out of contact is
@@ -232,6 +228,7 @@ def fit_candidate(
     # moves by (change of the force level - change of the elastic force) / k, and k changes with
     # the position by P''(x).
     curvature = float(coefficients[1:] @ (powers[1:] * (powers[1:] - 1) * s ** (powers[1:] - 2)))
+    curvature += sum(float(theta[at] * knot_force(s, *knot)[2]) for at, knot in knots)
     curvature /= rows.scale**2
     elastic_effect = effect(nearest)
     elastic_effect[first : first + degree] = s**powers
@@ -253,7 +250,7 @@ def fit_candidate(
 
     slopes = rows.scaled_powers[:, :degree] * powers @ coefficients / rows.scale
     for at, knot in knots:
-        slopes = slopes + theta[at] / rows.scale * (rows.scaled_powers[:, 1] > knot)
+        slopes = slopes + theta[at] / rows.scale * knot_force(rows.scaled_powers[:, 1], *knot)[1]
     k_rounding, b_rounding = rows.rounding_error(
         np.vstack([k_effect, b_effect]) @ fit.inverse, slopes
     )
@@ -271,18 +268,27 @@ def fit_candidate(
         if one.kind == KNOT:
             size = abs(float(theta[at])) or 1e-300
             spread = fit.deviation(np.eye(m)[at + 1], rows.cycles) / size
-            below, above = slope_at(one.value), slope_at(one.value) + unit / rows.scale
-            place_of = Value(rows.origin + one.value * rows.scale, spread * rows.scale)
+            at_knot = one.values[0]
+            below = slope_at(at_knot)
+            below[at] = 0.0
+            above = below + unit / rows.scale
+            place_of = Value(rows.origin + at_knot * rows.scale, spread * rows.scale)
             parts.append(FittedPart(KNOT, (place_of, value(below), value(above))))
-            if abs(s - one.value) < LEVEL_95 * spread:  # on which side of the knot is not known
+            near_knot = abs(s - at_knot) < LEVEL_95 * spread
+            if near_knot and one.values[1] == 0.0:  # on which side of the knot is not known
                 knot_error = 0.5 * size / rows.scale
         elif one.kind == DEPTH_DAMPING:
-            low, high = b_effect.copy(), b_effect.copy()
-            low[depth_damping], high[depth_damping] = (-1.0) ** orders, 1.0
-            parts.append(FittedPart(DEPTH_DAMPING, (value(low), value(high))))
+            damping = []
+            for place_at in (-1.0, 0.0, 1.0):
+                at_place = b_effect.copy()
+                at_place[depth_damping] = place_at**orders
+                damping.append(value(at_place))
+            parts.append(FittedPart(DEPTH_DAMPING, tuple(damping)))
+        elif one.kind == MASS:
+            parts.append(FittedPart(MASS, (value(unit),)))
         else:
-            factor = one.value if one.kind == FRICTION else 1.0
-            parts.append(FittedPart(one.kind, (value(factor * unit),)))
+            each = [r * np.eye(m)[at + i] for i, r in enumerate(one.values)]
+            parts.append(FittedPart(FRICTION, (value(sum(each)), *(value(g) for g in each))))
     found = Candidate(
         degree=degree,
         times=times,
@@ -304,6 +310,15 @@ def fit_candidate(
         parts=tuple(parts),
     )
     return found._replace(bic=bayesian_criterion(fit.residual, found.parameters))
+
+
+def knot_force(s: Any, knot: float, width: float) -> tuple[Any, Any, Any]:
+    """Return a force that begins to rise at a knot, and its first and second derivative to s."""
+    if width == 0.0:
+        return np.maximum(s - knot, 0.0), np.where(s > knot, 1.0, 0.0), np.zeros_like(s)
+    u = (s - knot) / width
+    step = expit(u)
+    return width * np.logaddexp(0.0, u), step, step * (1.0 - step) / width
 
 
 def surroundings(x: Floats, at: int, most: int, record: SmoothedRecord) -> tuple[int, int]:

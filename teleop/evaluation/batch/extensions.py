@@ -2,8 +2,8 @@
 
 The candidates of `teleop.evaluation.batch.local_stiffness` are extended by one of these parts:
 
-- a knot: the term c max(s - s_k, 0), with the normalised position s. It describes a soft layer on a
-  stiff one;
+- a knot: the term c max(s - s_k, 0), with the normalised position s, also with a smooth transition.
+  It describes a soft layer on a stiff one;
 - damping that depends on depth: the terms s v and s^2 v (Hunt and Crossley);
 - the mass of parts between the force sensor and the specimen: the acceleration;
 - friction in the specimen: the stop operator x - play_r(x) with the half width r.
@@ -28,6 +28,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -43,6 +44,7 @@ from teleop.evaluation.batch.candidate import (
     Candidate,
     Extension,
     fit_candidate,
+    knot_force,
 )
 from teleop.evaluation.batch.regression_rows import DEGREES, RegressionRows
 from teleop.evaluation.batch.thresholds import (
@@ -51,13 +53,25 @@ from teleop.evaluation.batch.thresholds import (
     KNOTS,
     LARGEST_KNOT,
     LEAST_MISFIT,
+    LEAST_PART,
     LEAST_STOP_NOISE,
 )
 
 MOST_EXTENSIONS = 2
 """Largest number of extensions of a model."""
+FARTHEST_KNOT = 0.9
+"""Largest distance of a knot from the middle, as a fraction of half of the travel."""
 KNOT_STEPS = 5
 """Largest number of Gauss-Newton steps in the search of a knot."""
+KNOT_DEGREES = (1, 2, 3)
+"""Degrees of the polynomial of a model with a knot."""
+KNOT_RESIDUAL = 2.0
+"""Largest residual with an approximate knot, relative to that of the best model without knot, for
+which the knot is refined."""
+WIDTH_FACTORS = (1.4, 1.19, 1.09)
+"""Factors by which the width is then changed."""
+KNOT_WIDTHS = (0.0, 0.05, 0.1, 0.2)
+"""Widths of the transition at a knot that are tried, as fractions of half of the travel."""
 
 
 class Base(NamedTuple):
@@ -76,7 +90,7 @@ class Trial(NamedTuple):
     bic: float
     base: Base
     kind: str
-    value: float
+    values: tuple[float, ...]
 
 
 def extended(rows: RegressionRows, found: Sequence[Candidate]) -> list[Candidate]:
@@ -91,10 +105,14 @@ def extended(rows: RegressionRows, found: Sequence[Candidate]) -> list[Candidate
         new: list[Candidate] = []
         screening = Screening(rows, best)
         for kind in kinds(rows, best):
-            if trial := screening.best_trial(bases, kind, best):
-                one = fitted(rows, trial)
-                if one and is_physical(one) and gain(best, one) > BETTER_BIC:
-                    new.append(one)
+            new += [
+                one
+                for trial in screening.best_trials(bases, kind, best)
+                if (one := fitted(rows, trial))
+                and is_physical(one)
+                and share_of_force(rows, one) > LEAST_PART
+                and gain(best, one) > BETTER_BIC
+            ]
         if not new:
             break
         kept += new
@@ -151,17 +169,17 @@ class Screening:
 
     def __init__(self, rows: RegressionRows, best: Candidate) -> None:
         self.rows = rows
-        self.places: dict[str, list[tuple[float, NDArray[np.intp]]]] = {}
+        self.places: dict[str, list[tuple[tuple[float, ...], NDArray[np.intp]]]] = {}
         index = rows.index
         columns = [rows.record.v[index], *rows.powers, *(z[index] for z in best.relaxing)]
         self.extended = len(columns)
         columns += [c for one in best.extensions for c in one.columns]
         for kind in kinds(rows, best):
             self.places[kind] = []
-            for value, own in approximate_columns(rows, kind):
-                at = np.arange(len(columns), len(columns) + len(own))
-                self.places[kind].append((value, at))
-                columns += own
+            start = len(columns)
+            choices, own = approximate_columns(rows, kind)
+            columns += own
+            self.places[kind] += [(values, start + np.array(at)) for values, at in choices]
         z = np.column_stack(columns)
         z = z - rows.fits.orthogonal @ (rows.fits.orthogonal.T @ z)
         self.size = np.maximum(np.linalg.norm(z, axis=0), 1e-300)
@@ -169,51 +187,88 @@ class Screening:
         self.products, self.along = z.T @ z, z.T @ rows.fits.rest
         self.power = float(rows.fits.rest @ rows.fits.rest)
 
-    def best_trial(self, bases: Sequence[Base], kind: str, best: Candidate) -> Trial | None:
-        """Return the best base model with one kind of extension, if it is better than `best`."""
+    def best_trials(self, bases: Sequence[Base], kind: str, best: Candidate) -> list[Trial]:
+        """Return the base models with one kind of extension that are promising.
+
+        There is at most one, or for a knot one of each degree in `KNOT_DEGREES`.
+        """
         n = len(self.rows.f)
         trials = []
         for base in bases:
             own = len([c for one in base.extensions for c in one.columns])
             used = [*range(base.degree + 1), *range(6, 6 + len(base.relaxing))]
             used += range(self.extended, self.extended + own)
-            for value, at in self.places[kind]:
+            found = []
+            for values, at in self.places[kind]:
                 if not self.rows.allow(base.degree + len(base.times) + own + len(at)):
                     continue
                 chosen = np.array([*used, *at])
-                m = len(chosen) + len(base.times) + (kind in (KNOT, FRICTION))
-                power = self.remaining(chosen)
+                m = len(chosen) + len(base.times) + searched(kind) * len(values)
+                power, theta = self.solution(chosen)
+                if not right_signs(kind, theta[len(used) :]):
+                    continue
                 bic = n * math.log(max(power / n, 1e-300)) + m * math.log(n)
-                trials.append(Trial(bic, base, kind, value))
-        if not trials:
-            return None
-        found = min(trials, key=lambda one: one.bic)
+                found.append(Trial(bic, base, kind, values))
+            if found:
+                trials.append(min(found, key=lambda one: one.bic))
+        trials.sort(key=lambda one: one.bic)
         known = best.bic - self.rows.v_column * math.log(n)  # without those of the baseline
-        return found if found.bic < known else None
+        if kind != KNOT:
+            return [one for one in trials[:1] if one.bic < known]
+        # The position of the knot is approximate, and a polynomial of high degree imitates a knot.
+        allowed = 2.0 * n * math.log(KNOT_RESIDUAL) if best.degree > 2 or best.times else 0.0
+        lowest = {one.base.degree: one for one in reversed(trials)}
+        promising = [lowest[degree] for degree in KNOT_DEGREES if degree in lowest]
+        return [one for one in promising if one.bic < known + allowed]
 
-    def remaining(self, chosen: NDArray[np.intp]) -> float:
-        """Return the sum of squares of the residual of a fit with the chosen columns."""
+    def solution(self, chosen: NDArray[np.intp]) -> tuple[float, Floats]:
+        """Return the sum of squares of the residual with the chosen columns, and coefficients."""
         g = self.along[chosen]
         theta = np.linalg.lstsq(self.products[np.ix_(chosen, chosen)], g, rcond=1e-12)[0]
-        return self.power - float(g @ theta)
+        return self.power - float(g @ theta), theta / self.size[chosen]
 
 
-def approximate_columns(rows: RegressionRows, kind: str) -> list[tuple[float, list[Floats]]]:
-    """Return the values to be tried of an extension, with its columns from smoothed signals."""
+def right_signs(kind: str, theta: Floats) -> bool:
+    """Return whether the coefficients of an extension have the sign that their cause requires.
+
+    Mass and friction are positive, and the damping grows with depth. Lost motion between the
+    position sensor and the tip, and a lag of the force, give friction and damping of the opposite
+    sign.
+    """
+    if kind == DEPTH_DAMPING:
+        return bool(theta[0] > (abs(theta[1]) if len(theta) > 1 else 0.0))
+    return kind == KNOT or bool(np.all(theta > 0.0))
+
+
+def searched(kind: str) -> bool:
+    """Return whether the values of a kind of extension are searched, and count as parameters."""
+    return kind in (KNOT, FRICTION)
+
+
+Choices = list[tuple[tuple[float, ...], list[int]]]
+"""Values of an extension that are tried, with the indices of their columns."""
+
+
+def approximate_columns(rows: RegressionRows, kind: str) -> tuple[Choices, list[Floats]]:
+    """Return the values to be tried of an extension, with columns from smoothed signals."""
     record, index = rows.record, rows.index
     s, v = rows.normalised(record.x[index]), record.v[index]
     if kind == KNOT:
         knots = np.linspace(-LARGEST_KNOT, LARGEST_KNOT, KNOTS).tolist()
-        return [(knot, [np.maximum(s - knot, 0.0)]) for knot in knots]
+        return [((knot,), [i]) for i, knot in enumerate(knots)], [
+            np.maximum(s - knot, 0.0) for knot in knots
+        ]
     if kind == DEPTH_DAMPING:
-        return [(1.0, [s * v]), (2.0, [s * v, s**2 * v])]
+        return [((1.0,), [0]), ((2.0,), [0, 1])], [s * v, s**2 * v]
     if kind == MASS:
-        return [(0.0, [acceleration(rows)[index]])]
+        return [((), [0])], [acceleration(rows)[index]]
     every = max(1, record.stride // 4)
     position, nearest = record.x[::every], index // every
-    return [
-        (width, [(position - Play(width).run(position))[nearest]]) for width in stop_widths(rows)
-    ]
+    widths = stop_widths(rows)
+    columns = [(position - Play(width).run(position))[nearest] for width in widths]
+    pairs = list(combinations(range(len(widths)), 2))
+    chosen = [[i] for i in range(len(widths))] + [[i, j] for i, j in pairs]
+    return [(tuple(widths[i] for i in one), one) for one in chosen], columns
 
 
 def stop_widths(rows: RegressionRows) -> list[float]:
@@ -226,13 +281,19 @@ def stop_widths(rows: RegressionRows) -> list[float]:
 
 def fitted(rows: RegressionRows, trial: Trial) -> Candidate | None:
     """Return the candidate with the extension of a trial; None if a knot leaves its range."""
-    base, value = trial.base, trial.value
+    base, values = trial.base, trial.values
     if trial.kind == KNOT:
-        found = refined_knot(rows, base, value)
-        if found is None:
+        found = [refined_knot(rows, base, values[0], width) for width in KNOT_WIDTHS]
+        least, values = min(found)
+        for factor in WIDTH_FACTORS if values[1] else ():
+            found += [
+                refined_knot(rows, base, values[0], values[1] * each)
+                for each in (factor, 1.0 / factor)
+            ]
+            least, values = min(found)
+        if not math.isfinite(least):
             return None
-        value = found
-    extension = Extension(trial.kind, value, exact_columns(rows, trial.kind, value))
+    extension = Extension(trial.kind, values, exact_columns(rows, trial.kind, values))
     return fit_candidate(
         rows,
         base.degree,
@@ -243,13 +304,25 @@ def fitted(rows: RegressionRows, trial: Trial) -> Candidate | None:
     )
 
 
-def refined_knot(rows: RegressionRows, base: Base, knot: float) -> float | None:
-    """Return the knot with the least residual, by Gauss-Newton steps from a first value."""
+def share_of_force(rows: RegressionRows, one: Candidate) -> float:
+    """Return the force of the last extension, divided by the force: root mean squares."""
+    columns = np.column_stack(one.extensions[-1].columns)
+    force = columns @ one.theta[len(one.theta) - columns.shape[1] :]
+    return float(np.std(force) / max(math.sqrt(float(np.mean(rows.fits.rest**2))), 1e-300))
+
+
+def refined_knot(
+    rows: RegressionRows, base: Base, knot: float, width: float
+) -> tuple[float, tuple[float, float]]:
+    """Return the least sum of squares with a knot, and position and width of this knot.
+
+    The position is searched by Gauss-Newton steps from a first value.
+    """
     further = [c for one in base.extensions for c in one.columns]
     least, found = math.inf, knot
     step = 2.0 * LARGEST_KNOT / (KNOTS - 1)
     for _ in range(KNOT_STEPS):
-        columns = exact_columns(rows, KNOT, knot)
+        columns = exact_columns(rows, KNOT, (knot, width))
         fit = rows.fit(base.degree, base.relaxing, [*further, *columns])
         own = float(np.sum(fit.residual**2))
         slope, jump = fit.theta[-2:]
@@ -257,14 +330,14 @@ def refined_knot(rows: RegressionRows, base: Base, knot: float) -> float | None:
             least, found = own, knot
         change = float(np.clip(-jump / (slope or 1e-300), -step, step))
         knot += change
-        if abs(knot) > 0.95:
-            return None
-        if abs(change) < 1e-4:
+        if abs(knot) > FARTHEST_KNOT:
+            return math.inf, (found, width)
+        if abs(change) < 1e-3:
             break
-    return found
+    return least, (found, width)
 
 
-def exact_columns(rows: RegressionRows, kind: str, value: float) -> tuple[Floats, ...]:
+def exact_columns(rows: RegressionRows, kind: str, values: tuple[float, ...]) -> tuple[Floats, ...]:
     """Return the columns of an extension at the fitted samples, smoothed like the force.
 
     A knot has two columns. The second one is the derivative to the knot, except for its factor. Its
@@ -272,18 +345,19 @@ def exact_columns(rows: RegressionRows, kind: str, value: float) -> tuple[Floats
     """
     record, index, s = rows.record, rows.index, rows.depth
     if kind == KNOT:
-        above = np.maximum(s - value, 0.0)
-        return tuple(record.smoothed(one)[index] for one in (above, np.where(above > 0.0, 1.0, 0.0)))
+        return tuple(record.smoothed(one)[index] for one in knot_force(s, *values)[:2])
     if kind == DEPTH_DAMPING:
         # s^p v is the derivative of s^(p + 1) / (p + 1), except for the factor `scale`.
-        powers = range(1, round(value) + 1)
+        powers = range(1, round(values[0]) + 1)
         smoothed = (record.smoothed(s ** (p + 1)) / (p + 1) for p in powers)
         return tuple(rows.scale * derivative(rows, one)[index] for one in smoothed)
     if kind == MASS:
         return (acceleration(rows)[index],)
     pieces = np.split(record.raw_x, record.starts[1:])
-    stop = np.concatenate([piece - Play(value).run(piece) for piece in pieces])
-    return (record.smoothed(stop)[index],)
+    stops = (
+        np.concatenate([piece - Play(width).run(piece) for piece in pieces]) for width in values
+    )
+    return tuple(record.smoothed(stop)[index] for stop in stops)
 
 
 def acceleration(rows: RegressionRows) -> Floats:
@@ -299,18 +373,17 @@ def derivative(rows: RegressionRows, values: Floats) -> Floats:
 
 
 def is_physical(one: Candidate) -> bool:
-    """Return whether the coefficients of the extensions have the sign that their cause requires.
+    """Return whether the extensions of a fitted model can be those of a passive specimen.
 
     Stiffness before and after a knot, mass and friction are positive, and the damping grows with
-    depth. Lost motion between the position sensor and the tip, and a lag of the force, give
-    friction and damping of the opposite sign.
+    depth, and is positive at the highest position.
     """
-    for found in one.parts:
-        values = [part.value for part in found.values]
-        if found.kind == KNOT and min(values[1:]) <= 0.0:
+    for part in one.parts:
+        values = [each.value for each in part.values]
+        if part.kind == DEPTH_DAMPING and not values[0] < values[1] < values[2] > 0.0:
             return False
-        if found.kind == DEPTH_DAMPING and not (values[1] > values[0] and values[1] > 0.0):
+        if part.kind == KNOT and min(values[1:]) <= 0.0:
             return False
-        if found.kind in (MASS, FRICTION) and values[0] <= 0.0:
+        if part.kind in (MASS, FRICTION) and min(values) <= 0.0:
             return False
     return True

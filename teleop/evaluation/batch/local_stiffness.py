@@ -38,6 +38,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -45,15 +46,20 @@ from scipy.special import ndtr
 
 from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
-from teleop.evaluation.batch.candidate import Candidate, fit_candidate
+from estimation.robust_error import robust_fit
+from teleop.evaluation.batch.candidate import DEPTH_DAMPING, Candidate, Value, fit_candidate
 from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.extensions import extended
 from teleop.evaluation.batch.regression_rows import DEGREES, RegressionRows
 from teleop.evaluation.batch.relaxation_search import with_relaxation
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
+    FEWEST_FIT_SAMPLES,
     FRICTION_RESIDUAL,
     LEAST_R2_FOR_RELAXATION,
+    LOADING_BAND,
+    MISFIT_BANDS,
+    MISFIT_NOISE,
     SAME_TIME_RATIO,
 )
 
@@ -87,6 +93,19 @@ class LocalStiffness:
     """Whether a force of constant size against the motion describes the loss better than b v."""
     frequency: float
     """Frequency at which b is k''/omega [Hz]; NaN if relaxing parts may cause part of the loss."""
+    loading: LoadingTangent | None = None
+    """Slope of the measured force in loading, if the damping depends on depth."""
+
+
+class LoadingTangent(NamedTuple):
+    """The slope of the measured force against the position in loading, with the loss included."""
+
+    slope: Value
+    """Slope [N/m]."""
+    force: float
+    """Force at which it is the slope: the middle of the range of the measured force [N]."""
+    position: float
+    """Position at which the force has this value in loading [m]."""
 
 
 def local_stiffness(
@@ -112,6 +131,7 @@ def local_stiffness(
     k, k_std = averaged(weights, [(one.k, one.k_std) for one in found])
     b, b_std = averaged(weights, [(one.b, one.b_std) for one in found])
     best = min(found, key=lambda one: one.bic)
+    k_std = math.hypot(k_std, misfit_slope(rows, best))
     slow = rows.basis[:, 1:] @ best.theta[1 : rows.v_column]
     return LocalStiffness(
         k,
@@ -125,7 +145,52 @@ def local_stiffness(
         explained(rows, [best]),
         has_friction(rows, best),
         math.nan if rows.relaxation else record.frequency,
+        loading_tangent(rows, best) if best.part(DEPTH_DAMPING) else None,
     )
+
+
+def loading_tangent(rows: RegressionRows, best: Candidate) -> LoadingTangent | None:
+    """Return the slope of the force in loading, at the middle of its range; None if not known.
+
+    If the damping depends on depth, the slope differs from the tangent stiffness k, which is that
+    of the elastic force.
+    """
+    record, index = rows.record, rows.index
+    x, v = record.x[index], record.v[index]
+    f = rows.f - rows.basis[:, 1:] @ best.theta[1 : rows.v_column]
+    middle = 0.5 * float(f.min() + f.max())
+    if rows.phases.free_force is not None:
+        middle = 0.5 * (rows.phases.free_force + float(f.max()))
+    near = (np.abs(f - middle) < LOADING_BAND * np.ptp(f)) & (v > 0.0)
+    if near.sum() < FEWEST_FIT_SAMPLES:
+        return None
+    place = float(np.polyval(np.polyfit(f[near] - middle, x[near], 1), 0.0))
+    s = (x[near] - place) / rows.scale
+    fit = robust_fit(s[:, None] ** np.arange(3), f[near])
+    unit = np.array([0.0, 1.0, 0.0])
+    deviation = fit.deviation(unit, rows.cycles) / rows.scale
+    slope = Value(float(fit.theta[1]) / rows.scale, deviation)
+    return LoadingTangent(slope, float(fit.theta[0]), place)
+
+
+def misfit_slope(rows: RegressionRows, best: Candidate) -> float:
+    """Return the error of k that the systematic misfit of the best model can cause [N/m].
+
+    It is the slope of the residual in loading near the position of k. The part of the slope that
+    noise explains is subtracted.
+    """
+    record, index = rows.record, rows.index
+    x, v = record.x[index], record.v[index]
+    found = 0.0
+    for band in MISFIT_BANDS:
+        near = (np.abs(x - best.position) < band * rows.scale) & (v > 0.0)
+        if near.sum() < FEWEST_FIT_SAMPLES:
+            continue
+        columns = np.column_stack([np.ones(int(near.sum())), x[near] - best.position])
+        fit = robust_fit(columns, best.residual[near])
+        noise = fit.deviation(np.array([0.0, 1.0]), rows.cycles)
+        found = max(found, fit.theta[1] ** 2 - MISFIT_NOISE * noise**2)
+    return math.sqrt(found)
 
 
 def explained(rows: RegressionRows, found: list[Candidate]) -> float:

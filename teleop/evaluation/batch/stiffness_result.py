@@ -24,9 +24,17 @@ import numpy as np
 from estimation.estimator import LEVEL_95
 from estimation.stiffening import Interval
 from estimation.transmission import TransmissionCalibration
+from teleop.evaluation.batch.candidate import MASS
 from teleop.evaluation.batch.constancy import change_over_cycles
 from teleop.evaluation.batch.contact_phases import Phases
-from teleop.evaluation.batch.kinds import BESIDES_RELAXATION, LOSS, TANGENT, UNDETERMINED
+from teleop.evaluation.batch.extension_texts import NO_PARTS, described
+from teleop.evaluation.batch.kinds import (
+    BESIDES_RELAXATION,
+    LOSS,
+    STORAGE,
+    TANGENT,
+    UNDETERMINED,
+)
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
 from teleop.evaluation.batch.reasons import reasons_after_fit, reasons_before_fit, remarks
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
@@ -89,6 +97,15 @@ class StiffnessResult:
     """Tangent stiffness of the specimen at the tip, with its 95 % interval [N/m]. None if the
     compliance of the transmission is not known. k is that of specimen and transmission in series.
     """
+    storage_at_hz: float | None = None
+    """Frequency [Hz] at which k is the storage stiffness k'. None if k is the tangent stiffness of
+    a nonlinear body, or if the motion is not a sine in contact throughout."""
+    inertia_at_hz: float | None = None
+    """Frequency [Hz] of a sine, in which a mass beyond the force sensor changes k by the product of
+    mass and squared angular frequency, and cannot be identified. None for other motions."""
+    parts: dict[str, Any] = field(default_factory=dict)
+    """Layers, damping by depth, mass and friction of the best model
+    (`teleop.evaluation.batch.extension_texts.described`)."""
 
     @property
     def kinds(self) -> dict[str, str]:
@@ -98,7 +115,18 @@ class StiffnessResult:
         (`teleop.evaluation.batch.kinds`).
         """
         loss = self.damping_at_hz is not None
-        return {"k": TANGENT, "b": LOSS if loss else BESIDES_RELAXATION}
+        stiffness = TANGENT if self.storage_at_hz is None else STORAGE
+        return {"k": stiffness, "b": LOSS if loss else BESIDES_RELAXATION}
+
+    @property
+    def k_change_per_100g(self) -> float | None:
+        """Decrease of k [N/m] by a mass of 100 g that moves between force sensor and specimen.
+
+        The value is None if k is not identifiable, or if the motion is not a sine.
+        """
+        if self.k is None or self.inertia_at_hz is None:
+            return None
+        return 0.1 * (2.0 * math.pi * self.inertia_at_hz) ** 2
 
     @property
     def b_change_per_ms(self) -> float | None:
@@ -131,6 +159,8 @@ class StiffnessResult:
         document["reasons"] = list(self.reasons)
         document["k_tip"] = self.k_tip and self.k_tip._asdict()
         document["hints"] = list(self.hints)
+        document |= {**NO_PARTS, **document.pop("parts")}
+        document["k_change_per_100g"] = self.k_change_per_100g
         document["b_change_per_ms_of_lag"] = self.b_change_per_ms
         document["tangent"] = {
             "force_n": document.pop("force"),
@@ -226,7 +256,17 @@ def stiffness_result(
         "contact point" if point else "lowest position",
         local.frequency if math.isfinite(local.frequency) else None,
         k_tip,
+        record.frequency if is_storage(record, phases, local) else None,
+        record.frequency if record.sinusoidal and not local.best.part(MASS) else None,
+        described(local, zero, level or 0.0),
     )
+
+
+def is_storage(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> bool:
+    """Return whether k is the storage stiffness: a sine in contact throughout, on a linear body."""
+    best = local.best
+    linear = best.degree == 1 and not best.parts and not best.times
+    return linear and record.sinusoidal and phases.free_force is None
 
 
 def without_result(against: Sequence[Reason]) -> StiffnessResult:

@@ -140,14 +140,41 @@ such a model is less than exp(-30) times that of the best model."""
 LEAST_MISFIT = 1e-3
 """Residual of the best model below which no extension is tried, as a fraction of the force (root
 mean square). A part of the force of this size changes k by at most about 0.1 %."""
-KNOTS = 9
+LOADING_BAND = 0.15
+"""Samples are used for the slope of the measured force in loading if the distance of their force
+from the middle is less than this fraction of the range. A parabola is fitted to them."""
+MISFIT_BANDS = (0.12, 0.25, 0.5)
+"""Bands about the position of k in which the slope of the residual is computed, as fractions of
+half of the travel. The widest has enough samples in a single stroke."""
+MISFIT_NOISE = 4.0
+"""The square of this slope counts beyond this multiple of its variance. A clean record exceeds it
+in one of 20 cases for each band, and then by little."""
+LEAST_PART = 0.005
+"""Smallest force of an extension of the model, as a fraction of the force (root mean squares). A
+smaller part changes k by less than its usual interval, and may be an error of the smoothing."""
+KNOTS = 17
 """Number of positions that are tried for a knot, before the position is refined."""
 LARGEST_KNOT = 0.8
 """Largest distance of these positions from the middle, as a fraction of half of the travel."""
-FRICTION_WIDTHS = (0.01, 0.04, 0.12, 0.35)
+FRICTION_WIDTHS = (0.01, 0.025, 0.06, 0.15, 0.35)
 """Half widths of the stop operator that are tried, as fractions of half of the travel."""
 LEAST_STOP_NOISE = 4.0
 """Smallest half width of the stop operator, in standard deviations of the noise of the position."""
+NOTABLE_CHANGE = 0.02
+"""Relative difference of k from that of the Kelvin-Voigt model above which a knot, mass, friction
+or damping that depends on depth is stated even if the residual of Kelvin-Voigt is small."""
+MOST_LAYER_DEGREE = 2
+"""Largest degree of the polynomial of a model with a knot that describes two layers."""
+LEAST_LAYER_RATIO = 1.3
+"""Smallest ratio of the stiffness of two layers. A smaller change is that of a single body whose
+stiffness depends on depth."""
+FEWEST_LOCK_IN = 3
+"""Smallest number of blocks of whole cycles from which the complex stiffness is computed."""
+MOST_LOCK_IN = 10
+"""Approximate largest number of these blocks. The quantile of their scatter is then 2.3."""
+CONTRADICTION_NOISE = 1.5
+"""Least residual of the best model, in standard deviations of the noise of the smoothed force, for
+which the batch models are compared with it. Below it, no model can be clearly better."""
 FRICTION_RESIDUAL = 0.5
 """Friction is reported if the residual with Coulomb friction is less than this fraction of the
 residual of the best candidate."""
