@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
-from teleop.evaluation.batch.thresholds import FEWEST_LOCK_IN, MOST_LOCK_IN
+from teleop.evaluation.batch.thresholds import FEWEST_LOCK_IN, MOST_LOCK_IN, SHORTEST_LOCK_IN
 
 
 class ComplexStiffness(NamedTuple):
@@ -25,27 +25,23 @@ class ComplexStiffness(NamedTuple):
 def complex_stiffness(record: SmoothedRecord) -> ComplexStiffness | None:
     """Return the complex stiffness of a sinusoidal record; None if it has too few cycles.
 
-    The record is divided into blocks of whole cycles. The fundamental of force and position is
-    fitted to each block, with a straight line. The scatter of the blocks gives the intervals. Both
-    signals were smoothed by the same kernel, which does not change their ratio.
+    The record is divided into blocks of whole cycles, which overlap by half. With a Hann window over
+    three cycles or more, neither the mean nor the harmonics change the fundamental. The scatter of
+    the blocks gives the intervals. Both signals were smoothed by the same kernel, which does not
+    change their ratio.
     """
-    frequency = record.frequency
-    length = 1.0 / (frequency * record.period)  # of a cycle [samples]
-    ratios = []
+    cycle = 1.0 / (record.frequency * record.period)  # [samples]
     bounds = [*record.starts, len(record.t)]
-    total = sum(int((end - start) / length) for start, end in pairwise(bounds))
-    each = max(1, total // MOST_LOCK_IN)  # cycles of a block
+    total = sum(int((end - start) / cycle) for start, end in pairwise(bounds))
+    length = round(cycle * max(SHORTEST_LOCK_IN, 2 * total // MOST_LOCK_IN))
+    window = 0.5 - 0.5 * np.cos(2.0 * math.pi * np.arange(length) / length)
+    wave = window * np.exp(-2j * math.pi / cycle * np.arange(length))
+    ratios = []
     for start, end in pairwise(bounds):
-        for i in range(int((end - start) / (length * each))):
-            first, last = (start + round(j * each * length) for j in (i, i + 1))
-            t = record.clock[first:last]
-            phase = 2.0 * math.pi * frequency * t
-            line = np.linspace(-1.0, 1.0, len(t))
-            columns = np.column_stack([np.cos(phase), np.sin(phase), np.ones(len(t)), line])
-            signals = np.column_stack([record.x[first:last], record.f[first:last]])
-            cosine, sine = np.linalg.lstsq(columns, signals, rcond=None)[0][:2]
-            position, force = cosine - 1j * sine
-            ratios.append(force / position)
+        for first in range(start, end - length + 1, length // 2):
+            block = slice(first, first + length)
+            x, f = (part[block] - part[block].mean() for part in (record.x, record.f))
+            ratios.append((wave @ f) / (wave @ x))
     n = len(ratios)
     if n < FEWEST_LOCK_IN:
         return None

@@ -57,6 +57,8 @@ from teleop.evaluation.batch.thresholds import (
     LEAST_STOP_NOISE,
 )
 
+PARTS_OF_RECORD = 8
+"""Number of parts of the record, one of which is left out in the comparison of two models."""
 MOST_EXTENSIONS = 2
 """Largest number of extensions of a model."""
 FARTHEST_KNOT = 0.9
@@ -156,12 +158,20 @@ def effective_samples(residual: Floats) -> float:
 def gain(one: Candidate, other: Candidate) -> float:
     """Return the decrease of the Bayesian information criterion, from one to the other candidate.
 
-    The number of samples is the effective one of the other candidate.
+    The number of samples is the effective one of the other candidate. The part of the record with
+    the largest decrease is left out: a disturbance in one part is no property of the specimen.
     """
-    n = effective_samples(other.residual)
-    return 2.0 * n * math.log(one.rms / max(other.rms, 1e-300)) - (
-        other.parameters - one.parameters
-    ) * math.log(n)
+    powers = np.array(
+        [
+            [float(part @ part) for part in np.array_split(each.residual, PARTS_OF_RECORD)]
+            for each in (one, other)
+        ]
+    )
+    kept = np.arange(PARTS_OF_RECORD) != int(np.argmax(powers[0] - powers[1]))
+    before, after = powers[:, kept].sum(axis=1)
+    n = effective_samples(other.residual) * (1.0 - 1.0 / PARTS_OF_RECORD)
+    ratio = max(before, 1e-300) / max(after, 1e-300)
+    return float(n * math.log(ratio) - (other.parameters - one.parameters) * math.log(n))
 
 
 class Screening:

@@ -117,7 +117,8 @@ def local_stiffness(
     if not found:
         return None
     plain = found[0]
-    if rows.relaxation and (rows.order == 0 or explained(rows, found) > LEAST_R2_FOR_RELAXATION):
+    follows = rows.order == 0 or explained(rows, found) > LEAST_R2_FOR_RELAXATION
+    if rows.relaxation and follows:
         position = rows.normalised(record.raw_x)
         best = min(found, key=lambda one: one.bic)
         found += with_relaxation(rows, position, DEGREES[:3], best.bic)
@@ -125,7 +126,8 @@ def local_stiffness(
         if best.degree > 1 and best.times:
             elastic = rows.polynomial(best.theta[: rows.v_column + 1 + best.degree])
             found += with_relaxation(rows, elastic, DEGREES[1:4], best.bic)
-    found += extended(rows, found)
+    if follows:
+        found += extended(rows, found)
     found = [one for one in found if one.k_std < abs(one.k)] or found
     weights = model_weights(found)
     k, k_std = averaged(weights, [(one.k, one.k_std) for one in found])

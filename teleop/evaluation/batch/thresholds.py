@@ -132,8 +132,9 @@ This value is the median error of k for synthetic records without noise
 model holds exactly for the smoothed signals.
 """
 LEAST_R2_FOR_RELAXATION = 0.9
-"""If the baseline contains cosines, relaxing parts are fitted only if R^2 without them exceeds this
-value. A larger misfit is not caused by relaxation: the baseline describes slow relaxation."""
+"""If the baseline contains cosines, relaxing parts and extensions are fitted only if R^2 without
+them exceeds this value. A larger misfit is not caused by relaxation: the baseline describes slow
+relaxation."""
 NEGLIGIBLE_BIC = 60.0
 """Difference of the Bayesian information criterion from which a model is ignored. The weight of
 such a model is less than exp(-30) times that of the best model."""
@@ -170,6 +171,8 @@ LEAST_LAYER_RATIO = 1.3
 stiffness depends on depth."""
 FEWEST_LOCK_IN = 3
 """Smallest number of blocks of whole cycles from which the complex stiffness is computed."""
+SHORTEST_LOCK_IN = 3
+"""Smallest number of cycles of a block. The spectrum of a Hann window is zero from two bins on."""
 MOST_LOCK_IN = 10
 """Approximate largest number of these blocks. The quantile of their scatter is then 2.3."""
 CONTRADICTION_NOISE = 1.5
