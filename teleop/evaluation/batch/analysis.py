@@ -254,8 +254,7 @@ class Analysis:
         assert result.k_low is not None
         assert result.b_low is not None
         omega = 2.0 * np.pi * record.frequency
-        best = self.local.best
-        if best.degree == 1 and not best.parts:
+        if self.local.is_linear:
             found = ComplexStiffness(
                 result.k,
                 result.k - result.k_low,

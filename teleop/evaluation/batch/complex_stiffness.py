@@ -25,10 +25,10 @@ class ComplexStiffness(NamedTuple):
 def complex_stiffness(record: SmoothedRecord) -> ComplexStiffness | None:
     """Return the complex stiffness of a sinusoidal record; None if it has too few cycles.
 
-    The record is divided into blocks of whole cycles, which overlap by half. With a Hann window over
-    three cycles or more, neither the mean nor the harmonics change the fundamental. The scatter of
-    the blocks gives the intervals. Both signals were smoothed by the same kernel, which does not
-    change their ratio.
+    The record is divided into blocks of whole cycles, which overlap by half. With a Hann window
+    over three cycles or more, neither the mean nor the harmonics change the fundamental. The
+    scatter of the blocks gives the intervals. Both signals were smoothed by the same kernel, which
+    does not change their ratio.
     """
     cycle = 1.0 / (record.frequency * record.period)  # [samples]
     bounds = [*record.starts, len(record.t)]

@@ -16,6 +16,11 @@ with the force f, the position x, the velocity v and the time constants tau_j.
 - b is the coefficient of the velocity. Without relaxing parts, b is the loss stiffness k'' divided
   by the angular frequency omega.
 
+These candidates are extended by a knot of the stiffness, by damping that depends on depth, by the
+mass beyond the force sensor, or by friction in the specimen, if this describes the force clearly
+better (`teleop.evaluation.batch.extensions`). The slope of the residual near the position of k
+widens the interval of k.
+
 Each candidate is fitted to the smoothed samples by linear least squares. The weights of the
 candidates are computed from the Bayesian information criterion. A candidate is left out if its
 standard deviation of k is not smaller than k, unless this is so for all candidates.
@@ -54,6 +59,7 @@ from teleop.evaluation.batch.regression_rows import DEGREES, RegressionRows
 from teleop.evaluation.batch.relaxation_search import with_relaxation
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
+    BETTER_BIC,
     FEWEST_FIT_SAMPLES,
     FRICTION_RESIDUAL,
     LEAST_R2_FOR_RELAXATION,
@@ -95,6 +101,11 @@ class LocalStiffness:
     """Frequency at which b is k''/omega [Hz]; NaN if relaxing parts may cause part of the loss."""
     loading: LoadingTangent | None = None
     """Slope of the measured force in loading, if the damping depends on depth."""
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether no candidate is clearly better than the Kelvin-Voigt model."""
+        return self.kelvin_voigt.bic < self.best.bic + BETTER_BIC
 
 
 class LoadingTangent(NamedTuple):
@@ -168,8 +179,8 @@ def loading_tangent(rows: RegressionRows, best: Candidate) -> LoadingTangent | N
         return None
     place = float(np.polyval(np.polyfit(f[near] - middle, x[near], 1), 0.0))
     s = (x[near] - place) / rows.scale
-    fit = robust_fit(s[:, None] ** np.arange(3), f[near])
-    unit = np.array([0.0, 1.0, 0.0])
+    fit = robust_fit(s[:, None] ** np.arange(4), f[near])
+    unit = np.array([0.0, 1.0, 0.0, 0.0])
     deviation = fit.deviation(unit, rows.cycles) / rows.scale
     slope = Value(float(fit.theta[1]) / rows.scale, deviation)
     return LoadingTangent(slope, float(fit.theta[0]), place)

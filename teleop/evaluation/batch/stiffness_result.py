@@ -264,9 +264,7 @@ def stiffness_result(
 
 def is_storage(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> bool:
     """Return whether k is the storage stiffness: a sine in contact throughout, on a linear body."""
-    best = local.best
-    linear = best.degree == 1 and not best.parts and not best.times
-    return linear and record.sinusoidal and phases.free_force is None
+    return local.is_linear and record.sinusoidal and phases.free_force is None
 
 
 def without_result(against: Sequence[Reason]) -> StiffnessResult:

@@ -143,7 +143,7 @@ LEAST_MISFIT = 1e-3
 mean square). A part of the force of this size changes k by at most about 0.1 %."""
 LOADING_BAND = 0.15
 """Samples are used for the slope of the measured force in loading if the distance of their force
-from the middle is less than this fraction of the range. A parabola is fitted to them."""
+from the middle is less than this fraction of the range. A cubic polynomial is fitted to them."""
 MISFIT_BANDS = (0.12, 0.25, 0.5)
 """Bands about the position of k in which the slope of the residual is computed, as fractions of
 half of the travel. The widest has enough samples in a single stroke."""
