@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from teleop.evaluation.batch.analysis import Analysis, analyse
+from teleop.evaluation.batch.analysis import Analysis, analyse, contradiction
 from teleop.evaluation.batch.candidate import DEPTH_DAMPING, FRICTION, KNOT, MASS
 from teleop.evaluation.batch.kinds import STORAGE, TANGENT
 from teleop.evaluation.reading.signals import Signals, periods
@@ -184,3 +185,17 @@ def test_the_misfit_of_the_best_model_widens_the_interval():
     at = found.local.best.position
     true = 800.0 + 0.02 * wave * math.cos(wave * at)
     assert found.result.k_low < true < found.result.k_high
+
+
+def test_a_hunt_crossley_fit_that_is_better_and_has_another_tangent_withholds_k():
+    x = 2.5e-3 * np.sin(2.0 * math.pi * 1.1 * T) + 5e-4  # partly out of contact
+    v = 2.5e-3 * 2.0 * math.pi * 1.1 * np.cos(2.0 * math.pi * 1.1 * T)
+    found = analysed(x, np.maximum(530.0 * np.maximum(x, 0.0) * (1.0 + 10.0 * v), 0.0))
+    assert contradiction(found) is None
+    worse = found.local.best._replace(rms=3.0 * found.local.best.rms)
+    local = replace(found.local, best=worse)
+    assert contradiction(replace(found, local=local)) is None  # the same tangent
+    other = replace(found.result, k=813.0, k_low=724.0, k_high=903.0)
+    reason = contradiction(replace(found, local=local, result=other))
+    assert reason is not None
+    assert "Hunt-Crossley" in reason.text
