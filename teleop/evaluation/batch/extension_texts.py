@@ -68,7 +68,7 @@ def described(local: LocalStiffness, zero: float, level: float) -> dict[str, Any
     return found
 
 
-def phrases(best: Candidate, zero: float) -> list[str]:
+def phrases(best: Candidate, zero: float, sinusoidal: bool) -> list[str]:
     """Return what the best model contains besides the Kelvin-Voigt model and relaxing parts."""
     found = []
     if knot := layers(best):
@@ -86,6 +86,7 @@ def phrases(best: Candidate, zero: float) -> list[str]:
         found.append(
             f"the damping grows with depth, from {DAMPING.text(low_b.value, '.3g')} at the lowest "
             f"to {DAMPING.text(high_b.value, '.3g')} at the highest position"
+            + (", which a single sine does not distinguish from relaxation" if sinusoidal else "")
         )
     if part := best.part(MASS):
         found.append(f"a mass of {1e3 * part.values[0].value:.3g} g moves beyond the force sensor")

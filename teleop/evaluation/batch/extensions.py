@@ -35,6 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.arrays import Floats
+from estimation.estimator import LEVEL_95
 from estimation.filters import Play
 from teleop.evaluation.batch.candidate import (
     DEPTH_DAMPING,
@@ -386,14 +387,16 @@ def is_physical(one: Candidate) -> bool:
     """Return whether the extensions of a fitted model can be those of a passive specimen.
 
     Stiffness before and after a knot, mass and friction are positive, and the damping grows with
-    depth, and is positive at the highest position.
+    depth, and is positive at the highest position. With mass or friction, the damping is not
+    negative: a lag of the force or lost motion can otherwise look like mass or friction.
     """
+    negative = one.b < -LEVEL_95 * one.b_std
     for part in one.parts:
         values = [each.value for each in part.values]
         if part.kind == DEPTH_DAMPING and not values[0] < values[1] < values[2] > 0.0:
             return False
         if part.kind == KNOT and min(values[1:]) <= 0.0:
             return False
-        if part.kind in (MASS, FRICTION) and min(values) <= 0.0:
+        if part.kind in (MASS, FRICTION) and (negative or min(values) <= 0.0):
             return False
     return True

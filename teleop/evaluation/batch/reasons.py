@@ -335,7 +335,7 @@ def remarks(
         and (changed or (not slight and plain.rms > BETTER_RESIDUAL * best.rms))
         and best.bic < plain.bic - BETTER_BIC
     ):
-        what = phrases(best, zero_of_depth(record, phases, local))
+        what = phrases(best, zero_of_depth(record, phases, local), record.sinusoidal)
         if best.times:
             times = ", ".join(f"{tau:.2g} s" for tau in reported_times(best.times))
             similar = (

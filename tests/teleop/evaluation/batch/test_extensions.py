@@ -126,8 +126,9 @@ def test_friction_in_the_specimen_does_not_bias_the_stiffness():
     assert found.result.summary()["friction_n"]["value"] == pytest.approx(0.3, rel=0.05)
 
 
-def test_lost_motion_before_the_specimen_is_not_reported_as_friction():
-    x, v, _ = tones()
+@pytest.mark.parametrize("motion", [sine, tones])
+def test_lost_motion_before_the_specimen_is_not_reported_as_friction(motion):
+    x, v, _ = motion()
     tip = np.empty(len(x))
     tip[0] = x[0]
     for i in range(1, len(x)):
