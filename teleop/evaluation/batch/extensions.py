@@ -73,6 +73,9 @@ KNOT_RESIDUAL = 2.0
 which the knot is refined."""
 WIDTH_FACTORS = (1.4, 1.19, 1.09)
 """Factors by which the width is then changed."""
+SHARP_KNOT_RESIDUAL = 1.5
+"""Largest residual with a sharp knot, relative to that of the best model without knot, for which
+smooth transitions are tried."""
 KNOT_WIDTHS = (0.0, 0.05, 0.1, 0.2)
 """Widths of the transition at a knot that are tried, as fractions of half of the travel."""
 
@@ -111,7 +114,7 @@ def extended(rows: RegressionRows, found: Sequence[Candidate]) -> list[Candidate
             new += [
                 one
                 for trial in screening.best_trials(bases, kind, best)
-                if (one := fitted(rows, trial))
+                if (one := fitted(rows, trial, best.rms))
                 and is_physical(one)
                 and share_of_force(rows, one) > LEAST_PART
                 and gain(best, one) > BETTER_BIC
@@ -206,6 +209,8 @@ class Screening:
         n = len(self.rows.f)
         trials = []
         for base in bases:
+            if kind == FRICTION and base.times:  # together they imitate lost motion
+                continue
             own = len([c for one in base.extensions for c in one.columns])
             used = [*range(base.degree + 1), *range(6, 6 + len(base.relaxing))]
             used += range(self.extended, self.extended + own)
@@ -290,10 +295,16 @@ def stop_widths(rows: RegressionRows) -> list[float]:
     return [width for width in dict.fromkeys(widths) if width < rows.scale]
 
 
-def fitted(rows: RegressionRows, trial: Trial) -> Candidate | None:
-    """Return the candidate with the extension of a trial; None if a knot leaves its range."""
+def fitted(rows: RegressionRows, trial: Trial, rms: float) -> Candidate | None:
+    """Return the candidate with the extension of a trial; None if a knot is not promising.
+
+    `rms` is the residual of the best model without the extension.
+    """
     base, values = trial.base, trial.values
     if trial.kind == KNOT:
+        sharp, _ = refined_knot(rows, base, values[0], 0.0)
+        if sharp > len(rows.f) * (SHARP_KNOT_RESIDUAL * rms) ** 2:
+            return None
         found = [refined_knot(rows, base, values[0], width) for width in KNOT_WIDTHS]
         least, values = min(found)
         for factor in WIDTH_FACTORS if values[1] else ():
