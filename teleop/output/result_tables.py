@@ -11,6 +11,8 @@ from typing import Any
 from estimation.quantities import DAMPING, STIFFNESS, Quantity, quantity
 from teleop.output.console import number, plain_console, print_table, small
 
+LEAST_INERTIA = 0.02
+"""Smallest change of k by a mass of 100 g that is printed, as a fraction of k."""
 MOST_DECIMALS = 12
 """Largest number of decimals of a printed value."""
 
@@ -28,7 +30,9 @@ def print_result(summary: Mapping[str, Any], name: str) -> None:
         console.print(f"  - {reason}", style=style)
     for hint in result["hints"]:
         console.print(f"  hint: {hint}")
-    for line in tangent_lines(result["tangent"]):
+    for line in tangent_lines(result["tangent"], result["storage_at_hz"]):
+        console.print(f"  {line}")
+    for line in complex_lines(summary):
         console.print(f"  {line}")
     console.print(f"  {motion_line(summary)}")
     counts = Counter(phase["phase"] for phase in summary["phases"])
@@ -122,12 +126,46 @@ def motion_line(summary: Mapping[str, Any]) -> str:
     )
 
 
-def tangent_lines(tangent: Mapping[str, Any]) -> list[str]:
-    """Return where k is the tangent stiffness, and the secant stiffness there if it is known."""
+def complex_lines(summary: Mapping[str, Any]) -> list[str]:
+    """Return k' and k'' of a sine on which k is a tangent stiffness, and the effect of a mass."""
+    lines = []
+    result, stiffness = summary["result"], summary["complex_stiffness"]
+    if stiffness and result["storage_at_hz"] is None:
+        storage, loss = (
+            shown_half(
+                STIFFNESS, stiffness[f"{name}_n_per_m"], stiffness[f"{name}_interval_n_per_m"]
+            )
+            for name in ("storage", "loss")
+        )
+        lines.append(
+            f"over whole cycles at {stiffness['frequency_hz']:.3g} Hz: storage stiffness k' = "
+            f'{storage} {STIFFNESS.unit}, loss stiffness k" = {loss} {STIFFNESS.unit}'
+        )
+    if loading := result["loading"]:
+        slope = loading["slope_n_per_m"]
+        shown = with_interval(STIFFNESS, slope["low"], slope["value"], slope["high"])
+        lines.append(
+            f"slope of the measured force in loading at {loading['force_n']:.3g} N, "
+            f"{loading['depth_m'] * 1e3:.3g} mm: {shown}; k is that of the elastic force"
+        )
+    change = result["k_change_per_100g"]
+    if change is not None and change > LEAST_INERTIA * abs(result["k"]):
+        lines.append(
+            "100 g that move beyond the force sensor decrease k by "
+            f"{STIFFNESS.text(change, '.3g')}, which a single sine cannot show"
+        )
+    return lines
+
+
+def tangent_lines(tangent: Mapping[str, Any], storage_at_hz: float | None = None) -> list[str]:
+    """Return what k is and where, and the secant stiffness there if it is known."""
     if tangent["force_n"] is None:
         return []
+    what = "tangent stiffness"
+    if storage_at_hz is not None:
+        what = f"storage stiffness k' at {storage_at_hz:.3g} Hz, and the tangent stiffness"
     lines = [
-        f"k is the tangent stiffness at {tangent['force_n']:.3g} N, "
+        f"k is the {what} at {tangent['force_n']:.3g} N, "
         f"{tangent['depth_m'] * 1e3:.3g} mm from the {tangent['depth_from']}"
     ]
     if tangent["secant_n_per_m"] is not None:
@@ -171,6 +209,10 @@ def print_models(summary: Mapping[str, Any]) -> None:
         ),
     )
     console.print("  rms: error of the predicted force, which includes the noise of the sensor")
+    console.print(
+        "  k of kelvin-voigt: average over the recording, k' in a sine; k of stiffening: tangent "
+        "at the datum"
+    )
     best = summary["best_model"]
     if best is not None and best != models[0]["name"]:
         console.print(

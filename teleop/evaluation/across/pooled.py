@@ -31,7 +31,7 @@ from scipy.special import chdtrc
 from estimation import least_squares
 from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
-from teleop.evaluation.batch.kinds import MEANING
+from teleop.evaluation.batch.kinds import MEANING, MEANING_OF_K
 from teleop.evaluation.evaluation import Evaluation
 
 POWER_80 = 2.8
@@ -61,9 +61,15 @@ def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
         file: e.analysis.result for file, e in evaluations.items() if e.analysis.result.identifiable
     }
     ratios: dict[str, dict[str, float]] = {}
-    with_b = [r for r in results.values() if r.determines("b")]
-    kinds_of_b = {r.kinds["b"] for r in with_b}
-    symbols = ("k", "b") if len(kinds_of_b) == 1 and len(with_b) == len(results) else ("k",)
+    kinds = {
+        symbol: {r.kinds[symbol] for r in results.values() if r.determines(symbol)}
+        for symbol in ("k", "b")
+    }
+    symbols = [
+        symbol
+        for symbol, found in kinds.items()
+        if len(found) == 1 and all(r.determines(symbol) for r in results.values())
+    ]
     for symbol in symbols if len(results) > 1 else ():
         values = np.array([getattr(r, symbol) for r in results.values()])
         highest = np.array([getattr(r, f"{symbol}_high") for r in results.values()])
@@ -95,13 +101,14 @@ def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
     worse = fit.rms > WORSE * alone
     if worse and not differing:
         reasons.append("one fit to all files has a larger residual than one fit to each file")
-    if not reasons:
+    if not reasons and "k" in ratios:
         reasons.append(
             f"one Kelvin-Voigt body is consistent with all {len(results)} files; a difference of k "
             f"by {ratios['k']['detectable'] - 1.0:.2%} is detected in 80 % of such tests"
         )
-    if len(kinds_of_b) > 1:
-        reasons.append(f"b is not compared: it is {' or '.join(MEANING.values())}")
+    for symbol, meanings in (("k", MEANING_OF_K), ("b", MEANING)):
+        if len(kinds[symbol]) > 1:
+            reasons.append(f"{symbol} is not compared: it is {' or '.join(meanings.values())}")
     stiffnesses = [(file, e.analysis.complex_stiffness()) for file, e in evaluations.items()]
     return {
         "alone": [

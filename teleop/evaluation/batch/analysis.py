@@ -13,10 +13,13 @@ import numpy as np
 
 from estimation.baseline import baseline, without_baseline
 from estimation.batch_models import BatchData, BatchFit, compare_models
+from estimation.batch_models.hunt_crossley import fit_hunt_crossley
 from estimation.batch_models.prony import Relaxation, fit_prony
+from estimation.quantities import STIFFNESS
 from estimation.robust_error import robust_fit
 from estimation.smoothing import CORNER
 from estimation.transmission import RIGID, TransmissionCalibration
+from teleop.evaluation.batch.complex_stiffness import ComplexStiffness, complex_stiffness
 from teleop.evaluation.batch.constancy import cycles_of
 from teleop.evaluation.batch.contact_phases import Phase, Phases, find_phases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, local_stiffness
@@ -28,9 +31,13 @@ from teleop.evaluation.batch.stiffness_result import (
     StiffnessResult,
     stiffness_result,
     with_lost_motion,
+    without_result,
 )
 from teleop.evaluation.batch.strokes import cycle_frequency, least_stroke, turning_points
 from teleop.evaluation.batch.thresholds import (
+    BETTER_BIC,
+    BETTER_RESIDUAL,
+    CONTRADICTION_NOISE,
     FEWEST_FIT_SAMPLES,
     FEWEST_STROKES,
     LEAST_STROKE_NOISE,
@@ -237,29 +244,46 @@ class Analysis:
     def complex_stiffness(self) -> dict[str, float] | None:
         """Return the complex stiffness k' + i k'' at the frequency of the palpation.
 
-        The dictionary contains the storage stiffness k' [N/m], the loss stiffness k'' = b omega
-        [N/m] and tan delta = k'' / k'. For each of them, it also contains the half width of the
-        95 % interval. The result is None in three cases: the motion has no cycles, k or b is not
-        identifiable, or the best model contains relaxation (a decay of the force at constant
-        position). With relaxation, b describes only a part of the loss of energy.
+        The dictionary contains the storage stiffness k' [N/m], the loss stiffness k'' [N/m] and
+        tan delta = k'' / k'. For each of them, it also contains the half width of the 95 %
+        interval. On a linear body they are k and b omega of the result. On a nonlinear body in a
+        sine in contact throughout, they are computed from the fundamentals of force and position
+        (`complex_stiffness`), and differ from the tangent stiffness k. The result is None in all
+        other cases: the motion has no cycles, k or b is not identifiable, or the best model
+        contains relaxation (a decay of the force at constant position), so that b describes only a
+        part of the loss of energy.
         """
         result, record = self.result, self.record
         cyclic = math.isfinite(record.frequency) and not result.times
-        if not cyclic or result.k is None or result.b is None:
+        if not cyclic or result.k is None or result.b is None or self.local is None:
             return None
         assert result.k_low is not None
         assert result.b_low is not None
         omega = 2.0 * np.pi * record.frequency
-        loss, half = result.b * omega, (result.b - result.b_low) * omega
+        if self.local.is_linear:
+            found = ComplexStiffness(
+                result.k,
+                result.k - result.k_low,
+                result.b * omega,
+                (result.b - result.b_low) * omega,
+            )
+        elif record.sinusoidal and self.phases.free_force is None:
+            lock_in = complex_stiffness(record)
+            if lock_in is None:
+                return None
+            found = lock_in
+        else:
+            return None
+        storage, storage_half, loss, loss_half = found
         return {
             "frequency_hz": record.frequency,
-            "storage_n_per_m": result.k,
-            "storage_interval_n_per_m": result.k - result.k_low,
+            "storage_n_per_m": storage,
+            "storage_interval_n_per_m": storage_half,
             "loss_n_per_m": loss,
-            "loss_interval_n_per_m": half,
-            "tan_delta": loss / result.k,
+            "loss_interval_n_per_m": loss_half,
+            "tan_delta": loss / storage,
             "tan_delta_interval": float(
-                np.hypot(half / result.k, loss * (result.k - result.k_low) / result.k**2)
+                np.hypot(loss_half / storage, loss * storage_half / storage**2)
             ),
         }
 
@@ -319,4 +343,47 @@ def fitted(
         finer = smoothed_record(resampled, WIDER_BAND * bandwidth)
         other = local_stiffness(finer, find_phases(finer))
     result = stiffness_result(record, phases, local, other, transmission, faults)
-    return Analysis(record, phases, local, result, transmission)
+    found = Analysis(record, phases, local, result, transmission)
+    if contrary := contradiction(found):
+        return replace(found, result=without_result([contrary, *faults]))
+    return found
+
+
+def contradiction(found: Analysis) -> Reason | None:
+    """Return the reason why a batch model contradicts k; None if no model does.
+
+    The Hunt-Crossley model contradicts k if it describes the force clearly better than the best
+    candidate, and if its tangent at the force of k is outside of the interval of k.
+    """
+    local, result, record = found.local, found.result, found.record
+    if local is None or result.k is None or result.force is None:
+        return None
+    noise = math.hypot(record.f_noise, result.k * record.x_noise) * record.noise_gain
+    data = found.data
+    if data is None or local.best.rms < CONTRADICTION_NOISE * noise:
+        return None
+    unloaded = found.phases.free_force or 0.0
+    fit = fit_hunt_crossley(data._replace(unloaded=unloaded))
+    if not fit.identifiable:
+        return None
+    n = len(data.rows)
+    parameters = len(fit.parameters)
+    rms = math.exp((fit.bic - parameters * math.log(n)) / (2.0 * n))
+    slow = 0 if data.baseline is None else data.baseline.shape[1]
+    excess = local.best.parameters - slow - parameters  # the baseline was removed before
+    better = 2.0 * n * math.log(local.best.rms / max(rms, 1e-300)) + excess * math.log(n)
+    if rms * BETTER_RESIDUAL > local.best.rms or better < BETTER_BIC:
+        return None
+    size, exponent = (fit.parameters[name].value for name in ("K", "n"))
+    force = local.best.force - unloaded
+    if force <= 0.0 or size <= 0.0:
+        return None
+    tangent = exponent * force / (force / size) ** (1.0 / exponent)
+    low, high = result.interval("k")
+    if low <= tangent <= high:
+        return None
+    return Reason(
+        f"two models give different stiffness: the Hunt-Crossley model describes the force better "
+        f"(residual {rms:.2g} N, and {local.best.rms:.2g} N), and its tangent at {force:.3g} N is "
+        f"{STIFFNESS.text(tangent, '.4g')}, not {STIFFNESS.text(result.k, '.4g')}"
+    )

@@ -1,18 +1,22 @@
 """Fit one candidate model of the contact force, and compute the stiffness of this model.
 
-The candidate models differ in the degree of a polynomial P(x) and in the number of relaxing parts
-(see `teleop.evaluation.batch.local_stiffness`).
+The candidate models differ in the degree of a polynomial P(x), in the number of relaxing parts (see
+`teleop.evaluation.batch.local_stiffness`) and in their extensions
+(`teleop.evaluation.batch.extensions`).
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from estimation.arrays import Floats
+from estimation.estimator import LEVEL_95
 from estimation.robust_error import bayesian_criterion
 from teleop.evaluation.batch.regression_rows import RegressionRows
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
@@ -22,6 +26,49 @@ from teleop.evaluation.batch.thresholds import (
     SLOPE_BAND,
     SMOOTHING_ERROR,
 )
+
+KNOT = "knot"
+DEPTH_DAMPING = "depth damping"
+MASS = "mass"
+FRICTION = "friction"
+"""Kinds of extension of a model."""
+
+
+class Extension(NamedTuple):
+    """A part of the force besides polynomial, damping and relaxing parts."""
+
+    kind: str
+    """Kind: `KNOT`, `DEPTH_DAMPING`, `MASS` or `FRICTION`."""
+    values: tuple[float, ...]
+    """Normalised position and width of a knot; half widths r of the friction [m]; number of columns
+    of the damping that depends on depth; empty for a mass."""
+    columns: tuple[Floats, ...]
+    """Regressors at the fitted samples."""
+
+
+class Value(NamedTuple):
+    """An estimate with its standard deviation."""
+
+    value: float
+    std: float
+
+    @property
+    def interval(self) -> dict[str, float]:
+        """The value with the ends of its 95 % interval, for JSON."""
+        half = LEVEL_95 * self.std
+        return {"value": self.value, "low": self.value - half, "high": self.value + half}
+
+
+class FittedPart(NamedTuple):
+    """The physical quantities of a fitted extension, in SI units.
+
+    A knot has its position, and the stiffness before and after it. Damping that depends on depth
+    has its value at the lowest, the middle and the highest position. Friction has its force, and
+    the force of each stop operator. A mass has one value.
+    """
+
+    kind: str
+    values: tuple[Value, ...]
 
 
 class Candidate(NamedTuple):
@@ -54,15 +101,37 @@ class Candidate(NamedTuple):
     """Force at half of the force range, including the mean of the baseline [N]."""
     theta: Floats
     """Coefficients of the regressors, in this order: baseline, velocity, powers of the normalised
-    position, relaxing parts."""
+    position, relaxing parts, columns of the extension."""
+    relaxing: Sequence[Floats]
+    """Relaxing parts of the force after smoothing, each of shape (n,)."""
+    cornered: Sequence[Floats]
+    """Relaxing parts of the force, not smoothed at their sharp corners, each of shape (n,)."""
+    residual: Floats
+    """Residual of the fit [N], at the fitted samples."""
+    extensions: tuple[Extension, ...] = ()
+    """Knot, damping that depends on depth, mass and friction in the model."""
+    parts: tuple[FittedPart, ...] = ()
+    """Physical quantities of the extensions."""
+
+    @property
+    def parameters(self) -> int:
+        """Number of fitted parameters."""
+        # The second column of a knot stands for its position.
+        widths = sum(len(one.values) for one in self.extensions if one.kind == FRICTION)
+        return len(self.theta) + len(self.times) + widths
+
+    def part(self, kind: str) -> FittedPart | None:
+        """Return the physical quantities of one kind of extension; None without this kind."""
+        return next((one for one in self.parts if one.kind == kind), None)
 
 
 def fit_candidate(
     rows: RegressionRows,
     degree: int,
     times: tuple[float, ...],
-    relaxing: list[Floats],
-    cornered: list[Floats],
+    relaxing: Sequence[Floats],
+    cornered: Sequence[Floats],
+    extensions: tuple[Extension, ...] = (),
 ) -> Candidate:
     """Fit one model of the contact force, and compute its stiffness at half of the force range.
 
@@ -71,23 +140,48 @@ def fit_candidate(
     (`teleop.evaluation.batch.local_stiffness`). `relaxing` are the z_j after smoothing, each of
     shape (n,); `cornered` are the same, but not smoothed at their sharp corners (`with_corners`).
     """
-    fit = rows.fit(degree, relaxing)
+    fit = rows.fit(degree, relaxing, [c for one in extensions for c in one.columns])
     theta, first = fit.theta, rows.v_column + 1
     m = len(theta)
     powers = np.arange(1, degree + 1)
     coefficients = theta[first : first + degree]
+    place = first + degree + len(relaxing)
+    knots, depth_damping, starts = [], slice(place, place), []
+    for one in extensions:
+        starts.append(place)
+        if one.kind == KNOT:
+            knots.append((place, one.values))
+        elif one.kind == DEPTH_DAMPING:
+            depth_damping = slice(place, place + len(one.columns))
+        place += len(one.columns)
 
     # The elastic force P(x) + sum_j c_j z_j at the samples in contact, without b v and baseline.
     # Sharp corners are kept, because smoothing would make the force range too small.
     index = rows.fine
     elastic = rows.fine_powers[:, :degree] @ coefficients
-    for c, z in zip(theta[first + degree :], cornered, strict=True):
+    for c, z in zip(theta[first + degree :], cornered, strict=False):
         elastic = elastic + c * z[index]
+    for at, knot in knots:
+        elastic = elastic + theta[at] * knot_force(rows.fine_powers[:, 0], *knot)[0]
+
+    def slope_at(s: float) -> Floats:
+        """Derivative of P(x), including a knot, to the position, for each parameter, (m,)."""
+        found = np.zeros(m)
+        found[first : first + degree] = powers * s ** (powers - 1) / rows.scale
+        for at, knot in knots:
+            found[at] = float(knot_force(s, *knot)[1]) / rows.scale
+        return found
 
     def effect(i: int) -> Floats:
         """Derivative of the elastic force at the sample `rows.fine[i]` to each parameter, (m,)."""
         found = np.zeros(m)
-        found[first:] = [*rows.fine_powers[i, :degree], *(z[index[i]] for z in cornered)]
+        parts = [*rows.fine_powers[i, :degree], *(z[index[i]] for z in cornered)]
+        found[first : first + len(parts)] = parts
+        return with_knots(found, float(rows.fine_powers[i, 0]))
+
+    def with_knots(found: Floats, s: float) -> Floats:
+        for at, knot in knots:
+            found[at], found[at + 1], _ = knot_force(s, *knot)
         return found
 
     # Half of the force range, and its derivative to each parameter. If the force out of contact is
@@ -117,8 +211,7 @@ def fit_candidate(
     # each relaxing part against the position. This slope depends on the path of the motion. It is
     # computed in two ways, over all passes and at the nearest sample, and the difference is one of
     # the errors of k.
-    gradient = np.zeros(m)
-    gradient[first : first + degree] = powers * s ** (powers - 1) / rows.scale
+    gradient = slope_at(s)
     along_path = gradient.copy()
     breaks = np.diff(index[near], prepend=index[near[0]]) > 1
     pass_of = np.cumsum(breaks, dtype=np.int_)
@@ -135,41 +228,97 @@ def fit_candidate(
     # moves by (change of the force level - change of the elastic force) / k, and k changes with
     # the position by P''(x).
     curvature = float(coefficients[1:] @ (powers[1:] * (powers[1:] - 1) * s ** (powers[1:] - 2)))
+    curvature += sum(float(theta[at] * knot_force(s, *knot)[2]) for at, knot in knots)
     curvature /= rows.scale**2
     elastic_effect = effect(nearest)
     elastic_effect[first : first + degree] = s**powers
+    elastic_effect = with_knots(elastic_effect, s)
     k_effect = gradient + curvature / (k or 1e-300) * (force_effect - elastic_effect)
     b_effect = np.zeros(m)
     b_effect[rows.v_column] = 1.0
+    orders = np.arange(1, depth_damping.stop - depth_damping.start + 1)
+    b_effect[depth_damping] = s**orders
 
     # The ends of the force range have errors that the fit does not contain: the resolution of the
     # position at the highest force, and the noise of the force out of contact.
     s_top = (rows.fine_x[top] - rows.origin) / rows.scale
-    top_slope = float(powers * s_top ** (powers - 1) @ coefficients) / rows.scale
+    top_slope = float(slope_at(s_top) @ theta)
     force_std = 0.5 * math.hypot(
         top_slope * rows.record.count / math.sqrt(12.0), rows.phases.free_error
     )
     range_error = force_std * curvature / (k or 1e-300)
 
     slopes = rows.scaled_powers[:, :degree] * powers @ coefficients / rows.scale
+    for at, knot in knots:
+        slopes = slopes + theta[at] / rows.scale * knot_force(rows.scaled_powers[:, 1], *knot)[1]
     k_rounding, b_rounding = rows.rounding_error(
         np.vstack([k_effect, b_effect]) @ fit.inverse, slopes
     )
     smoothing_error = SMOOTHING_ERROR * k if times else 0.0
     k_fit_error, b_fit_error = (fit.deviation(e, rows.cycles) for e in (k_effect, b_effect))
-    return Candidate(
+
+    def value(gradient: Floats) -> Value:
+        """Return the linear combination gradient' theta of the parameters, with its error."""
+        return Value(float(gradient @ theta), fit.deviation(gradient, rows.cycles))
+
+    parts = []
+    knot_error = 0.0
+    for one, at in zip(extensions, starts, strict=True):
+        unit = np.eye(m)[at]
+        if one.kind == KNOT:
+            size = abs(float(theta[at])) or 1e-300
+            spread = fit.deviation(np.eye(m)[at + 1], rows.cycles) / size
+            at_knot = one.values[0]
+            below = slope_at(at_knot)
+            below[at] = 0.0
+            above = below + unit / rows.scale
+            place_of = Value(rows.origin + at_knot * rows.scale, spread * rows.scale)
+            parts.append(FittedPart(KNOT, (place_of, value(below), value(above))))
+            near_knot = abs(s - at_knot) < LEVEL_95 * spread
+            if near_knot and one.values[1] == 0.0:  # on which side of the knot is not known
+                knot_error = 0.5 * size / rows.scale
+        elif one.kind == DEPTH_DAMPING:
+            damping = []
+            for place_at in (-1.0, 0.0, 1.0):
+                at_place = b_effect.copy()
+                at_place[depth_damping] = place_at**orders
+                damping.append(value(at_place))
+            parts.append(FittedPart(DEPTH_DAMPING, tuple(damping)))
+        elif one.kind == MASS:
+            parts.append(FittedPart(MASS, (value(unit),)))
+        else:
+            each = [r * np.eye(m)[at + i] for i, r in enumerate(one.values)]
+            parts.append(FittedPart(FRICTION, (value(sum(each)), *(value(g) for g in each))))
+    found = Candidate(
         degree=degree,
         times=times,
-        bic=bayesian_criterion(fit.residual, m + len(times)),
+        bic=0.0,
         k=k,
-        k_std=math.hypot(k_fit_error, range_error, path_error, k_rounding, smoothing_error),
-        b=float(theta[rows.v_column]),
+        k_std=math.hypot(
+            k_fit_error, range_error, path_error, k_rounding, smoothing_error, knot_error
+        ),
+        b=float(b_effect @ theta),
         b_std=math.hypot(b_fit_error, b_rounding),
         rms=float(np.sqrt(np.mean(fit.residual**2))),
         position=position,
         force=force + constant,
         theta=theta,
+        relaxing=relaxing,
+        cornered=cornered,
+        residual=fit.residual,
+        extensions=extensions,
+        parts=tuple(parts),
     )
+    return found._replace(bic=bayesian_criterion(fit.residual, found.parameters))
+
+
+def knot_force(s: Any, knot: float, width: float) -> tuple[Any, Any, Any]:
+    """Return a force that begins to rise at a knot, and its first and second derivative to s."""
+    if width == 0.0:
+        return np.maximum(s - knot, 0.0), np.where(s > knot, 1.0, 0.0), np.zeros_like(s)
+    u = (s - knot) / width
+    step = expit(u)
+    return width * np.logaddexp(0.0, u), step, step * (1.0 - step) / width
 
 
 def surroundings(x: Floats, at: int, most: int, record: SmoothedRecord) -> tuple[int, int]:

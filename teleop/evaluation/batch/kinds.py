@@ -10,6 +10,9 @@ from collections.abc import Iterable
 
 TANGENT = "tangent"
 """Kind of the stiffness of a result: the tangent at half of the force range."""
+STORAGE = "k'"
+"""Kind of the stiffness of a result: the storage stiffness at the frequency of a sine. The specimen
+is in contact throughout, and its force is linear in the motion."""
 AVERAGE = "average"
 """Kind of the stiffness and the damping of an estimator. The stiffness is the slope of the force
 against the displacement from the datum. The damping is the slope of the force against the velocity.
@@ -35,6 +38,11 @@ MEANING = {
     BESIDES_RELAXATION: "the damping besides the parts that relax",
 }
 """Description of the kinds of damping of a result."""
+MEANING_OF_K = {
+    TANGENT: "the tangent stiffness at the middle of the force range",
+    STORAGE: "the storage stiffness k' at the frequency of a sine",
+}
+"""Description of the kinds of stiffness of a result."""
 
 
 def kinds_of_estimates(further: Iterable[str]) -> dict[str, str]:

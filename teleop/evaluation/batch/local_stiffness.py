@@ -16,6 +16,11 @@ with the force f, the position x, the velocity v and the time constants tau_j.
 - b is the coefficient of the velocity. Without relaxing parts, b is the loss stiffness k'' divided
   by the angular frequency omega.
 
+These candidates are extended by a knot of the stiffness, by damping that depends on depth, by the
+mass beyond the force sensor, or by friction in the specimen, if this describes the force clearly
+better (`teleop.evaluation.batch.extensions`). The slope of the residual near the position of k
+widens the interval of k.
+
 Each candidate is fitted to the smoothed samples by linear least squares. The weights of the
 candidates are computed from the Bayesian information criterion. A candidate is left out if its
 standard deviation of k is not smaller than k, unless this is so for all candidates.
@@ -38,6 +43,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -45,14 +51,21 @@ from scipy.special import ndtr
 
 from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
-from teleop.evaluation.batch.candidate import Candidate, fit_candidate
+from estimation.robust_error import robust_fit
+from teleop.evaluation.batch.candidate import DEPTH_DAMPING, Candidate, Value, fit_candidate
 from teleop.evaluation.batch.contact_phases import Phases
+from teleop.evaluation.batch.extensions import extended
 from teleop.evaluation.batch.regression_rows import DEGREES, RegressionRows
 from teleop.evaluation.batch.relaxation_search import with_relaxation
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
+    BETTER_BIC,
+    FEWEST_FIT_SAMPLES,
     FRICTION_RESIDUAL,
     LEAST_R2_FOR_RELAXATION,
+    LOADING_BAND,
+    MISFIT_BANDS,
+    MISFIT_NOISE,
     SAME_TIME_RATIO,
 )
 
@@ -86,6 +99,24 @@ class LocalStiffness:
     """Whether a force of constant size against the motion describes the loss better than b v."""
     frequency: float
     """Frequency at which b is k''/omega [Hz]; NaN if relaxing parts may cause part of the loss."""
+    loading: LoadingTangent | None = None
+    """Slope of the measured force in loading, if the damping depends on depth."""
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether no candidate is clearly better than the Kelvin-Voigt model."""
+        return self.kelvin_voigt.bic < self.best.bic + BETTER_BIC
+
+
+class LoadingTangent(NamedTuple):
+    """The slope of the measured force against the position in loading, with the loss included."""
+
+    slope: Value
+    """Slope [N/m]."""
+    force: float
+    """Force at which it is the slope: the middle of the range of the measured force [N]."""
+    position: float
+    """Position at which the force has this value in loading [m]."""
 
 
 def local_stiffness(
@@ -97,7 +128,8 @@ def local_stiffness(
     if not found:
         return None
     plain = found[0]
-    if rows.relaxation and (rows.order == 0 or explained(rows, found) > LEAST_R2_FOR_RELAXATION):
+    follows = rows.order == 0 or explained(rows, found) > LEAST_R2_FOR_RELAXATION
+    if rows.relaxation and follows:
         position = rows.normalised(record.raw_x)
         best = min(found, key=lambda one: one.bic)
         found += with_relaxation(rows, position, DEGREES[:3], best.bic)
@@ -105,11 +137,14 @@ def local_stiffness(
         if best.degree > 1 and best.times:
             elastic = rows.polynomial(best.theta[: rows.v_column + 1 + best.degree])
             found += with_relaxation(rows, elastic, DEGREES[1:4], best.bic)
+    if follows:
+        found += extended(rows, found)
     found = [one for one in found if one.k_std < abs(one.k)] or found
     weights = model_weights(found)
     k, k_std = averaged(weights, [(one.k, one.k_std) for one in found])
     b, b_std = averaged(weights, [(one.b, one.b_std) for one in found])
     best = min(found, key=lambda one: one.bic)
+    k_std = math.hypot(k_std, misfit_slope(rows, best))
     slow = rows.basis[:, 1:] @ best.theta[1 : rows.v_column]
     return LocalStiffness(
         k,
@@ -123,7 +158,52 @@ def local_stiffness(
         explained(rows, [best]),
         has_friction(rows, best),
         math.nan if rows.relaxation else record.frequency,
+        loading_tangent(rows, best) if best.part(DEPTH_DAMPING) else None,
     )
+
+
+def loading_tangent(rows: RegressionRows, best: Candidate) -> LoadingTangent | None:
+    """Return the slope of the force in loading, at the middle of its range; None if not known.
+
+    If the damping depends on depth, the slope differs from the tangent stiffness k, which is that
+    of the elastic force.
+    """
+    record, index = rows.record, rows.index
+    x, v = record.x[index], record.v[index]
+    f = rows.f - rows.basis[:, 1:] @ best.theta[1 : rows.v_column]
+    middle = 0.5 * float(f.min() + f.max())
+    if rows.phases.free_force is not None:
+        middle = 0.5 * (rows.phases.free_force + float(f.max()))
+    near = (np.abs(f - middle) < LOADING_BAND * np.ptp(f)) & (v > 0.0)
+    if near.sum() < FEWEST_FIT_SAMPLES:
+        return None
+    place = float(np.polyval(np.polyfit(f[near] - middle, x[near], 1), 0.0))
+    s = (x[near] - place) / rows.scale
+    fit = robust_fit(s[:, None] ** np.arange(4), f[near])
+    unit = np.array([0.0, 1.0, 0.0, 0.0])
+    deviation = fit.deviation(unit, rows.cycles) / rows.scale
+    slope = Value(float(fit.theta[1]) / rows.scale, deviation)
+    return LoadingTangent(slope, float(fit.theta[0]), place)
+
+
+def misfit_slope(rows: RegressionRows, best: Candidate) -> float:
+    """Return the error of k that the systematic misfit of the best model can cause [N/m].
+
+    It is the slope of the residual in loading near the position of k. The part of the slope that
+    noise explains is subtracted.
+    """
+    record, index = rows.record, rows.index
+    x, v = record.x[index], record.v[index]
+    found = 0.0
+    for band in MISFIT_BANDS:
+        near = (np.abs(x - best.position) < band * rows.scale) & (v > 0.0)
+        if near.sum() < FEWEST_FIT_SAMPLES:
+            continue
+        columns = np.column_stack([np.ones(int(near.sum())), x[near] - best.position])
+        fit = robust_fit(columns, best.residual[near])
+        noise = fit.deviation(np.array([0.0, 1.0]), rows.cycles)
+        found = max(found, fit.theta[1] ** 2 - MISFIT_NOISE * noise**2)
+    return math.sqrt(found)
 
 
 def explained(rows: RegressionRows, found: list[Candidate]) -> float:
@@ -169,7 +249,9 @@ def model_weights(found: list[Candidate]) -> Floats:
     """
     bics = np.array([one.bic for one in found])
     weights = np.exp(-0.5 * (bics - bics.min()))
-    models = [(one.degree, len(one.times)) for one in found]
+    models = [
+        (one.degree, len(one.times), *(part.kind for part in one.extensions)) for one in found
+    ]
     for model in set(models):
         member = np.array([one == model for one in models])
         weights[member] *= weights[member].max() / max(float(weights[member].sum()), 1e-300)

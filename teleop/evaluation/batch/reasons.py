@@ -9,8 +9,10 @@ from estimation.arrays import Floats
 from estimation.baseline import BELOW
 from estimation.quantities import DAMPING, STIFFNESS
 from estimation.transmission import TransmissionCalibration
+from teleop.evaluation.batch.candidate import FRICTION
 from teleop.evaluation.batch.constancy import Change, LagDrift, rise_at_rest
 from teleop.evaluation.batch.contact_phases import Phases
+from teleop.evaluation.batch.extension_texts import phrases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
 from teleop.evaluation.batch.masks import runs
 from teleop.evaluation.batch.sampling_checks import impossible_lag, opposite_signs
@@ -38,6 +40,7 @@ from teleop.evaluation.batch.thresholds import (
     LONGEST_LAG,
     LONGEST_LAG_SHARE,
     NO_RESULT_R2,
+    NOTABLE_CHANGE,
     OUT_OF_CONTACT_TRAVEL,
     PUNCTURE_FALL,
     PUNCTURE_NOISE,
@@ -218,7 +221,7 @@ def contact_remarks(record: SmoothedRecord, local: LocalStiffness) -> list[Reaso
                 "stiffness; expected a motion that reverses, to see the difference"
             )
         )
-    if local.friction:
+    if local.friction and not local.best.part(FRICTION):
         found.append(
             Reason(
                 "friction: the loss does not depend on the speed; b holds for this frequency and "
@@ -329,15 +332,15 @@ def remarks(
     best, plain = local.best, local.kelvin_voigt
     size = float(np.ptp(record.f[phases.usable]))
     slight = plain.rms < SUFFICIENT_RESIDUAL * 0.35 * size
+    changed = bool(best.parts) and abs(plain.k - best.k) > NOTABLE_CHANGE * abs(best.k)
     if change:
         found.append(Reason(change.text))
     elif (
         best is not plain
-        and not slight
+        and (changed or (not slight and plain.rms > BETTER_RESIDUAL * best.rms))
         and best.bic < plain.bic - BETTER_BIC
-        and plain.rms > BETTER_RESIDUAL * best.rms
     ):
-        what = [f"the stiffness depends on depth (degree {best.degree})"] if best.degree > 1 else []
+        what = phrases(best, zero_of_depth(record, phases, local), record.sinusoidal)
         if best.times:
             times = ", ".join(f"{tau:.2g} s" for tau in reported_times(best.times))
             similar = (
@@ -397,6 +400,16 @@ def no_damping(
         period = 1.0 / local.frequency if np.isfinite(local.frequency) else np.inf
         return negative_damping(local.b, force_lag, transmission, -local.b / local.k, period)
     return None
+
+
+def zero_of_depth(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> float:
+    """Return the position at which the depth is zero [m]: contact point or lowest position.
+
+    If a baseline is removed, the contact point changes with the baseline, and is not used.
+    """
+    if phases.contact_point and not local.baseline_size > 0.0:
+        return phases.contact_point.value
+    return float(record.x[phases.usable].min())
 
 
 def longest_hold(record: SmoothedRecord, phases: Phases) -> float:

@@ -7,6 +7,7 @@ The models are f = baseline + P(x) + b v + relaxing parts
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -95,6 +96,7 @@ class RegressionRows:
         self.basis = baseline_regressors(record.clock[self.index], 0.0, seconds, self.order)
         self.f = record.f[self.index]
         depth = np.clip(self.normalised(record.raw_x), -1.5, 1.5)
+        self.depth = depth
         self.powers = [record.smoothed(depth**n)[self.index] for n in DEGREES]
         sharp_x = record.sharpened(record.x)
         sharp_x = np.clip(sharp_x, record.raw_x.min(), record.raw_x.max())
@@ -199,10 +201,16 @@ class RegressionRows:
         """
         return BaselineFits(self.basis, self.f)
 
-    def fit(self, degree: int, relaxing: list[Floats]) -> RobustFit:
-        """Fit the force by a baseline, the velocity, powers of the position, and relaxing parts."""
+    def fit(
+        self, degree: int, relaxing: Sequence[Floats], further: Sequence[Floats] = ()
+    ) -> RobustFit:
+        """Fit the force by a baseline, the velocity, powers of the position, and relaxing parts.
+
+        `further` are other regressors at the fitted samples (`teleop.evaluation.batch.extensions`).
+        """
         columns = [self.record.v[self.index], *self.powers[:degree]]
-        return self.fits.fit(np.column_stack([*columns, *(z[self.index] for z in relaxing)]))
+        columns += [z[self.index] for z in relaxing]
+        return self.fits.fit(np.column_stack([*columns, *further]))
 
     @cached_property
     def loading(self) -> NDArray[np.bool_]:

@@ -28,10 +28,12 @@ from estimation.estimator import LEVEL_95
 from estimation.quantities import DAMPING, STIFFNESS
 from estimation.stiffening import Interval
 from estimation.transmission import TransmissionCalibration
+from teleop.evaluation.batch.candidate import MASS
 from teleop.evaluation.batch.constancy import change_over_cycles, cycles_of, drift_of_lag
 from teleop.evaluation.batch.contact_phases import Phases
+from teleop.evaluation.batch.extension_texts import NO_PARTS, described
 from teleop.evaluation.batch.interference import interference
-from teleop.evaluation.batch.kinds import BESIDES_RELAXATION, LOSS, TANGENT
+from teleop.evaluation.batch.kinds import BESIDES_RELAXATION, LOSS, STORAGE, TANGENT
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
 from teleop.evaluation.batch.lost_motion import LostMotion
 from teleop.evaluation.batch.measured_point import Point, measured_point
@@ -41,6 +43,7 @@ from teleop.evaluation.batch.reasons import (
     reasons_after_fit,
     reasons_before_fit,
     remarks,
+    zero_of_depth,
 )
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
@@ -112,6 +115,15 @@ class StiffnessResult:
     lost_motion: Interval | None = None
     """Half width of the lost motion that was found in the record, and removed from the position
     [m]; None if none was found, or if the lost motion is calibrated."""
+    storage_at_hz: float | None = None
+    """Frequency [Hz] at which k is the storage stiffness k'. None if k is the tangent stiffness of
+    a nonlinear body, or if the motion is not a sine in contact throughout."""
+    inertia_at_hz: float | None = None
+    """Frequency [Hz] of a sine, in which a mass beyond the force sensor changes k by the product of
+    mass and squared angular frequency, and cannot be identified. None for other motions."""
+    parts: dict[str, Any] = field(default_factory=dict)
+    """Layers, damping by depth, mass and friction of the best model
+    (`teleop.evaluation.batch.extension_texts.described`)."""
 
     @property
     def kinds(self) -> dict[str, str]:
@@ -121,7 +133,18 @@ class StiffnessResult:
         (`teleop.evaluation.batch.kinds`).
         """
         loss = self.damping_at_hz is not None
-        return {"k": TANGENT, "b": LOSS if loss else BESIDES_RELAXATION}
+        stiffness = TANGENT if self.storage_at_hz is None else STORAGE
+        return {"k": stiffness, "b": LOSS if loss else BESIDES_RELAXATION}
+
+    @property
+    def k_change_per_100g(self) -> float | None:
+        """Decrease of k [N/m] by a mass of 100 g that moves between force sensor and specimen.
+
+        The value is None if k is not identifiable, or if the motion is not a sine.
+        """
+        if self.k is None or self.inertia_at_hz is None:
+            return None
+        return 0.1 * (2.0 * math.pi * self.inertia_at_hz) ** 2
 
     @property
     def b_change_per_ms(self) -> float | None:
@@ -154,6 +177,8 @@ class StiffnessResult:
         del document["lost_motion"]
         document["lost_motion_m"] = self.lost_motion and self.lost_motion._asdict()
         document["hints"] = list(self.hints)
+        document |= {**NO_PARTS, **document.pop("parts")}
+        document["k_change_per_100g"] = self.k_change_per_100g
         document["b_change_per_ms_of_lag"] = self.b_change_per_ms
         document["tangent"] = {
             "force_n": document.pop("force"),
@@ -229,7 +254,6 @@ def stiffness_result(
     if line:
         faults = [*faults, Reason(line.text)]
     found = [*faults, *remarks(record, phases, local, change)]
-    damping = (local.b, local.b - half_b, local.b + half_b)
     unknown = no_damping(v, local, half_b, drift, record.force_lag, transmission)
     if unknown:
         found.append(unknown)
@@ -245,35 +269,47 @@ def stiffness_result(
                     f"{transmission.compliance * 1e6:.4g} um/N is hardly stiffer than the whole"
                 )
             )
-    inside = phases.usable
-    lowest = float(record.x[inside].min())
     point, level = phases.contact_point, phases.free_force
     if local.baseline_size > 0.0:  # contact point and level change with the baseline
         point = level = None
-    zero = point.value if point else lowest
+    zero = zero_of_depth(record, phases, local)
     force, position = where
     depth = position - zero
     secant = secant_change = None
     if level is not None and depth > 0.0:
         secant = (force - level) / depth
         secant_change = DATUM_ERROR / depth
+    reasons, hints = texts_and_hints(found)
     return StiffnessResult(
-        local.k,
-        local.k - half_k,
-        local.k + half_k,
-        *((None, None, None) if unknown else damping),
-        True,
-        *texts_and_hints(found),
-        force if level is None else force - level,
-        depth,
-        secant,
-        secant_change,
-        reported_times(local.best.times),
-        0.5 * (point.high - point.low) if point else 0.0,
-        "contact point" if point else "lowest position",
-        local.frequency if math.isfinite(local.frequency) else None,
-        k_tip,
+        k=local.k,
+        k_low=local.k - half_k,
+        k_high=local.k + half_k,
+        b=None if unknown else local.b,
+        b_low=None if unknown else local.b - half_b,
+        b_high=None if unknown else local.b + half_b,
+        identifiable=True,
+        reasons=reasons,
+        hints=hints,
+        force=force if level is None else force - level,
+        depth=depth,
+        secant=secant,
+        secant_change=secant_change,
+        times=reported_times(local.best.times),
+        depth_error=0.5 * (point.high - point.low) if point else 0.0,
+        depth_from="contact point" if point else "lowest position",
+        damping_at_hz=local.frequency if math.isfinite(local.frequency) else None,
+        k_tip=k_tip,
+        storage_at_hz=record.frequency if is_storage(record, phases, local) else None,
+        inertia_at_hz=(
+            record.frequency if record.sinusoidal and not local.best.part(MASS) else None
+        ),
+        parts=described(local, zero, level or 0.0),
     )
+
+
+def is_storage(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> bool:
+    """Return whether k is the storage stiffness: a sine in contact throughout, on a linear body."""
+    return local.is_linear and record.sinusoidal and phases.free_force is None
 
 
 def with_lost_motion(

@@ -190,11 +190,52 @@ This value is the median error of k for synthetic records without noise
 model holds exactly for the smoothed signals.
 """
 LEAST_R2_FOR_RELAXATION = 0.9
-"""If the baseline contains cosines, relaxing parts are fitted only if R^2 without them exceeds this
-value. A larger misfit is not caused by relaxation: the baseline describes slow relaxation."""
+"""If the baseline contains cosines, relaxing parts and extensions are fitted only if R^2 without
+them exceeds this value. A larger misfit is not caused by relaxation: the baseline describes slow
+relaxation."""
 NEGLIGIBLE_BIC = 60.0
 """Difference of the Bayesian information criterion from which a model is ignored. The weight of
 such a model is less than exp(-30) times that of the best model."""
+LEAST_MISFIT = 1e-3
+"""Residual of the best model below which no extension is tried, as a fraction of the force (root
+mean square). A part of the force of this size changes k by at most about 0.1 %."""
+LOADING_BAND = 0.15
+"""Samples are used for the slope of the measured force in loading if the distance of their force
+from the middle is less than this fraction of the range. A cubic polynomial is fitted to them."""
+MISFIT_BANDS = (0.12, 0.25, 0.5)
+"""Bands about the position of k in which the slope of the residual is computed, as fractions of
+half of the travel. The widest has enough samples in a single stroke."""
+MISFIT_NOISE = 4.0
+"""The square of this slope counts beyond this multiple of its variance. A clean record exceeds it
+in one of 20 cases for each band, and then by little."""
+LEAST_PART = 0.005
+"""Smallest force of an extension of the model, as a fraction of the force (root mean squares). A
+smaller part changes k by less than its usual interval, and may be an error of the smoothing."""
+KNOTS = 17
+"""Number of positions that are tried for a knot, before the position is refined."""
+LARGEST_KNOT = 0.8
+"""Largest distance of these positions from the middle, as a fraction of half of the travel."""
+FRICTION_WIDTHS = (0.01, 0.025, 0.06, 0.15, 0.35)
+"""Half widths of the stop operator that are tried, as fractions of half of the travel."""
+LEAST_STOP_NOISE = 4.0
+"""Smallest half width of the stop operator, in standard deviations of the noise of the position."""
+NOTABLE_CHANGE = 0.02
+"""Relative difference of k from that of the Kelvin-Voigt model above which a knot, mass, friction
+or damping that depends on depth is stated even if the residual of Kelvin-Voigt is small."""
+MOST_LAYER_DEGREE = 2
+"""Largest degree of the polynomial of a model with a knot that describes two layers."""
+LEAST_LAYER_RATIO = 1.3
+"""Smallest ratio of the stiffness of two layers. A smaller change is that of a single body whose
+stiffness depends on depth."""
+FEWEST_LOCK_IN = 3
+"""Smallest number of blocks of whole cycles from which the complex stiffness is computed."""
+SHORTEST_LOCK_IN = 3
+"""Smallest number of cycles of a block. The spectrum of a Hann window is zero from two bins on."""
+MOST_LOCK_IN = 10
+"""Approximate largest number of these blocks. The quantile of their scatter is then 2.3."""
+CONTRADICTION_NOISE = 1.5
+"""Least residual of the best model, in standard deviations of the noise of the smoothed force, for
+which the batch models are compared with it. Below it, no model can be clearly better."""
 FRICTION_RESIDUAL = 0.5
 """Friction is reported if the residual with Coulomb friction is less than this fraction of the
 residual of the best candidate."""

@@ -1,0 +1,95 @@
+"""Describe the extensions of the best model: for JSON, and as parts of a remark."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from estimation.quantities import DAMPING, STIFFNESS
+from teleop.evaluation.batch.candidate import (
+    DEPTH_DAMPING,
+    FRICTION,
+    KNOT,
+    MASS,
+    Candidate,
+    FittedPart,
+)
+from teleop.evaluation.batch.local_stiffness import LocalStiffness
+from teleop.evaluation.batch.thresholds import LEAST_LAYER_RATIO, MOST_LAYER_DEGREE
+
+NO_PARTS: dict[str, Any] = {
+    "layers": None,
+    "damping_by_depth": None,
+    "loading": None,
+    "mass_kg": None,
+    "friction_n": None,
+}
+"""Keys in JSON of the extensions, for a model without extensions."""
+
+
+def layers(best: Candidate) -> FittedPart | None:
+    """Return the knot of the best model if it separates two layers; None otherwise.
+
+    With a polynomial of high degree, the stiffness on the two sides of the knot has no meaning.
+    """
+    knot = best.part(KNOT)
+    if knot is None or best.degree > MOST_LAYER_DEGREE:
+        return None
+    before, after = (one.value for one in knot.values[1:])
+    return knot if max(before, after) > LEAST_LAYER_RATIO * min(before, after) else None
+
+
+def described(local: LocalStiffness, zero: float, level: float) -> dict[str, Any]:
+    """Return the extensions of the best model for JSON.
+
+    Depths are relative to `zero` [m], and forces to `level` [N].
+    """
+    found: dict[str, Any] = {}
+    best, loading = local.best, local.loading
+    if loading:
+        found["loading"] = {
+            "force_n": loading.force - level,
+            "depth_m": loading.position - zero,
+            "slope_n_per_m": loading.slope.interval,
+        }
+    if knot := layers(best):
+        place, before, after = knot.values
+        depth = place._replace(value=place.value - zero)
+        names = ("depth_m", "k_before", "k_after")
+        values = (depth, before, after)
+        found["layers"] = {name: v.interval for name, v in zip(names, values, strict=True)}
+    if part := best.part(DEPTH_DAMPING):
+        names = ("lowest", "middle", "highest")
+        found["damping_by_depth"] = {
+            name: v.interval for name, v in zip(names, part.values, strict=True)
+        }
+    for kind, key in ((MASS, "mass_kg"), (FRICTION, "friction_n")):
+        if part := best.part(kind):
+            found[key] = part.values[0].interval
+    return found
+
+
+def phrases(best: Candidate, zero: float, sinusoidal: bool) -> list[str]:
+    """Return what the best model contains besides the Kelvin-Voigt model and relaxing parts."""
+    found = []
+    if knot := layers(best):
+        place, before, after = knot.values
+        low, high = (1e3 * (place.interval[end] - zero) for end in ("low", "high"))
+        found.append(
+            f"the stiffness changes at a depth of {1e3 * (place.value - zero):.3g} mm (95 % "
+            f"interval {low:.4g} to {high:.4g}): {STIFFNESS.text(before.value, '.4g')} before, "
+            f"{STIFFNESS.text(after.value, '.4g')} after"
+        )
+    elif best.degree > 1 or best.part(KNOT):
+        found.append(f"the stiffness depends on depth (degree {best.degree})")
+    if part := best.part(DEPTH_DAMPING):
+        low_b, _, high_b = part.values
+        found.append(
+            f"the damping grows with depth, from {DAMPING.text(low_b.value, '.3g')} at the lowest "
+            f"to {DAMPING.text(high_b.value, '.3g')} at the highest position"
+            + (", which a single sine does not distinguish from relaxation" if sinusoidal else "")
+        )
+    if part := best.part(MASS):
+        found.append(f"a mass of {1e3 * part.values[0].value:.3g} g moves beyond the force sensor")
+    if part := best.part(FRICTION):
+        found.append(f"friction in the specimen has a force of {part.values[0].value:.3g} N")
+    return found

@@ -1,0 +1,413 @@
+"""Search extensions of the candidate models: knot, depth-dependent damping, mass and friction.
+
+The candidates of `teleop.evaluation.batch.local_stiffness` are extended by one of these parts:
+
+- a knot: the term c max(s - s_k, 0), with the normalised position s, also with a smooth transition.
+  It describes a soft layer on a stiff one;
+- damping that depends on depth: the terms s v and s^2 v (Hunt and Crossley);
+- the mass of parts between the force sensor and the specimen: the acceleration;
+- friction in the specimen: the stop operator x - play_r(x) with the half width r.
+
+All of them are linear in their coefficients. The knot and the half width r are searched. The search
+uses approximate columns, which are computed from the smoothed position. Only the best extension of
+each kind is then fitted exactly, with columns that are smoothed like the force. It is kept if the
+Bayesian information criterion with the effective number of samples decreases by more than
+`BETTER_BIC`. The effective number is smaller than the number of samples if the residual is
+autocorrelated. Otherwise, a small systematic misfit would count as strong evidence.
+
+References
+----------
+K. H. Hunt, F. R. E. Crossley, "Coefficient of restitution interpreted as damping in vibroimpact",
+J. Applied Mechanics 42(2), 1975; M. Brokate, J. Sprekels, "Hysteresis and Phase Transitions",
+Springer, 1996 (play and stop operators); G. H. Golub, V. Pereyra, "The differentiation of
+pseudo-inverses and nonlinear least squares problems whose variables separate", SIAM J. Numer. Anal.
+10(2), 1973.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.arrays import Floats
+from estimation.estimator import LEVEL_95
+from estimation.filters import Play
+from teleop.evaluation.batch.candidate import (
+    DEPTH_DAMPING,
+    FRICTION,
+    KNOT,
+    MASS,
+    Candidate,
+    Extension,
+    fit_candidate,
+    knot_force,
+)
+from teleop.evaluation.batch.regression_rows import DEGREES, RegressionRows
+from teleop.evaluation.batch.thresholds import (
+    BETTER_BIC,
+    FRICTION_WIDTHS,
+    KNOTS,
+    LARGEST_KNOT,
+    LEAST_MISFIT,
+    LEAST_PART,
+    LEAST_STOP_NOISE,
+)
+
+PARTS_OF_RECORD = 8
+"""Number of parts of the record, one of which is left out in the comparison of two models."""
+MOST_EXTENSIONS = 2
+"""Largest number of extensions of a model."""
+FARTHEST_KNOT = 0.9
+"""Largest distance of a knot from the middle, as a fraction of half of the travel."""
+KNOT_STEPS = 5
+"""Largest number of Gauss-Newton steps in the search of a knot."""
+KNOT_DEGREES = (1, 2, 3)
+"""Degrees of the polynomial of a model with a knot."""
+KNOT_RESIDUAL = 2.0
+"""Largest residual with an approximate knot, relative to that of the best model without knot, for
+which the knot is refined."""
+WIDTH_FACTORS = (1.4, 1.19, 1.09)
+"""Factors by which the width is then changed."""
+SHARP_KNOT_RESIDUAL = 1.5
+"""Largest residual with a sharp knot, relative to that of the best model without knot, for which
+smooth transitions are tried."""
+KNOT_WIDTHS = (0.0, 0.05, 0.1, 0.2)
+"""Widths of the transition at a knot that are tried, as fractions of half of the travel."""
+
+
+class Base(NamedTuple):
+    """A model without the extension that is tried."""
+
+    degree: int
+    times: tuple[float, ...]
+    relaxing: Sequence[Floats]
+    cornered: Sequence[Floats]
+    extensions: tuple[Extension, ...]
+
+
+class Trial(NamedTuple):
+    """A base model with an extension, whose coefficients were fitted with approximate columns."""
+
+    bic: float
+    base: Base
+    kind: str
+    values: tuple[float, ...]
+
+
+def extended(rows: RegressionRows, found: Sequence[Candidate]) -> list[Candidate]:
+    """Return the extended candidates that describe the force better than those already found."""
+    kept: list[Candidate] = []
+    best = min(found, key=lambda one: one.bic)
+    size = math.sqrt(float(np.mean(rows.fits.rest**2)))
+    if best.rms < LEAST_MISFIT * size:
+        return kept
+    bases = base_models(best)
+    for _ in range(MOST_EXTENSIONS):
+        new: list[Candidate] = []
+        screening = Screening(rows, best)
+        for kind in kinds(rows, best):
+            new += [
+                one
+                for trial in screening.best_trials(bases, kind, best)
+                if (one := fitted(rows, trial, best.rms))
+                and is_physical(one)
+                and share_of_force(rows, one) > LEAST_PART
+                and gain(best, one) > BETTER_BIC
+            ]
+        if not new:
+            break
+        kept += new
+        best = min(new, key=lambda one: one.bic)
+        bases = [
+            Base(degree, best.times, best.relaxing, best.cornered, best.extensions)
+            for degree in dict.fromkeys([*DEGREES[:2], best.degree])
+        ]
+    return kept
+
+
+def base_models(best: Candidate) -> list[Base]:
+    """Return the models to which an extension is added, without and with relaxing parts."""
+    plain = [Base(degree, (), (), (), ()) for degree in DEGREES]
+    relaxing = [
+        Base(degree, best.times, best.relaxing, best.cornered, ())
+        for degree in dict.fromkeys([*DEGREES[:2], best.degree])
+        if best.times
+    ]
+    return plain + relaxing
+
+
+def kinds(rows: RegressionRows, best: Candidate) -> Iterator[str]:
+    """Return the kinds of extension that the motion can show, without those of the best model."""
+    present = {one.kind for one in best.extensions}
+    for kind in (KNOT, DEPTH_DAMPING, MASS, FRICTION):
+        # In a sine, the acceleration is proportional to the position.
+        if kind not in present and not (kind == MASS and rows.record.sinusoidal):
+            yield kind
+
+
+def effective_samples(residual: Floats) -> float:
+    """Return the number of independent samples with the information of n correlated samples."""
+    n = len(residual)
+    power = float(residual @ residual)
+    rho = float(residual[1:] @ residual[:-1]) / max(power, 1e-300)
+    rho = min(max(rho, 0.0), 0.99)
+    return max(n * (1.0 - rho) / (1.0 + rho), 2.0)
+
+
+def gain(one: Candidate, other: Candidate) -> float:
+    """Return the decrease of the Bayesian information criterion, from one to the other candidate.
+
+    The number of samples is the effective one of the other candidate. The part of the record with
+    the largest decrease is left out: a disturbance in one part is no property of the specimen.
+    """
+    powers = np.array(
+        [
+            [float(part @ part) for part in np.array_split(each.residual, PARTS_OF_RECORD)]
+            for each in (one, other)
+        ]
+    )
+    kept = np.arange(PARTS_OF_RECORD) != int(np.argmax(powers[0] - powers[1]))
+    before, after = powers[:, kept].sum(axis=1)
+    n = effective_samples(other.residual) * (1.0 - 1.0 / PARTS_OF_RECORD)
+    ratio = max(before, 1e-300) / max(after, 1e-300)
+    return float(n * math.log(ratio) - (other.parameters - one.parameters) * math.log(n))
+
+
+class Screening:
+    """Residuals of many models with approximate columns, from one matrix of inner products."""
+
+    def __init__(self, rows: RegressionRows, best: Candidate) -> None:
+        self.rows = rows
+        self.places: dict[str, list[tuple[tuple[float, ...], NDArray[np.intp]]]] = {}
+        index = rows.index
+        columns = [rows.record.v[index], *rows.powers, *(z[index] for z in best.relaxing)]
+        self.extended = len(columns)
+        columns += [c for one in best.extensions for c in one.columns]
+        for kind in kinds(rows, best):
+            self.places[kind] = []
+            start = len(columns)
+            choices, own = approximate_columns(rows, kind)
+            columns += own
+            self.places[kind] += [(values, start + np.array(at)) for values, at in choices]
+        z = np.column_stack(columns)
+        z = z - rows.fits.orthogonal @ (rows.fits.orthogonal.T @ z)
+        self.size = np.maximum(np.linalg.norm(z, axis=0), 1e-300)
+        z = z / self.size
+        self.products, self.along = z.T @ z, z.T @ rows.fits.rest
+        self.power = float(rows.fits.rest @ rows.fits.rest)
+
+    def best_trials(self, bases: Sequence[Base], kind: str, best: Candidate) -> list[Trial]:
+        """Return the base models with one kind of extension that are promising.
+
+        There is at most one, or for a knot one of each degree in `KNOT_DEGREES`.
+        """
+        n = len(self.rows.f)
+        trials = []
+        for base in bases:
+            if kind == FRICTION and base.times:  # together they imitate lost motion
+                continue
+            own = len([c for one in base.extensions for c in one.columns])
+            used = [*range(base.degree + 1), *range(6, 6 + len(base.relaxing))]
+            used += range(self.extended, self.extended + own)
+            found = []
+            for values, at in self.places[kind]:
+                if not self.rows.allow(base.degree + len(base.times) + own + len(at)):
+                    continue
+                chosen = np.array([*used, *at])
+                m = len(chosen) + len(base.times) + searched(kind) * len(values)
+                power, theta = self.solution(chosen)
+                if not right_signs(kind, theta[len(used) :]):
+                    continue
+                bic = n * math.log(max(power / n, 1e-300)) + m * math.log(n)
+                found.append(Trial(bic, base, kind, values))
+            if found:
+                trials.append(min(found, key=lambda one: one.bic))
+        trials.sort(key=lambda one: one.bic)
+        known = best.bic - self.rows.v_column * math.log(n)  # without those of the baseline
+        if kind != KNOT:
+            return [one for one in trials[:1] if one.bic < known]
+        # The position of the knot is approximate, and a polynomial of high degree imitates a knot.
+        allowed = 2.0 * n * math.log(KNOT_RESIDUAL) if best.degree > 2 or best.times else 0.0
+        lowest = {one.base.degree: one for one in reversed(trials)}
+        promising = [lowest[degree] for degree in KNOT_DEGREES if degree in lowest]
+        return [one for one in promising if one.bic < known + allowed]
+
+    def solution(self, chosen: NDArray[np.intp]) -> tuple[float, Floats]:
+        """Return the sum of squares of the residual with the chosen columns, and coefficients."""
+        g = self.along[chosen]
+        theta = np.linalg.lstsq(self.products[np.ix_(chosen, chosen)], g, rcond=1e-12)[0]
+        return self.power - float(g @ theta), theta / self.size[chosen]
+
+
+def right_signs(kind: str, theta: Floats) -> bool:
+    """Return whether the coefficients of an extension have the sign that their cause requires.
+
+    Mass and friction are positive, and the damping grows with depth. Lost motion between the
+    position sensor and the tip, and a lag of the force, give friction and damping of the opposite
+    sign.
+    """
+    if kind == DEPTH_DAMPING:
+        return bool(theta[0] > (abs(theta[1]) if len(theta) > 1 else 0.0))
+    return kind == KNOT or bool(np.all(theta > 0.0))
+
+
+def searched(kind: str) -> bool:
+    """Return whether the values of a kind of extension are searched, and count as parameters."""
+    return kind in (KNOT, FRICTION)
+
+
+Choices = list[tuple[tuple[float, ...], list[int]]]
+"""Values of an extension that are tried, with the indices of their columns."""
+
+
+def approximate_columns(rows: RegressionRows, kind: str) -> tuple[Choices, list[Floats]]:
+    """Return the values to be tried of an extension, with columns from smoothed signals."""
+    record, index = rows.record, rows.index
+    s, v = rows.normalised(record.x[index]), record.v[index]
+    if kind == KNOT:
+        knots = np.linspace(-LARGEST_KNOT, LARGEST_KNOT, KNOTS).tolist()
+        return [((knot,), [i]) for i, knot in enumerate(knots)], [
+            np.maximum(s - knot, 0.0) for knot in knots
+        ]
+    if kind == DEPTH_DAMPING:
+        return [((1.0,), [0]), ((2.0,), [0, 1])], [s * v, s**2 * v]
+    if kind == MASS:
+        return [((), [0])], [acceleration(rows)[index]]
+    every = max(1, record.stride // 4)
+    position, nearest = record.x[::every], index // every
+    widths = stop_widths(rows)
+    columns = [(position - Play(width).run(position))[nearest] for width in widths]
+    pairs = list(combinations(range(len(widths)), 2))
+    chosen = [[i] for i in range(len(widths))] + [[i, j] for i, j in pairs]
+    return [(tuple(widths[i] for i in one), one) for one in chosen], columns
+
+
+def stop_widths(rows: RegressionRows) -> list[float]:
+    """Return the half widths of the stop operator that are tried [m]."""
+    record = rows.record
+    least = LEAST_STOP_NOISE * max(record.x_noise, record.count)
+    widths = [max(share * rows.scale, least) for share in FRICTION_WIDTHS]
+    return [width for width in dict.fromkeys(widths) if width < rows.scale]
+
+
+def fitted(rows: RegressionRows, trial: Trial, rms: float) -> Candidate | None:
+    """Return the candidate with the extension of a trial; None if a knot is not promising.
+
+    `rms` is the residual of the best model without the extension.
+    """
+    base, values = trial.base, trial.values
+    if trial.kind == KNOT:
+        sharp, _ = refined_knot(rows, base, values[0], 0.0)
+        if sharp > len(rows.f) * (SHARP_KNOT_RESIDUAL * rms) ** 2:
+            return None
+        found = [refined_knot(rows, base, values[0], width) for width in KNOT_WIDTHS]
+        least, values = min(found)
+        for factor in WIDTH_FACTORS if values[1] else ():
+            found += [
+                refined_knot(rows, base, values[0], values[1] * each)
+                for each in (factor, 1.0 / factor)
+            ]
+            least, values = min(found)
+        if not math.isfinite(least):
+            return None
+    extension = Extension(trial.kind, values, exact_columns(rows, trial.kind, values))
+    return fit_candidate(
+        rows,
+        base.degree,
+        base.times,
+        base.relaxing,
+        base.cornered,
+        (*base.extensions, extension),
+    )
+
+
+def share_of_force(rows: RegressionRows, one: Candidate) -> float:
+    """Return the force of the last extension, divided by the force: root mean squares."""
+    columns = np.column_stack(one.extensions[-1].columns)
+    force = columns @ one.theta[len(one.theta) - columns.shape[1] :]
+    return float(np.std(force) / max(math.sqrt(float(np.mean(rows.fits.rest**2))), 1e-300))
+
+
+def refined_knot(
+    rows: RegressionRows, base: Base, knot: float, width: float
+) -> tuple[float, tuple[float, float]]:
+    """Return the least sum of squares with a knot, and position and width of this knot.
+
+    The position is searched by Gauss-Newton steps from a first value.
+    """
+    further = [c for one in base.extensions for c in one.columns]
+    least, found = math.inf, knot
+    step = 2.0 * LARGEST_KNOT / (KNOTS - 1)
+    for _ in range(KNOT_STEPS):
+        columns = exact_columns(rows, KNOT, (knot, width))
+        fit = rows.fit(base.degree, base.relaxing, [*further, *columns])
+        own = float(np.sum(fit.residual**2))
+        slope, jump = fit.theta[-2:]
+        if own < least:
+            least, found = own, knot
+        change = float(np.clip(-jump / (slope or 1e-300), -step, step))
+        knot += change
+        if abs(knot) > FARTHEST_KNOT:
+            return math.inf, (found, width)
+        if abs(change) < 1e-3:
+            break
+    return least, (found, width)
+
+
+def exact_columns(rows: RegressionRows, kind: str, values: tuple[float, ...]) -> tuple[Floats, ...]:
+    """Return the columns of an extension at the fitted samples, smoothed like the force.
+
+    A knot has two columns. The second one is the derivative to the knot, except for its factor. Its
+    coefficient is zero at the best knot. With it, the errors of k contain that of the knot.
+    """
+    record, index, s = rows.record, rows.index, rows.depth
+    if kind == KNOT:
+        return tuple(record.smoothed(one)[index] for one in knot_force(s, *values)[:2])
+    if kind == DEPTH_DAMPING:
+        # s^p v is the derivative of s^(p + 1) / (p + 1), except for the factor `scale`.
+        powers = range(1, round(values[0]) + 1)
+        smoothed = (record.smoothed(s ** (p + 1)) / (p + 1) for p in powers)
+        return tuple(rows.scale * derivative(rows, one)[index] for one in smoothed)
+    if kind == MASS:
+        return (acceleration(rows)[index],)
+    pieces = np.split(record.raw_x, record.starts[1:])
+    stops = (
+        np.concatenate([piece - Play(width).run(piece) for piece in pieces]) for width in values
+    )
+    return tuple(record.smoothed(stop)[index] for stop in stops)
+
+
+def acceleration(rows: RegressionRows) -> Floats:
+    """Return the acceleration of the smoothed position [m/s^2]."""
+    return derivative(rows, rows.record.v)
+
+
+def derivative(rows: RegressionRows, values: Floats) -> Floats:
+    """Return the time derivative of a smoothed signal, separately in each piece between gaps."""
+    record = rows.record
+    pieces = np.split(values, record.starts[1:])
+    return np.concatenate([np.gradient(piece, record.period) for piece in pieces])
+
+
+def is_physical(one: Candidate) -> bool:
+    """Return whether the extensions of a fitted model can be those of a passive specimen.
+
+    Stiffness before and after a knot, mass and friction are positive, and the damping grows with
+    depth, and is positive at the highest position. With mass or friction, the damping is not
+    negative: a lag of the force or lost motion can otherwise look like mass or friction.
+    """
+    negative = one.b < -LEVEL_95 * one.b_std
+    for part in one.parts:
+        values = [each.value for each in part.values]
+        if part.kind == DEPTH_DAMPING and not values[0] < values[1] < values[2] > 0.0:
+            return False
+        if part.kind == KNOT and min(values[1:]) <= 0.0:
+            return False
+        if part.kind in (MASS, FRICTION) and (negative or min(values) <= 0.0):
+            return False
+    return True
