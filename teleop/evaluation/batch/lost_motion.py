@@ -25,6 +25,7 @@ problems whose variables separate", SIAM J. Numer. Anal. 10(2), 1973; M. Brokate
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from itertools import product
 from typing import NamedTuple
 
@@ -42,6 +43,8 @@ from teleop.evaluation.batch.thresholds import (
     LEAST_LOST_MOTION_COUNTS,
     LOST_MOTION_BIC,
     LOST_MOTION_PREDICTION,
+    LOST_MOTION_RESIDUAL,
+    NOISE_MARGIN,
     WIDEST_LOST_MOTION,
 )
 
@@ -119,12 +122,8 @@ def find_lost_motion(record: SmoothedRecord, phases: Phases) -> LostMotion | Non
         return None
     regressors = Regressors(rows)
     plain = regressors.fits(record.raw_x[None], np.zeros(1), "")
-    least_rms = min(float(np.std(one.residual)) for one in plain)
-    if (
-        math.log(max(least_rms, 1e-300) / max(record.f_noise_smoothed, 1e-300))
-        < LOST_MOTION_PREDICTION
-    ):
-        return None  # the noise of the force explains the residual
+    if min(beyond_noise(one, record) for one in plain) == 0.0:
+        return None
     found = []
     for shape, parts in SHAPES.items():
         coarse = np.geomspace(least, widest / max(parts), WIDTHS)
@@ -134,8 +133,14 @@ def find_lost_motion(record: SmoothedRecord, phases: Phases) -> LostMotion | Non
         found += tried + regressors.tried(shape, near * np.geomspace(1.0 / ratio, ratio, REFINED))
     n = independent_values(min(found, key=lambda one: one.criterion(len(rows.index))).residual)
     best = min(found, key=lambda one: one.criterion(n))
-    without = min(plain, key=lambda one: one.criterion(n))
+    without = min(
+        [*plain, *regressors.with_friction(np.geomspace(least, widest, WIDTHS))],
+        key=lambda one: one.criterion(n),
+    )
     if without.criterion(n) - best.criterion(n) < LOST_MOTION_BIC:
+        return None
+    rigid = min(plain, key=lambda one: one.criterion(n))
+    if beyond_noise(best, record) > LOST_MOTION_RESIDUAL * beyond_noise(rigid, record):
         return None
     half_width, error = minimum(
         {
@@ -147,10 +152,17 @@ def find_lost_motion(record: SmoothedRecord, phases: Phases) -> LostMotion | Non
     if half_width - error <= 0.0 or half_width < least:
         return None
     chosen = LostMotion(half_width, error, best.shape, rows.scale)
-    gain = regressors.prediction_error(record.raw_x, without.model) - regressors.prediction_error(
+    gain = regressors.prediction_error(record.raw_x, rigid.model) - regressors.prediction_error(
         chosen.tip(record.raw_x), best.model
     )
-    return chosen if gain > LOST_MOTION_PREDICTION else None
+    fitted_gain = math.log(float(np.std(rigid.residual)) / float(np.std(best.residual)))
+    return chosen if gain > LOST_MOTION_PREDICTION * fitted_gain else None
+
+
+def beyond_noise(fit: HysteresisFit, record: SmoothedRecord) -> float:
+    """Root mean square of the residual that the noise of the force does not explain [N]."""
+    noise = NOISE_MARGIN * record.f_noise_smoothed
+    return math.sqrt(max(float(np.var(fit.residual)) - noise**2, 0.0))
 
 
 class Regressors:
@@ -168,25 +180,54 @@ class Regressors:
     def tried(self, shape: str, half_widths: Floats) -> list[HysteresisFit]:
         """Fit all models with each of these half widths of the hysteresis."""
         parts = np.outer(half_widths, SHAPES[shape])
-        outputs = np.concatenate(
-            [played(piece, parts.ravel()) for piece in self._split(self._record.raw_x)], axis=1
-        )
-        return self.fits(outputs.reshape(*parts.shape, -1).mean(axis=1), half_widths, shape)
+        outputs = self._played(parts.ravel()).reshape(*parts.shape, -1)
+        return self.fits(outputs.mean(axis=1), half_widths, shape)
 
     def fits(self, x: Floats, half_widths: Floats, shape: str) -> list[HysteresisFit]:
         """Fit all models with each of m signals in place of the position, shape (m, n)."""
-        found = []
-        for half_width, columns in zip(half_widths.tolist(), self._columns(x), strict=True):
-            gram, along = columns.T @ columns, columns.T @ self._force
-            size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-            gram, along = gram / np.outer(size, size), along / size
-            for model in self._models:
-                used = self._used(model)
-                theta = np.linalg.lstsq(gram[np.ix_(used, used)], along[used], rcond=1e-12)[0]
-                residual = self._force - columns[:, used] @ (theta / size[used])
-                count = len(used) + self._basis.shape[1] + (half_width > 0.0)
-                found.append(HysteresisFit(half_width, shape, model, count, residual))
-        return found
+        return [
+            fit
+            for half_width, columns in zip(half_widths.tolist(), self._columns(x), strict=True)
+            for fit, _ in self._fits(columns, half_width, shape)
+        ]
+
+    def with_friction(self, half_widths: Floats) -> list[HysteresisFit]:
+        """Fit all models with friction inside the specimen, beside its elastic force.
+
+        Its force is proportional to the distance between the position and the output of a play
+        operator. It has the opposite sign of the effect of lost motion.
+        """
+        x = self._record.raw_x
+        stops = x - self._played(half_widths)
+        width = self._record.width / self._record.period
+        forces = self._at_rows(stops / self._rows.scale, smoothing_kernel(width))
+        forces = forces - (forces @ self._basis) @ self._basis.T
+        common = self._columns(x[None])[0]
+        return [
+            fit
+            for half_width, force in zip(half_widths.tolist(), forces, strict=True)
+            for fit, friction in self._fits(common, half_width, "friction", force)
+            if friction > 0.0
+        ]
+
+    def _fits(
+        self, columns: Floats, half_width: float, shape: str, last: Floats | None = None
+    ) -> Iterator[tuple[HysteresisFit, float]]:
+        """Fit all models to their columns and to the column `last`; its coefficient is the second.
+
+        The coefficient has no meaning without this column.
+        """
+        if last is not None:
+            columns = np.column_stack([columns, last])
+        gram, along = columns.T @ columns, columns.T @ self._force
+        size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        gram, along = gram / np.outer(size, size), along / size
+        for model in self._models:
+            used = self._used(model) + ([] if last is None else [columns.shape[1] - 1])
+            theta = np.linalg.lstsq(gram[np.ix_(used, used)], along[used], rcond=1e-12)[0]
+            residual = self._force - columns[:, used] @ (theta / size[used])
+            count = len(used) + self._basis.shape[1] + (half_width > 0.0)
+            yield HysteresisFit(half_width, shape, model, count, residual), float(theta[-1])
 
     def prediction_error(self, x: Floats, model: Model) -> float:
         """Return the logarithm of the error with which each half predicts the other half.
@@ -201,6 +242,10 @@ class Regressors:
             theta = np.linalg.lstsq(columns[fitted], f[fitted], rcond=1e-10)[0]
             errors.append(float(np.std(f[~fitted] - columns[~fitted] @ theta)))
         return 0.5 * sum(math.log(max(error, 1e-300)) for error in errors)
+
+    def _played(self, half_widths: Floats) -> Floats:
+        pieces = self._split(self._record.raw_x)
+        return np.concatenate([played(piece, half_widths) for piece in pieces], axis=1)
 
     def _used(self, model: Model) -> list[int]:
         used = [*range(model.degree), *range(DEGREES, DEGREES + model.dampings)]

@@ -397,8 +397,14 @@ WIDEST_LOST_MOTION = 0.7
 """Largest half width of a lost motion that is sought, as a fraction of the amplitude."""
 LOST_MOTION_BIC = 10.0
 """Smallest difference of the information criterion with which lost motion is reported."""
-LOST_MOTION_PREDICTION = 0.1
-"""Smallest decrease of the logarithm of the prediction error with which lost motion is reported."""
+LOST_MOTION_RESIDUAL = 0.6
+"""Largest residual beyond the noise, relative to that without lost motion. Lost motion leaves less
+than 0.45 of it in most records. A relaxation that no model describes leaves 0.7 to 0.9."""
+NOISE_MARGIN = 1.05
+"""Factor on the noise of the force, for the error of its estimate."""
+LOST_MOTION_PREDICTION = 0.5
+"""Smallest decrease of the logarithm of the prediction error with which lost motion is reported, as
+a fraction of the decrease for the fitted samples themselves."""
 LEAST_AMPLITUDE_FOR_K, LEAST_AMPLITUDE_FOR_B = 2.0, 5.0
 """Smallest amplitude in contact with which k, or b, is determined, divided by the half width of a
 lost motion that is not calibrated."""
