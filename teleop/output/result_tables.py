@@ -11,8 +11,6 @@ from typing import Any
 from estimation.quantities import DAMPING, STIFFNESS, Quantity, quantity
 from teleop.output.console import number, plain_console, print_table, small
 
-LEAST_INERTIA = 0.02
-"""Smallest change of k by a mass of 100 g that is printed, as a fraction of k."""
 MOST_DECIMALS = 12
 """Largest number of decimals of a printed value."""
 
@@ -127,7 +125,7 @@ def motion_line(summary: Mapping[str, Any]) -> str:
 
 
 def complex_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return k' and k'' of a sine on which k is a tangent stiffness, and the effect of a mass."""
+    """Return k' and k'' of a sine where k is a tangent, and the slope of the measured force."""
     lines = []
     result, stiffness = summary["result"], summary["complex_stiffness"]
     if stiffness and result["storage_at_hz"] is None:
@@ -147,12 +145,6 @@ def complex_lines(summary: Mapping[str, Any]) -> list[str]:
         lines.append(
             f"slope of the measured force in loading at {loading['force_n']:.3g} N, "
             f"{loading['depth_m'] * 1e3:.3g} mm: {shown}; k is that of the elastic force"
-        )
-    change = result["k_change_per_100g"]
-    if change is not None and change > LEAST_INERTIA * abs(result["k"]):
-        lines.append(
-            "100 g that move beyond the force sensor decrease k by "
-            f"{STIFFNESS.text(change, '.3g')}, which a single sine cannot show"
         )
     return lines
 

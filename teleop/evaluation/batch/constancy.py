@@ -34,7 +34,9 @@ from teleop.evaluation.batch.thresholds import (
     FEWEST_COMPARED_CYCLES,
     FEWEST_CYCLE_SAMPLES,
     FEWEST_DEVIATING_CYCLES,
+    FEWEST_ISOLATED_CYCLES,
     FEWEST_LAG_CYCLES,
+    FEWEST_SAME_CYCLES,
     FREQUENCY_CHANGE,
     LAG_PERIOD_CHANGE,
     LAG_SCATTER,
@@ -44,6 +46,8 @@ from teleop.evaluation.batch.thresholds import (
     LEAST_PHASE_DRIFT,
     LINEAR_LAG,
     REST_SPEED,
+    SAME_STIFFNESS,
+    SAME_TRAVEL,
     SHORTEST_REST,
     STIFFEST_AT_REST,
     TREMOR_TRAVEL,
@@ -134,6 +138,8 @@ class Cycles(NamedTuple):
     """Stiffness: slope of the force against the position [N/m]."""
     b: Floats
     """Damping: coefficient of the velocity [N s/m]."""
+    travel: Floats
+    """Travel in contact [m]."""
 
     def summary(self) -> dict[str, float | int | None]:
         """Return number, median and quartiles of the stiffness of the cycles, for JSON."""
@@ -155,11 +161,16 @@ def cycles_of(record: SmoothedRecord, phases: Phases) -> Cycles:
     travel = [float(np.ptp(record.x[part])) if len(part) else 0.0 for part in parts]
     smallest = TREMOR_TRAVEL * max(travel, default=0.0)
     found = [
-        (float(record.t[start]), (end - start) * record.period, *slopes_in_cycle(record, part))
+        (
+            float(record.t[start]),
+            (end - start) * record.period,
+            *slopes_in_cycle(record, part),
+            moved,
+        )
         for (start, end), part, moved in zip(pairwise(begins), parts, travel, strict=True)
         if len(part) >= FEWEST_CYCLE_SAMPLES and moved >= smallest
     ]
-    return Cycles(*np.array(found, dtype=np.float64).reshape(-1, 4).T)
+    return Cycles(*np.array(found, dtype=np.float64).reshape(-1, 5).T)
 
 
 def change_over_cycles(cycles: Cycles) -> Change | None:
@@ -181,17 +192,16 @@ def change_over_cycles(cycles: Cycles) -> Change | None:
     count = max(FEWEST_COMPARED_CYCLES // 2, n // 10)
     compared: list[tuple[NDArray[np.bool_], NDArray[np.bool_], tuple[int, int] | None]]
     compared = [(np.arange(n) < count, np.arange(n) >= n - count, None)]
-    if (found := deviating_cycles(cycles.k)) is not None:
+    isolated = isolated_cycles(cycles)
+    if (found := isolated or deviating_cycles(cycles.k)) is not None:
         inside = (np.arange(n) >= found[0]) & (np.arange(n) < found[1])
         compared.append((~inside, inside, found))
     for one, two, part in compared:
         first, last = float(np.median(cycles.k[one])), float(np.median(cycles.k[two]))
         difference = abs(last - first)
         scatter = deviation / np.sqrt(min(one.sum(), two.sum()))
-        if (
-            difference < LEAST_CHANGE * min(abs(first), abs(last))
-            or difference < CHANGE_SCATTER * scatter
-        ):
+        certain = difference >= CHANGE_SCATTER * scatter or (isolated and part)
+        if difference < LEAST_CHANGE * min(abs(first), abs(last)) or not certain:
             continue
         during = None
         if part is not None:
@@ -227,6 +237,26 @@ def deviating_cycles(k: Floats) -> tuple[int, int] | None:
     if inside > n / 2 and start == 0:
         return end, n
     return start, end
+
+
+def isolated_cycles(cycles: Cycles) -> tuple[int, int] | None:
+    """Return first and last plus 1 of successive cycles that differ from a group of equal cycles.
+
+    In a short record, the differences between successive cycles are too few for a statistic. If
+    three cycles or more have nearly the same stiffness, their spread is that of a constant body.
+    """
+    k, travel = cycles.k, cycles.travel
+    alike = np.abs(k - k[:, None]) < SAME_STIFFNESS * np.abs(k[:, None])
+    group = alike[int(np.argmax(alike.sum(axis=1)))]
+    centre = float(np.median(k[group]))
+    same_travel = np.abs(travel / np.median(travel[group]) - 1.0) < SAME_TRAVEL
+    best = (0, 0)
+    for sign in (-1.0, 1.0):
+        apart = same_travel & (sign * (k - centre) > LEAST_CHANGE * abs(centre))
+        best = max([best, *runs(apart)], key=lambda run: run[1] - run[0])
+    if group.sum() < FEWEST_SAME_CYCLES or best[1] - best[0] < FEWEST_ISOLATED_CYCLES:
+        return None
+    return best
 
 
 class LagDrift(NamedTuple):

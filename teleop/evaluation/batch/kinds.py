@@ -21,8 +21,9 @@ LOSS = "k''/omega"
 """Kind of the damping of a result: the equivalent viscous damping at the frequency of the motion.
 It describes the whole energy that is lost in a cycle."""
 BESIDES_RELAXATION = "besides relaxation"
-"""Kind of the damping of a result: the coefficient of the velocity in a model that also contains
-relaxing parts (forces that decay with time constants)."""
+"""Kind of the damping of a result: the derivative of the force to the velocity at the depth of k,
+in a model that also contains relaxing parts (forces that decay with time constants), friction, or
+damping that depends on the depth."""
 WITH = f"{AVERAGE} with "
 """First words of the kind for an estimator whose model has further parameters. The names of these
 parameters follow, for example `average with k3`."""
@@ -35,7 +36,7 @@ FURTHER_MEANING = {
 """Model of the estimators that have a parameter besides k and b, by the name of this parameter."""
 MEANING = {
     LOSS: "the equivalent viscous damping k''/omega at the frequency of the motion",
-    BESIDES_RELAXATION: "the damping besides the parts that relax",
+    BESIDES_RELAXATION: "the damping besides relaxation and friction, at the depth of k",
 }
 """Description of the kinds of damping of a result."""
 MEANING_OF_K = {

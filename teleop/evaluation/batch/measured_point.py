@@ -21,8 +21,14 @@ from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
+    FEWEST_GAP_SAMPLES,
     FEWEST_SLOPE_CYCLE_SAMPLES,
     FEWEST_SLOPE_CYCLES,
+    GAP_NEAR,
+    GAP_PARTS,
+    GAP_SIDE,
+    GAP_SIDE_CHANGE,
+    GAP_SLOPE,
     INNER_FORCE,
     LARGEST_SLOPE_SCATTER,
     LEAST_SLOPE_DIFFERENCE,
@@ -135,6 +141,43 @@ def measured_point(
         )
     force, position = np.median([one.point for one in slopes], axis=0)
     return Point(float(force), float(position))
+
+
+def gap_at(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> Reason | None:
+    """Return the reason that k is stated in a gap, where the force changes less; otherwise None.
+
+    On both sides of a gap, the slope of the force is larger, and nearly constant. A specimen that
+    stiffens in both directions has no constant slope there.
+    """
+    x, position = record.x[phases.usable], local.best.position
+    f = record.f[phases.usable] - local.b * record.v[phases.usable]
+    low_x, high_x = (float(one) for one in np.percentile(x, [1.0, 99.0]))
+    edges = np.linspace(low_x, high_x, GAP_PARTS + 1)
+    part = np.clip(np.searchsorted(edges, x) - 1, 0, GAP_PARTS - 1)
+    count = np.bincount(part, minlength=GAP_PARTS)
+    if count.min() < FEWEST_GAP_SAMPLES:
+        return None
+    mean_x, mean_f = (np.bincount(part, values, GAP_PARTS) / count for values in (x, f))
+    slopes, places = np.diff(mean_f) / np.diff(mean_x), 0.5 * (mean_x[1:] + mean_x[:-1])
+    at = int(np.argmin(np.abs(places - position)))
+    first = max(at - GAP_NEAR, 0)
+    least = first + int(np.argmin(slopes[first : at + GAP_NEAR + 1]))
+    sides = []
+    for side in (slopes[:least], slopes[least + 1 :]):
+        steep = float(np.median(side)) if len(side) else math.nan
+        if np.count_nonzero(np.abs(side - steep) < GAP_SIDE_CHANGE * abs(steep)) < GAP_SIDE:
+            return None
+        sides.append(steep)
+    if not slopes[least] < GAP_SLOPE * min(sides):
+        return None
+    flat = places[slopes < 0.5 * (slopes[least] + min(sides))]
+    return Reason(
+        f"the stiffness is not determined at {position * 1e3:.4g} mm: between "
+        f"{flat.min() * 1e3:.4g} and {flat.max() * 1e3:.4g} mm, the slope of the force falls to "
+        f"{STIFFNESS.text(float(slopes[least]), '.3g')}, and is {STIFFNESS.text(sides[0], '.4g')} "
+        f"and {STIFFNESS.text(sides[1], '.4g')} on both sides: a gap (lost motion) between "
+        "position sensor and specimen, or a specimen that buckles"
+    )
 
 
 def not_measured(stated: Point) -> Reason:

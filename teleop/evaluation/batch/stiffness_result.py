@@ -28,7 +28,7 @@ from estimation.estimator import LEVEL_95
 from estimation.quantities import DAMPING, STIFFNESS
 from estimation.stiffening import Interval
 from estimation.transmission import TransmissionCalibration
-from teleop.evaluation.batch.candidate import MASS
+from teleop.evaluation.batch.candidate import DEPTH_DAMPING, FRICTION, MASS
 from teleop.evaluation.batch.constancy import change_over_cycles, cycles_of, drift_of_lag
 from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.extension_texts import NO_PARTS, described
@@ -36,7 +36,7 @@ from teleop.evaluation.batch.interference import interference
 from teleop.evaluation.batch.kinds import BESIDES_RELAXATION, LOSS, STORAGE, TANGENT
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
 from teleop.evaluation.batch.lost_motion import LostMotion
-from teleop.evaluation.batch.measured_point import Point, measured_point
+from teleop.evaluation.batch.measured_point import Point, gap_at, measured_point
 from teleop.evaluation.batch.reasons import (
     DAMPING_NOT_RESOLVED,
     no_damping,
@@ -50,6 +50,7 @@ from teleop.evaluation.batch.thresholds import (
     LARGEST_PHASE_DRIFT,
     LEAST_AMPLITUDE_FOR_B,
     LEAST_AMPLITUDE_FOR_K,
+    NOTABLE_INERTIA,
     UNCERTAIN_CORRECTION,
     WIDEST_INTERVAL,
 )
@@ -144,7 +145,7 @@ class StiffnessResult:
         """
         if self.k is None or self.inertia_at_hz is None:
             return None
-        return 0.1 * (2.0 * math.pi * self.inertia_at_hz) ** 2
+        return inertia(self.inertia_at_hz)
 
     @property
     def b_change_per_ms(self) -> float | None:
@@ -190,6 +191,11 @@ class StiffnessResult:
         }
         document["relaxation_times_s"] = list(document.pop("times"))
         return document
+
+
+def inertia(frequency: float) -> float:
+    """Return the decrease of k [N/m] that a mass of 100 g causes at a frequency [Hz]."""
+    return 0.1 * (2.0 * math.pi * frequency) ** 2
 
 
 def stiffness_result(
@@ -241,6 +247,8 @@ def stiffness_result(
     line = interference(record)
     if line and line.harmonic:
         against = [Reason(line.text)]
+    if not change and (gap := gap_at(record, phases, local)):
+        against = [gap]
     if isinstance(where, Reason):
         # a change and interference have remarks of their own, and also change the slopes of cycles
         if not change and not line and not against:
@@ -254,6 +262,15 @@ def stiffness_result(
     if line:
         faults = [*faults, Reason(line.text)]
     found = [*faults, *remarks(record, phases, local, change)]
+    inertia_at_hz = record.frequency if record.sinusoidal and not local.best.part(MASS) else None
+    if inertia_at_hz and (change_of_k := inertia(inertia_at_hz)) > NOTABLE_INERTIA * local.k:
+        found.append(
+            Reason(
+                f"inertia: 100 g that move beyond the force sensor decrease k by "
+                f"{STIFFNESS.text(change_of_k, '.3g')} at {inertia_at_hz:.3g} Hz, and a single "
+                "sine cannot show this"
+            )
+        )
     unknown = no_damping(v, local, half_b, drift, record.force_lag, transmission)
     if unknown:
         found.append(unknown)
@@ -297,14 +314,22 @@ def stiffness_result(
         times=reported_times(local.best.times),
         depth_error=0.5 * (point.high - point.low) if point else 0.0,
         depth_from="contact point" if point else "lowest position",
-        damping_at_hz=local.frequency if math.isfinite(local.frequency) else None,
+        damping_at_hz=frequency_of_loss(local),
         k_tip=k_tip,
         storage_at_hz=record.frequency if is_storage(record, phases, local) else None,
-        inertia_at_hz=(
-            record.frequency if record.sinusoidal and not local.best.part(MASS) else None
-        ),
+        inertia_at_hz=inertia_at_hz,
         parts=described(local, zero, level or 0.0),
     )
+
+
+def frequency_of_loss(local: LocalStiffness) -> float | None:
+    """Return the frequency [Hz] at which b is k''/omega; None if b is a part of the loss.
+
+    With friction or damping that depends on the depth, b is the derivative of the force to the
+    velocity at the depth of k.
+    """
+    part = local.best.part(FRICTION) or local.best.part(DEPTH_DAMPING)
+    return local.frequency if math.isfinite(local.frequency) and not part else None
 
 
 def is_storage(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> bool:

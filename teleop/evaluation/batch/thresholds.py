@@ -343,7 +343,7 @@ FEWEST_SLOPE_CYCLES = 3
 """Smallest number of cycles that contain the force at which k is stated."""
 INNER_FORCE = 0.1
 """Part of the force range of a cycle, at each end, in which no slope is computed."""
-SLOPE_DIFFERENCE = 2.0
+SLOPE_DIFFERENCE = 1.25
 """Smallest difference of k from the median slope of the cycles at which k is not reported, as a
 multiple of the sum of the half widths of their intervals."""
 LEAST_SLOPE_DIFFERENCE = 0.05
@@ -414,3 +414,31 @@ UNCERTAIN_CORRECTION = 0.35
 With friction that builds up gradually (Dahl's model), the correction removes between 65 and 100 %
 of the error of b, in 9 of 10 records of unknown bodies.
 """
+
+NOTABLE_INERTIA = 0.05
+"""Smallest decrease of k by 100 g beyond the force sensor that is a remark, as a fraction of k."""
+
+# A gap where the stiffness is stated
+
+GAP_PARTS = 24
+"""Number of parts of the travel in which the slope of the force is computed."""
+FEWEST_GAP_SAMPLES = 4
+"""Smallest number of samples in each part of the travel."""
+GAP_NEAR = 3
+"""Largest distance of a gap from the point of k [parts]."""
+GAP_SLOPE = 0.8
+"""Largest slope in a gap, relative to the slopes on both sides. In a gap, the damping of the
+specimen moves the tip slowly, so that the force also changes there."""
+GAP_SIDE, GAP_SIDE_CHANGE = 4, 0.05
+"""Smallest number of parts on each side of a gap whose slope is within this fraction of the median
+slope of the side."""
+
+# Cycles of a short record
+
+SAME_STIFFNESS, FEWEST_SAME_CYCLES = 0.015, 3
+"""Largest relative difference of cycles with the same stiffness, and their smallest number."""
+FEWEST_ISOLATED_CYCLES = 2
+"""Smallest number of successive cycles that differ from the cycles with the same stiffness."""
+SAME_TRAVEL = 0.1
+"""Largest relative difference of the travel of compared cycles: the stiffness of a nonlinear body
+depends on the travel."""
