@@ -12,8 +12,8 @@ computed as a function of d alone (variable projection).
 The evidence must be strong, because a body that no model describes exactly is often fitted a little
 better with a hysteresis. The number of samples in the information criterion is therefore the number
 of independent values in the residual (`independent_values`): a misfit that is the same in all
-cycles counts as one cycle. In addition, the hysteresis must predict the second half of the record
-better, with parameters that are fitted to the first half.
+cycles counts as one cycle. In addition, the hysteresis must predict each half of the record better,
+with parameters that are fitted to the other half (mean of both).
 
 References
 ----------
