@@ -22,8 +22,10 @@ from estimation.transmission import RIGID, TransmissionCalibration
 from teleop.evaluation.batch.complex_stiffness import ComplexStiffness, complex_stiffness
 from teleop.evaluation.batch.constancy import cycles_of
 from teleop.evaluation.batch.contact_phases import Phase, Phases, find_phases
+from teleop.evaluation.batch.interference import interference
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, local_stiffness
 from teleop.evaluation.batch.lost_motion import find_lost_motion
+from teleop.evaluation.batch.reasons import reasons_before_fit
 from teleop.evaluation.batch.regression_rows import RegressionRows
 from teleop.evaluation.batch.sampling_checks import without_sampling_faults
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord, resample, smoothed_record
@@ -305,6 +307,10 @@ def analyse(
     signals, faults = without_sampling_faults(signals)
     analysis = fitted(signals, force_lag, transmission, faults)
     if transmission.lost_motion or analysis.local is None:
+        return analysis
+    # such forces can be fitted a little better with a hysteresis
+    line = interference(analysis.record)
+    if reasons_before_fit(analysis.record, analysis.phases) or (line and line.harmonic):
         return analysis
     found = find_lost_motion(analysis.record, analysis.phases)
     if found is None:

@@ -4,7 +4,8 @@ If the surface of the specimen moves, or the tip slides, the position does not d
 A model with a baseline and a polynomial in the position can then describe the force with a wrong
 slope. In a single cycle, the surface hardly moves. Therefore the slope of the force in each cycle
 is computed at the stated force, from the model f = P(x) + (b + c x) v + d t with a polynomial P of
-degree 3.
+degree 3. If the model of the record has a knot, at which the stiffness changes, P has it too,
+because a polynomial of degree 3 does not have the slopes of two layers.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 
 from estimation.estimator import LEVEL_95
 from estimation.quantities import STIFFNESS
+from teleop.evaluation.batch.candidate import KNOT
 from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
@@ -57,12 +59,17 @@ class Slope(NamedTuple):
     point: Point
 
 
-def slopes_of_cycles(record: SmoothedRecord, phases: Phases, force: float | None) -> list[Slope]:
+def slopes_of_cycles(
+    record: SmoothedRecord, phases: Phases, force: float | None, knot: float | None = None
+) -> list[Slope]:
     """Return the slope of each cycle at a force; cycles that do not contain the force are left out.
 
-    Without a force, each cycle has the slope at the middle of its own force range.
+    Without a force, each cycle has the slope at the middle of its own force range. The stiffness
+    changes at the position `knot` [m].
     """
     begins = [phase.start for phase in phases.phases if phase.name == "loading"]
+    # the force at the knot is smoothed as the record is
+    beyond = None if knot is None else record.smoothed(np.maximum(record.raw_x - knot, 0.0))
     found = []
     for start, end in pairwise(begins):
         part = start + np.flatnonzero(phases.usable[start:end])
@@ -75,19 +82,26 @@ def slopes_of_cycles(record: SmoothedRecord, phases: Phases, force: float | None
             continue
         s, time = (x - x.mean()) / travel, np.linspace(-1.0, 1.0, len(part))
         columns = [np.ones(len(part)), s, s**2, s**3, v / speed, s * v / speed, time]
+        change = math.inf if knot is None else (knot - float(x.mean())) / travel
+        inside = bool(s.min() < change < s.max())
+        if beyond is not None and inside:
+            columns.append(beyond[part] / travel)
         matrix = np.column_stack(columns)
         normal = matrix.T @ matrix
         normal.flat[:: len(normal) + 1] *= 1.0 + NEVER_SINGULAR
         theta = np.linalg.solve(normal, matrix.T @ f)
         grid = float(s.min()) + GRID * float(np.ptp(s))
         elastic = theta[0] + grid * (theta[1] + grid * (theta[2] + grid * theta[3]))
+        stiffer = float(theta[-1]) if inside else 0.0
+        elastic = elastic + stiffer * np.maximum(grid - change, 0.0)
         low, high = float(elastic[0]), float(elastic[-1])
         level = 0.5 * (low + high) if force is None else force
         margin = INNER_FORCE * (high - low)
         if not low + margin < level < high - margin:
             continue
         at = float(grid[np.argmin(np.abs(elastic - level))])
-        slope = float(theta[1] + at * (2.0 * theta[2] + 3.0 * at * theta[3])) / travel
+        slope = float(theta[1] + at * (2.0 * theta[2] + 3.0 * at * theta[3]))
+        slope = (slope + (stiffer if at > change else 0.0)) / travel
         found.append(Slope(slope, Point(level, float(x.mean()) + at * travel)))
     return found
 
@@ -99,12 +113,14 @@ def measured_point(
     stated = Point(local.best.force, local.best.position)
     if record.order == 0:
         return stated if was_measured(record, phases, local) else not_measured(stated)
-    slopes = slopes_of_cycles(record, phases, stated.force)
+    part = local.best.part(KNOT)
+    knot = part.values[0].value if part else None
+    slopes = slopes_of_cycles(record, phases, stated.force, knot)
     elsewhere = len(slopes) < FEWEST_SLOPE_CYCLES
     if elsewhere:
         slopes = slopes_of_cycles(record, phases, None)
         # the stiffness of a linear model is the same at all points
-        if local.best.degree > 1:
+        if local.best.degree > 1 or knot is not None:
             return not_measured(stated)
         if len(slopes) < FEWEST_SLOPE_CYCLES:
             return stated
