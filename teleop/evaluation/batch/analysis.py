@@ -308,16 +308,16 @@ def analyse(
     analysis = fitted(signals, force_lag, transmission, faults)
     if transmission.lost_motion or analysis.local is None:
         return analysis
-    # such forces can be fitted a little better with a hysteresis
-    line = interference(analysis.record)
-    if reasons_before_fit(analysis.record, analysis.phases) or (line and line.harmonic):
-        return analysis
     found = find_lost_motion(analysis.record, analysis.phases)
     if found is None:
         return analysis
     tip = signals._replace(x=found.tip(signals.x), measured_step=signals.step)
     known = replace(transmission, lost_motion=found.half_width, lost_motion_error=found.error)
-    corrected = fitted(tip, force_lag, known, faults)
+    # the shape of the hysteresis is not known, and the rest of it is not friction in the specimen
+    corrected = fitted(tip, force_lag, known, faults, friction=False)
+    line = interference(corrected.record)
+    if reasons_before_fit(corrected.record, corrected.phases) or (line and line.harmonic):
+        return analysis  # another fault, which lost motion does not explain
     return replace(corrected, result=with_lost_motion(corrected.result, analysis.local, found))
 
 
@@ -326,8 +326,12 @@ def fitted(
     force_lag: float,
     transmission: TransmissionCalibration,
     faults: Sequence[Reason],
+    friction: bool = True,
 ) -> Analysis:
-    """Fit the models to a record, and return k and b. `faults` are the remarks on its samples."""
+    """Fit the models to a record, and return k and b.
+
+    `faults` are the remarks on its samples. `friction` states whether the specimen may have it.
+    """
     resampled = resample(signals, force_lag)
     record = smoothed_record(resampled)
     phases = find_phases(record)
@@ -344,10 +348,10 @@ def fitted(
         phases = find_phases(record)
     local = other = None
     if record.band.coherence > 0.0:
-        local = local_stiffness(record, phases)
+        local = local_stiffness(record, phases, friction=friction)
     if local is not None:
         finer = smoothed_record(resampled, WIDER_BAND * bandwidth)
-        other = local_stiffness(finer, find_phases(finer))
+        other = local_stiffness(finer, find_phases(finer), friction=friction)
     result = stiffness_result(record, phases, local, other, transmission, faults)
     found = Analysis(record, phases, local, result, transmission)
     if contrary := contradiction(found):

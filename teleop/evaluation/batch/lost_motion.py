@@ -131,7 +131,8 @@ def find_lost_motion(record: SmoothedRecord, phases: Phases) -> LostMotion | Non
         tried = regressors.tried(shape, coarse)
         near = min(tried, key=lambda one: one.criterion(len(rows.index))).half_width
         ratio = float(coarse[1] / coarse[0])
-        found += tried + regressors.tried(shape, near * np.geomspace(1.0 / ratio, ratio, REFINED))
+        ends = max(near / ratio, coarse[0]), min(near * ratio, coarse[-1])
+        found += tried + regressors.tried(shape, np.geomspace(*ends, REFINED))
     n = independent_values(min(found, key=lambda one: one.criterion(len(rows.index))).residual)
     best = min(found, key=lambda one: one.criterion(n))
     without = min(plain, key=lambda one: one.criterion(n))

@@ -162,8 +162,11 @@ def measured_point(
             f"cycles is {STIFFNESS.text(middle, '.4g')}. The surface moves or the tip slides, so "
             "that the position does not determine the depth, or the body has another law"
         )
-    force, position = np.median([one.point for one in slopes], axis=0)
-    return Point(float(force), float(position))
+    if elsewhere:
+        force, position = np.median([one.point for one in slopes], axis=0)
+        return Point(float(force), float(position))
+    points = [one.point for one in slopes]
+    return min(points, key=lambda point: abs(point.position - stated.position))
 
 
 def not_measured(stated: Point) -> Reason:
