@@ -104,6 +104,8 @@ def slopes_of_cycles(
         stiffer = float(theta[-1]) if inside else 0.0
         elastic = elastic + stiffer * np.maximum(grid - change, 0.0)
         loading = np.flatnonzero(v > 0.0)
+        if not len(loading):
+            continue
         loading = loading[np.argsort(s[loading])]
         along = np.interp(grid, s[loading], relaxing[part[loading]])
         elastic = elastic + along
