@@ -22,8 +22,10 @@ from estimation.transmission import RIGID, TransmissionCalibration
 from teleop.evaluation.batch.complex_stiffness import ComplexStiffness, complex_stiffness
 from teleop.evaluation.batch.constancy import cycles_of
 from teleop.evaluation.batch.contact_phases import Phase, Phases, find_phases
+from teleop.evaluation.batch.interference import interference
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, local_stiffness
 from teleop.evaluation.batch.lost_motion import find_lost_motion
+from teleop.evaluation.batch.reasons import reasons_before_fit
 from teleop.evaluation.batch.regression_rows import RegressionRows
 from teleop.evaluation.batch.sampling_checks import without_sampling_faults
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord, resample, smoothed_record
@@ -311,7 +313,11 @@ def analyse(
         return analysis
     tip = signals._replace(x=found.tip(signals.x), measured_step=signals.step)
     known = replace(transmission, lost_motion=found.half_width, lost_motion_error=found.error)
-    corrected = fitted(tip, force_lag, known, faults)
+    # the shape of the hysteresis is not known, and the rest of it is not friction in the specimen
+    corrected = fitted(tip, force_lag, known, faults, friction=False)
+    line = interference(corrected.record)
+    if reasons_before_fit(corrected.record, corrected.phases) or (line and line.harmonic):
+        return analysis  # another fault, which lost motion does not explain
     return replace(corrected, result=with_lost_motion(corrected.result, analysis.local, found))
 
 
@@ -320,8 +326,12 @@ def fitted(
     force_lag: float,
     transmission: TransmissionCalibration,
     faults: Sequence[Reason],
+    friction: bool = True,
 ) -> Analysis:
-    """Fit the models to a record, and return k and b. `faults` are the remarks on its samples."""
+    """Fit the models to a record, and return k and b.
+
+    `faults` are the remarks on its samples. `friction` states whether the specimen may have it.
+    """
     resampled = resample(signals, force_lag)
     record = smoothed_record(resampled)
     phases = find_phases(record)
@@ -338,10 +348,10 @@ def fitted(
         phases = find_phases(record)
     local = other = None
     if record.band.coherence > 0.0:
-        local = local_stiffness(record, phases)
+        local = local_stiffness(record, phases, friction=friction)
     if local is not None:
         finer = smoothed_record(resampled, WIDER_BAND * bandwidth)
-        other = local_stiffness(finer, find_phases(finer))
+        other = local_stiffness(finer, find_phases(finer), friction=friction)
     result = stiffness_result(record, phases, local, other, transmission, faults)
     found = Analysis(record, phases, local, result, transmission)
     if contrary := contradiction(found):

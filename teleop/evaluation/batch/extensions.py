@@ -99,8 +99,13 @@ class Trial(NamedTuple):
     values: tuple[float, ...]
 
 
-def extended(rows: RegressionRows, found: Sequence[Candidate]) -> list[Candidate]:
-    """Return the extended candidates that describe the force better than those already found."""
+def extended(
+    rows: RegressionRows, found: Sequence[Candidate], friction: bool = True
+) -> list[Candidate]:
+    """Return the extended candidates that describe the force better than those already found.
+
+    `friction` states whether they may contain friction in the specimen.
+    """
     kept: list[Candidate] = []
     best = min(found, key=lambda one: one.bic)
     size = math.sqrt(float(np.mean(rows.fits.rest**2)))
@@ -111,6 +116,8 @@ def extended(rows: RegressionRows, found: Sequence[Candidate]) -> list[Candidate
         new: list[Candidate] = []
         screening = Screening(rows, best)
         for kind in kinds(rows, best):
+            if kind == FRICTION and not friction:
+                continue
             new += [
                 one
                 for trial in screening.best_trials(bases, kind, best)

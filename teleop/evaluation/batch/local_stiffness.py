@@ -120,9 +120,12 @@ class LoadingTangent(NamedTuple):
 
 
 def local_stiffness(
-    record: SmoothedRecord, phases: Phases, baseline: bool = True
+    record: SmoothedRecord, phases: Phases, baseline: bool = True, friction: bool = True
 ) -> LocalStiffness | None:
-    """Return stiffness and damping in contact; None if there are too few samples."""
+    """Return stiffness and damping in contact; None if there are too few samples.
+
+    `friction` states whether the candidates may contain friction in the specimen.
+    """
     rows = RegressionRows(record, phases, baseline)
     found = [fit_candidate(rows, degree, (), [], []) for degree in DEGREES if rows.allow(degree)]
     if not found:
@@ -138,7 +141,7 @@ def local_stiffness(
             elastic = rows.polynomial(best.theta[: rows.v_column + 1 + best.degree])
             found += with_relaxation(rows, elastic, DEGREES[1:4], best.bic)
     if follows:
-        found += extended(rows, found)
+        found += extended(rows, found, friction)
     found = [one for one in found if one.k_std < abs(one.k)] or found
     weights = model_weights(found)
     k, k_std = averaged(weights, [(one.k, one.k_std) for one in found])

@@ -12,8 +12,8 @@ computed as a function of d alone (variable projection).
 The evidence must be strong, because a body that no model describes exactly is often fitted a little
 better with a hysteresis. The number of samples in the information criterion is therefore the number
 of independent values in the residual (`independent_values`): a misfit that is the same in all
-cycles counts as one cycle. In addition, the hysteresis must predict the second half of the record
-better, with parameters that are fitted to the first half.
+cycles counts as one cycle. In addition, the hysteresis must predict each half of the record better,
+with parameters that are fitted to the other half (mean of both).
 
 References
 ----------
@@ -130,7 +130,8 @@ def find_lost_motion(record: SmoothedRecord, phases: Phases) -> LostMotion | Non
         tried = regressors.tried(shape, coarse)
         near = min(tried, key=lambda one: one.criterion(len(rows.index))).half_width
         ratio = float(coarse[1] / coarse[0])
-        found += tried + regressors.tried(shape, near * np.geomspace(1.0 / ratio, ratio, REFINED))
+        ends = max(near / ratio, coarse[0]), min(near * ratio, coarse[-1])
+        found += tried + regressors.tried(shape, np.geomspace(*ends, REFINED))
     n = independent_values(min(found, key=lambda one: one.criterion(len(rows.index))).residual)
     best = min(found, key=lambda one: one.criterion(n))
     without = min(

@@ -3,8 +3,11 @@
 If the surface of the specimen moves, or the tip slides, the position does not determine the depth.
 A model with a baseline and a polynomial in the position can then describe the force with a wrong
 slope. In a single cycle, the surface hardly moves. Therefore the slope of the force in each cycle
-is computed at the stated force, from the model f = P(x) + (b + c x) v + d t with a polynomial P of
-degree 3.
+is computed at the stated force, in loading, from the model f = P(x) + (b + c x) v + d t with a
+polynomial P of degree 3. Such a polynomial describes neither the slopes of two layers nor a
+relaxation that is faster than the cycle. Therefore P has the knot of the model of the record, and
+the relaxing parts of this model are subtracted from the force before the fit. Their slope in
+loading is added to that of P.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ import numpy as np
 
 from estimation.estimator import LEVEL_95
 from estimation.quantities import STIFFNESS
+from teleop.evaluation.batch.candidate import KNOT, Candidate
 from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
@@ -63,37 +67,64 @@ class Slope(NamedTuple):
     point: Point
 
 
-def slopes_of_cycles(record: SmoothedRecord, phases: Phases, force: float | None) -> list[Slope]:
+def slopes_of_cycles(
+    record: SmoothedRecord, phases: Phases, best: Candidate, force: float | None
+) -> list[Slope]:
     """Return the slope of each cycle at a force; cycles that do not contain the force are left out.
 
-    Without a force, each cycle has the slope at the middle of its own force range.
+    Without a force, each cycle has the slope at the middle of its own force range. `best` is the
+    model of the record.
     """
     begins = [phase.start for phase in phases.phases if phase.name == "loading"]
+    first = len(best.theta) - sum(len(one.columns) for one in best.extensions) - len(best.relaxing)
+    relaxing = np.zeros(len(record.x))
+    for c, z in zip(best.theta[first:], best.relaxing, strict=False):
+        relaxing += c * z
+    knot = math.inf
+    if fitted := best.part(KNOT):
+        knot = fitted.values[0].value
+    # the force at the knot is smoothed as the record is
+    beyond = record.smoothed(np.maximum(record.raw_x - knot, 0.0))
     found = []
     for start, end in pairwise(begins):
         part = start + np.flatnonzero(phases.usable[start:end])
         if len(part) < FEWEST_SLOPE_CYCLE_SAMPLES:
             continue
         part = part[:: max(1, len(part) // SLOPE_SAMPLES)]
-        x, v, f = record.x[part], record.v[part], record.f[part]
+        x, v, f = record.x[part], record.v[part], record.f[part] - relaxing[part]
         travel, speed = float(np.ptp(x)), float(np.abs(v).max())
         if travel == 0.0 or speed == 0.0:
             continue
         s, time = (x - x.mean()) / travel, np.linspace(-1.0, 1.0, len(part))
         columns = [np.ones(len(part)), s, s**2, s**3, v / speed, s * v / speed, time]
+        change = (knot - float(x.mean())) / travel
+        inside = bool(s.min() < change < s.max())
+        if inside:
+            columns.append(beyond[part] / travel)
         matrix = np.column_stack(columns)
         normal = matrix.T @ matrix
         normal.flat[:: len(normal) + 1] *= 1.0 + NEVER_SINGULAR
         theta = np.linalg.solve(normal, matrix.T @ f)
         grid = float(s.min()) + GRID * float(np.ptp(s))
         elastic = theta[0] + grid * (theta[1] + grid * (theta[2] + grid * theta[3]))
+        stiffer = float(theta[-1]) if inside else 0.0
+        elastic = elastic + stiffer * np.maximum(grid - change, 0.0)
+        loading = np.flatnonzero(v > 0.0)
+        if not len(loading):
+            continue
+        loading = loading[np.argsort(s[loading])]
+        along = np.interp(grid, s[loading], relaxing[part[loading]])
+        elastic = elastic + along
         low, high = float(elastic[0]), float(elastic[-1])
         level = 0.5 * (low + high) if force is None else force
         margin = INNER_FORCE * (high - low)
         if not low + margin < level < high - margin:
             continue
-        at = float(grid[np.argmin(np.abs(elastic - level))])
-        slope = float(theta[1] + at * (2.0 * theta[2] + 3.0 * at * theta[3])) / travel
+        nearest = int(np.argmin(np.abs(elastic - level)))
+        at = float(grid[nearest])
+        slope = float(theta[1] + at * (2.0 * theta[2] + 3.0 * at * theta[3]))
+        slope += stiffer if at > change else 0.0
+        slope = (slope + float(np.gradient(along, grid)[nearest])) / travel
         found.append(Slope(slope, Point(level, float(x.mean()) + at * travel)))
     return found
 
@@ -105,12 +136,12 @@ def measured_point(
     stated = Point(local.best.force, local.best.position)
     if record.order == 0:
         return stated if was_measured(record, phases, local) else not_measured(stated)
-    slopes = slopes_of_cycles(record, phases, stated.force)
+    slopes = slopes_of_cycles(record, phases, local.best, stated.force)
     elsewhere = len(slopes) < FEWEST_SLOPE_CYCLES
     if elsewhere:
-        slopes = slopes_of_cycles(record, phases, None)
-        # the stiffness of a linear model is the same at all points
-        if local.best.degree > 1:
+        slopes = slopes_of_cycles(record, phases, local.best, None)
+        # the stiffness of a linear body is the same at all points
+        if not local.is_linear:
             return not_measured(stated)
         if len(slopes) < FEWEST_SLOPE_CYCLES:
             return stated
@@ -139,8 +170,11 @@ def measured_point(
             f"cycles is {STIFFNESS.text(middle, '.4g')}. The surface moves or the tip slides, so "
             "that the position does not determine the depth, or the body has another law"
         )
-    force, position = np.median([one.point for one in slopes], axis=0)
-    return Point(float(force), float(position))
+    if elsewhere:
+        force, position = np.median([one.point for one in slopes], axis=0)
+        return Point(float(force), float(position))
+    points = [one.point for one in slopes]
+    return min(points, key=lambda point: abs(point.position - stated.position))
 
 
 def gap_at(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> Reason | None:

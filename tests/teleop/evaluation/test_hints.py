@@ -46,7 +46,8 @@ def negative(tmp_path) -> Path:
     return path
 
 
-REASON, HINT = "the stiffness is negative", "--invert reverses the sign of force or position"
+REASON = "the sign of the force or of the position is wrong"
+HINT = "--invert force or --invert position reverses one sign"
 
 
 @pytest.mark.parametrize("name", ["table.tex", "table.md", "table.csv"])

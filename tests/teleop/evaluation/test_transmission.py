@@ -127,7 +127,7 @@ def lowest(found):
     return found["contact_point"]["position_m"] if found["contact_point"] else 0.0
 
 
-def test_zero_lost_motion_evaluates_a_trial_as_without_calibration(tmp_path, capsys):
+def test_without_its_calibration_a_trial_has_lost_motion_and_no_damping(tmp_path, capsys):
     path = str(tmp_path / "trial.mcap")
     run = ["run", "--condition", "autonomous", "--clock", "virtual", "--duration", "4"]
     assert main([*run, "--record", path]) == 0
@@ -135,7 +135,11 @@ def test_zero_lost_motion_evaluates_a_trial_as_without_calibration(tmp_path, cap
     assert main(["estimate", path, "--transmission", "none", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["transmission"] is None
-    assert found["result"]["b"] < 0.0
+    result, true = found["result"], TrialSettings("autonomous").setup.transmission.lost_motion
+    assert result["lost_motion_m"]["low"] <= true <= result["lost_motion_m"]["high"]
+    # the lag of the force is not compensated
+    assert result["b"] is result["b_low"] is result["b_high"] is None
+    assert any("damping is not determined: it is negative" in one for one in result["reasons"])
 
 
 def test_stated_values_replace_those_of_the_rig(tmp_path, capsys):

@@ -112,9 +112,12 @@ def late(lag):
     return K * AMPLITUDE * np.sin(2.0 * np.pi * (T - lag))
 
 
-def test_negative_damping_is_a_remark():
+def test_a_negative_damping_is_not_determined():
     found = result(X, 10.0 + late(5e-3), 0)
-    assert any("damping is negative" in reason for reason in found.reasons)
+    assert found.k == pytest.approx(K, rel=1e-3)
+    assert found.b is found.b_low is found.b_high is None
+    (reason,) = [one for one in found.reasons if "damping is not determined" in one]
+    assert "it is negative (-" in reason
 
 
 def test_a_remark_on_negative_damping_does_not_blame_a_lag_that_is_compensated():

@@ -14,13 +14,27 @@ def result(t, x, f):
     return analyse(Signals(t, x, f, periods(t), "position")).result
 
 
-def test_the_force_of_the_tangent_is_in_the_middle_of_a_force_with_breathing():
+def breathing(amplitude):
+    """Return a palpation of 2 mm on a surface that moves with breathing."""
     t = np.arange(0.0, 30.0, 2e-3)
     phase = 0.5 * np.pi * t
-    breathing = 1e-2 * (np.sin(phase) + 0.2 * np.sin(2.0 * phase + 1.0))
+    surface = amplitude * (np.sin(phase) + 0.2 * np.sin(2.0 * phase + 1.0))
     x = 2e-2 + 2e-3 * np.sin(2.2 * np.pi * t)
-    f = 500.0 * (x - breathing)
-    assert result(t, x, f).force == pytest.approx(f.mean(), abs=1.0)
+    return t, x, 500.0 * (x - surface)
+
+
+@pytest.mark.parametrize("amplitude", [2e-3, 5e-3])
+def test_the_force_of_the_tangent_is_in_the_middle_of_a_force_with_breathing(amplitude):
+    t, x, f = breathing(amplitude)
+    found = result(t, x, f)
+    assert found.force == pytest.approx(f.mean(), abs=1.0)
+    assert found.k == pytest.approx(500.0, rel=5e-3)
+
+
+def test_breathing_that_moves_the_surface_much_farther_than_the_tip_is_named():
+    found = result(*breathing(1e-2))
+    assert found.k is None
+    assert "surface moves" in found.reasons[0]
 
 
 def test_the_tangent_is_above_the_lowest_position_if_the_force_drifts():
