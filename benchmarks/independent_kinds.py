@@ -496,7 +496,9 @@ def coloured(draw: Draw, log: Log) -> Log:
 LINEAR_BODIES = (solid, consolidating, springpot)
 """Bodies that relax, whose storage stiffness does not depend on depth and amplitude."""
 
-ALWAYS_ALLOWED = r"damping is not resolved|^few samples|^inertia: 100 g"
+ALWAYS_ALLOWED = (
+    r"damping is not resolved|^few samples|^inertia: 100 g|^a lag of the force is not known"
+)
 RELAXES = r"force relaxes|baseline"
 DEPTH = r"depends on depth|stiffness changes at a depth"
 GROWS = r"damping (grows|depends|increases|changes)"

@@ -34,6 +34,7 @@ from teleop.evaluation.batch.thresholds import (
     GAP_SIDE_CHANGE,
     GAP_SLOPE,
     INNER_FORCE,
+    LARGEST_DIFFERENCE,
     LARGEST_SLOPE_SCATTER,
     LEAST_SLOPE_DIFFERENCE,
     POINT_DISTANCE,
@@ -58,6 +59,8 @@ class Point(NamedTuple):
 
     force: float
     position: float
+    difference: float = 0.0
+    """Difference of k from the slopes of the cycles there, beyond its own interval [N/m]."""
 
 
 class Slope(NamedTuple):
@@ -163,7 +166,8 @@ def measured_point(
         (1.0 if elsewhere else SLOPE_DIFFERENCE) * (half_k + half),
         LEAST_SLOPE_DIFFERENCE * abs(middle),
     )
-    if abs(local.k - middle) > least:
+    difference = abs(local.k - middle)
+    if difference > max(least, (0.0 if elsewhere else LARGEST_DIFFERENCE) * abs(middle)):
         return Reason(
             f"the stiffness is not determined: the model of the whole record has "
             f"{STIFFNESS.text(local.k, '.4g')} at {stated.force:.3g} N, and the median of the "
@@ -174,15 +178,18 @@ def measured_point(
         force, position = np.median([one.point for one in slopes], axis=0)
         return Point(float(force), float(position))
     points = [one.point for one in slopes]
-    return min(points, key=lambda point: abs(point.position - stated.position))
+    nearest = min(points, key=lambda point: abs(point.position - stated.position))
+    return nearest._replace(difference=difference + half if difference > least else 0.0)
 
 
 def gap_at(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> Reason | None:
     """Return the reason that k is stated in a gap, where the force changes less; otherwise None.
 
-    On both sides of a gap, the slope of the force is larger, and nearly constant. A specimen that
+    Only a specimen that is in contact throughout moves the tip in a gap. On both sides of a gap, the slope of the force is larger, and nearly constant. A specimen that
     stiffens in both directions has no constant slope there.
     """
+    if phases.free_force is not None:
+        return None
     x, position = record.x[phases.usable], local.best.position
     f = record.f[phases.usable] - local.b * record.v[phases.usable]
     low_x, high_x = (float(one) for one in np.percentile(x, [1.0, 99.0]))

@@ -39,6 +39,7 @@ from teleop.evaluation.batch.lost_motion import LostMotion
 from teleop.evaluation.batch.measured_point import Point, gap_at, measured_point
 from teleop.evaluation.batch.reasons import (
     DAMPING_NOT_RESOLVED,
+    LAG,
     no_damping,
     reasons_after_fit,
     reasons_before_fit,
@@ -51,6 +52,7 @@ from teleop.evaluation.batch.thresholds import (
     LEAST_AMPLITUDE_FOR_B,
     LEAST_AMPLITUDE_FOR_K,
     NOTABLE_INERTIA,
+    NOTABLE_LAG,
     UNCERTAIN_CORRECTION,
     WIDEST_INTERVAL,
 )
@@ -256,6 +258,7 @@ def stiffness_result(
         where = Point(local.best.force, local.best.position)
     if against:
         return without_result([*against, *faults])
+    half_k = max(half_k, where.difference)
     if change:
         typical = float(np.mean(cycles.k))
         half_k = max(half_k, local.k * max(abs(k / typical - 1.0) for k in change.k))
@@ -276,6 +279,14 @@ def stiffness_result(
         found.append(unknown)
     elif half_b > abs(local.b):
         found.append(Reason(DAMPING_NOT_RESOLVED))
+    elif not record.force_lag and 1e-3 * local.k > NOTABLE_LAG * abs(local.b):
+        found.append(
+            Reason(
+                f"a lag of the force is not known: each millisecond of it makes b smaller by "
+                f"{DAMPING.text(1e-3 * local.k, '.3g')}",
+                LAG,
+            )
+        )
     k_tip = None
     if transmission.compliance:
         k_tip = transmission.at_tip(Interval(local.k, local.k - half_k, local.k + half_k))

@@ -349,6 +349,9 @@ multiple of the sum of the half widths of their intervals."""
 LEAST_SLOPE_DIFFERENCE = 0.05
 """Smallest relative difference of k from the median slope of the cycles at which k is not
 reported. In records with a linear, stiffening or relaxing body, the difference is below 0.03."""
+LARGEST_DIFFERENCE = 0.12
+"""Largest relative difference of k from the median slope of the cycles that widens the interval of
+k. With a larger difference, k is not reported."""
 LARGEST_SLOPE_SCATTER = 0.05
 """Largest relative standard deviation of the slopes of the cycles of a linear body whose surface
 moves. None of 40 records in which only the position drifts exceeds it."""
@@ -417,6 +420,9 @@ of the error of b, in 9 of 10 records of unknown bodies.
 
 NOTABLE_INERTIA = 0.05
 """Smallest decrease of k by 100 g beyond the force sensor that is a remark, as a fraction of k."""
+
+NOTABLE_LAG = 0.2
+"""Smallest decrease of b by 1 ms of lag of the force that is a remark, as a fraction of b."""
 
 # A gap where the stiffness is stated
 
