@@ -175,7 +175,7 @@ def measured_point(
             "that the position does not determine the depth, or the body has another law"
         )
     if elsewhere:
-        force, position = np.median([one.point for one in slopes], axis=0)
+        force, position = np.median([one.point[:2] for one in slopes], axis=0)
         return Point(float(force), float(position))
     points = [one.point for one in slopes]
     nearest = min(points, key=lambda point: abs(point.position - stated.position))
@@ -185,8 +185,9 @@ def measured_point(
 def gap_at(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> Reason | None:
     """Return the reason that k is stated in a gap, where the force changes less; otherwise None.
 
-    Only a specimen that is in contact throughout moves the tip in a gap. On both sides of a gap, the slope of the force is larger, and nearly constant. A specimen that
-    stiffens in both directions has no constant slope there.
+    Only a specimen that is in contact throughout moves the tip in a gap. On both sides of a gap,
+    the slope of the force is larger, and nearly constant. A specimen that stiffens in both
+    directions has no constant slope there.
     """
     if phases.free_force is not None:
         return None

@@ -301,7 +301,7 @@ def stiffness_result(
     if local.baseline_size > 0.0:  # contact point and level change with the baseline
         point = level = None
     zero = zero_of_depth(record, phases, local)
-    force, position = where
+    force, position, _ = where
     depth = position - zero
     secant = secant_change = None
     if level is not None and depth > 0.0:
