@@ -157,7 +157,7 @@ def find_lost_motion(record: SmoothedRecord, phases: Phases) -> LostMotion | Non
         chosen.tip(record.raw_x), best.model
     )
     fitted_gain = math.log(float(np.std(rigid.residual)) / float(np.std(best.residual)))
-    return chosen if gain > LOST_MOTION_PREDICTION * fitted_gain else None
+    return chosen if gain > min(LOST_MOTION_PREDICTION, 0.5 * fitted_gain) else None
 
 
 def beyond_noise(fit: HysteresisFit, record: SmoothedRecord) -> float:

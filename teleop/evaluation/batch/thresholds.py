@@ -405,9 +405,9 @@ LOST_MOTION_RESIDUAL = 0.6
 than 0.45 of it in most records. A relaxation that no model describes leaves 0.7 to 0.9."""
 NOISE_MARGIN = 1.05
 """Factor on the noise of the force, for the error of its estimate."""
-LOST_MOTION_PREDICTION = 0.5
-"""Smallest decrease of the logarithm of the prediction error with which lost motion is reported, as
-a fraction of the decrease for the fitted samples themselves."""
+LOST_MOTION_PREDICTION = 0.1
+"""Smallest decrease of the logarithm of the prediction error with which lost motion is reported.
+Where noise limits the decrease, half of the decrease for the fitted samples is sufficient."""
 LEAST_AMPLITUDE_FOR_K, LEAST_AMPLITUDE_FOR_B = 2.0, 5.0
 """Smallest amplitude in contact with which k, or b, is determined, divided by the half width of a
 lost motion that is not calibrated."""
