@@ -68,6 +68,29 @@ LINE_WIDTH = 3
 FEWEST_LINE_CYCLES = 6
 """Smallest number of cycles with which lines between harmonics are distinguished from them."""
 
+# Sines with few samples per cycle, or with coarse rounding
+
+COARSE_SAMPLES_PER_CYCLE = 16.0
+"""Number of samples per cycle below which a harmonic fit is used instead of smoothed signals."""
+COARSE_COUNTS = 30.0
+"""Range of position or force, in steps of its resolution, below which a harmonic fit is used."""
+FEWEST_HARMONIC_SAMPLES_PER_CYCLE = 3.9
+"""Smallest number of samples per cycle with which a harmonic fit is used. Below it, the second
+harmonic of a body appears below the fundamental, and cannot be distinguished from noise."""
+HARMONIC_BLOCK_CYCLES = 2
+"""Smallest number of cycles of a block."""
+FEWEST_HARMONIC_BLOCKS = 3
+"""Smallest number of blocks from whose scatter an interval is computed."""
+MOST_HARMONIC_BLOCKS = 20
+"""Largest number of blocks. The quantile of their scatter is then 2.1."""
+LARGEST_HARMONIC = 5
+"""Largest order of the harmonics that are fitted."""
+LARGEST_DISTORTION = 0.05
+"""Largest harmonics of position and force, relative to the fundamental, of a sine on a body that
+counts as linear."""
+ROUNDING_BINS = 1000
+"""Largest number of phases of a cycle that are distinguished."""
+
 # Signs and times of the channels
 
 OPPOSITE_SIGNS = -0.25
