@@ -53,6 +53,9 @@ from teleop.evaluation.reading.signals import Signals, repeated_rounding
 from teleop.evaluation.reading.thresholds import ROUNDING_OF_STEP
 
 Complex = NDArray[np.complex128]
+WORST_ROUNDING = (LEVEL_95 * math.sqrt(2.0 / 12.0) * math.sqrt(2.0) / 0.53) ** 2
+"""Number of independent rounding errors, multiplied by step and divided by amplitude, whose 95 %
+interval is the largest error of the fundamental."""
 
 
 @dataclass(frozen=True)
@@ -95,34 +98,35 @@ class Channel:
 
         They are standard deviations. `phases` is the number of different phases of the samples.
         With infinitely many phases, the rounding changes the fundamental, but not its phase. Two
-        phases with nearly the same value have the same rounding error, so that the number of
-        different errors in a cycle is about that of half steps which the signal passes.
+        phases with nearly the same value have the same rounding error. The largest error of the
+        amplitude A with the step s is then 0.53 / sqrt(2) (s / A)^1.5: the sum of the Fourier
+        series of the rounding error, if the peaks are between two steps.
         """
         if self.rounding == 0.0:
             return 0.0, 0.0
         relative = math.sqrt(2.0) * self.rounding / self.amplitude
-        passed = max(4.0 * math.pi * self.amplitude / self.step, 4.0)
+        passed = WORST_ROUNDING * self.amplitude / self.step
         return relative * math.sqrt(1.0 / phases + 1.0 / passed), relative / math.sqrt(phases)
 
 
 @dataclass(frozen=True)
 class HarmonicFit:
-    """Complex stiffness of a steady sine in contact, from the fundamentals of position and force."""
+    """Complex stiffness of a steady sine in contact, from the fundamentals."""
 
     frequency: float
     """Frequency of the motion [Hz]."""
     stiffness: ComplexStiffness
     """Storage and loss stiffness with their 95 % intervals [N/m]."""
+    rounding_error: float
+    """Relative standard deviation of the storage stiffness due to repeatable rounding errors."""
     cycles: Cycles
-    """Stiffness and damping of each block."""
+    """Stiffness and damping of short blocks of cycles."""
     position: Channel
     """Fit to the position [m]."""
     force: Channel
     """Fit to the force [N]."""
     line: Line | None
     """Interference in the force, between the harmonics; None if there is none."""
-    samples: int
-    """Number of samples."""
 
     @property
     def drift(self) -> float:
@@ -152,17 +156,17 @@ def harmonic_fit(signals: Signals, force_lag: float = 0.0) -> HarmonicFit | None
     ):
         return None
     whole = int(frequency * float(t[-1] + period))
+    many = len(t) // (3 * (2 + 2 * LARGEST_HARMONIC))
     number = min(
-        MOST_HARMONIC_BLOCKS,
-        whole // HARMONIC_BLOCK_CYCLES,
-        len(t) // (3 * (2 + 2 * LARGEST_HARMONIC)),
+        MOST_HARMONIC_BLOCKS, whole // HARMONIC_BLOCK_CYCLES, max(many, FEWEST_HARMONIC_BLOCKS)
     )
     if number < FEWEST_HARMONIC_BLOCKS:
         return None
     each = (whole // number) / frequency
-    orders = resolved_orders(frequency, period, each)
     bounds = np.searchsorted(t, each * np.arange(number + 1))
-    if not orders or min(np.diff(bounds)) < 2 * (2 + 2 * len(orders)):
+    most = (int(min(np.diff(bounds))) // 2 - 2) // 2  # two samples for each parameter
+    orders = resolved_orders(frequency, period, each)[: max(most, 0)]
+    if not orders:
         return None
     x, f = (
         fit_channel(t, values, bounds, frequency, orders, step)
@@ -188,14 +192,35 @@ def harmonic_fit(signals: Signals, force_lag: float = 0.0) -> HarmonicFit | None
         for part, error in ((ratios.real, inside), (ratios.imag, across))
     ]
     found = ComplexStiffness(whole_ratio.real, halves[0], whole_ratio.imag, halves[1])
-    cycles = Cycles(
-        signals.t[0] + each * np.arange(number),
-        np.full(number, 1.0 / frequency),
-        ratios.real,
-        ratios.imag / (2.0 * math.pi * frequency),
-    )
+    cycles = blockwise(signals, frequency, force_lag)
     hum = line_of(f, period, frequency)
-    return HarmonicFit(frequency, found, cycles, x, f, hum, len(t))
+    return HarmonicFit(frequency, found, inside, cycles, x, f, hum)
+
+
+def blockwise(signals: Signals, frequency: float, force_lag: float) -> Cycles:
+    """Return stiffness and damping of short blocks of cycles, to find changes in the record.
+
+    The blocks are shorter than those of the harmonic fit, and only few harmonics are fitted.
+    """
+    t = signals.t - signals.t[0]
+    period = float(np.median(signals.dt))
+    whole = int(frequency * float(t[-1] + period))
+    number = min(MOST_HARMONIC_BLOCKS, whole // HARMONIC_BLOCK_CYCLES)
+    each = (whole // number) / frequency
+    bounds = np.searchsorted(t, each * np.arange(number + 1))
+    most = (int(min(np.diff(bounds))) // 2 - 2) // 2
+    orders = resolved_orders(frequency, period, each)[: max(most, 1)]
+    if not orders or most < 1:
+        nothing = np.empty(0)
+        return Cycles(nothing, nothing, nothing, nothing)
+    x, f = (
+        fit_channel(t, values, bounds, frequency, orders, 0.0).fundamental
+        for values in (signals.x, signals.f)
+    )
+    omega = 2.0 * math.pi * frequency
+    ratios = f / x * (1.0 + 1j * omega * force_lag)
+    starts = signals.t[0] + each * np.arange(number)
+    return Cycles(starts, np.full(number, 1.0 / frequency), ratios.real, ratios.imag / omega)
 
 
 def frequency_of(t: Floats, x: Floats, period: float) -> float | None:

@@ -259,16 +259,9 @@ def stiffness_result(
         found.append(unknown)
     elif half_b > abs(local.b):
         found.append(Reason(DAMPING_NOT_RESOLVED))
-    k_tip = None
-    if transmission.compliance:
-        k_tip = transmission.at_tip(Interval(local.k, local.k - half_k, local.k + half_k))
-        if k_tip is None:
-            found.append(
-                Reason(
-                    "the stiffness at the tip is not determined: the transmission with "
-                    f"{transmission.compliance * 1e6:.4g} um/N is hardly stiffer than the whole"
-                )
-            )
+    interval = Interval(local.k, local.k - half_k, local.k + half_k)
+    k_tip, too_compliant = stiffness_at_tip(interval, transmission)
+    found += too_compliant
     point, level = phases.contact_point, phases.free_force
     if local.baseline_size > 0.0:  # contact point and level change with the baseline
         point = level = None
@@ -305,6 +298,23 @@ def stiffness_result(
         ),
         parts=described(local, zero, level or 0.0),
     )
+
+
+def stiffness_at_tip(
+    k: Interval, transmission: TransmissionCalibration
+) -> tuple[Interval | None, list[Reason]]:
+    """Return the stiffness at the tip, and the reason if it is not determined."""
+    if not transmission.compliance:
+        return None, []
+    k_tip = transmission.at_tip(k)
+    if k_tip:
+        return k_tip, []
+    return None, [
+        Reason(
+            "the stiffness at the tip is not determined: the transmission with "
+            f"{transmission.compliance * 1e6:.4g} um/N is hardly stiffer than the whole"
+        )
+    ]
 
 
 def is_storage(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> bool:

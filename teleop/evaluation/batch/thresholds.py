@@ -50,6 +50,20 @@ STALLED_SHARE = 0.3
 """Smallest share of the constant samples at which the pair of position and force must differ from
 that at other times."""
 
+# Spikes of the force
+
+LEAST_SPIKE = 0.2
+"""Smallest spike of the force, as a fraction of the range of the force (percentiles 1 to 99). A
+smaller one changes k and b by less than the interval."""
+SPIKE_SCATTER = 12.0
+"""Smallest spike, in standard deviations of the difference of the force from the median of five
+samples. This difference is large if the motion has few samples per cycle."""
+SPIKE_NEIGHBOURS = 3.0
+"""Smallest spike, as a multiple of the difference of the samples before and after it. A step of the
+force, as in a puncture, is a smaller multiple."""
+MOST_SPIKES = 0.01
+"""Largest share of the samples that are spikes. More of them are not isolated faults."""
+
 # Interference
 
 LEAST_LINE = 0.02
@@ -267,8 +281,9 @@ SAME_TIME_RATIO = 1.5
 
 # Records without a stiffness, or with a remark
 
-FEWEST_SAMPLES_PER_CYCLE = 8.0
-"""Smallest number of samples per cycle of the motion that is sufficient."""
+FEWEST_SAMPLES_PER_CYCLE = 12.0
+"""Smallest number of samples per cycle of the motion that is sufficient with smoothing. Below it,
+the third differences of a sine, from which the noise is estimated, exceed 3 % of its amplitude."""
 PUNCTURE_FALL = 0.25
 """Smallest fall of the force in loading that counts as a puncture, as a fraction of its range."""
 PUNCTURE_NOISE = 12.0
