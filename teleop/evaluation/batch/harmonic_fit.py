@@ -41,8 +41,11 @@ from teleop.evaluation.batch.thresholds import (
     FEWEST_HARMONIC_BLOCKS,
     FEWEST_HARMONIC_SAMPLES_PER_CYCLE,
     HARMONIC_BLOCK_CYCLES,
+    LARGEST_AMPLITUDE_CHANGE,
     LARGEST_DISTORTION,
     LARGEST_HARMONIC,
+    LARGEST_PHASE_CHANGE,
+    LARGEST_REST,
     LEAST_LINE,
     LINE_FLOOR,
     LINE_WIDTH,
@@ -235,10 +238,10 @@ def frequency_of(t: Floats, x: Floats, period: float) -> float | None:
         return None
     moved = x - np.polynomial.polynomial.polyval(t, trend)
 
-    def rest(frequency: float) -> float:
+    def rest(frequency: float) -> float:  # squared, without the constant part
         columns = np.column_stack([np.ones_like(t), *waves(t, frequency)])
-        theta = np.linalg.lstsq(columns, moved, rcond=None)[0]
-        return float(np.sum((moved - columns @ theta) ** 2))
+        theta = np.linalg.solve(columns.T @ columns, columns.T @ moved)
+        return -float(moved @ columns @ theta)
 
     step = 1.0 / (n * period)
     bounds = ((peak - 1.0) * step, (peak + 1.0) * step)
@@ -312,10 +315,12 @@ def is_steady(x: Channel) -> bool:
     typical = float(np.median(size))
     phase = np.angle(x.fundamental / x.fundamental.mean())
     rest = math.sqrt(2.0 * max(0.0, float(x.rest @ x.rest) / len(x.rest) - 1.5 * x.step**2 / 12.0))
+    # rounding also changes amplitude and phase of the blocks, if they have few samples
+    rounded = 0.5 * x.step / typical
     return bool(
-        np.abs(size / typical - 1.0).max() < 0.2
-        and np.abs(phase).max() < 0.5
-        and rest < 0.2 * typical
+        np.abs(size / typical - 1.0).max() < LARGEST_AMPLITUDE_CHANGE + rounded
+        and np.abs(phase).max() < LARGEST_PHASE_CHANGE + rounded
+        and rest < LARGEST_REST * typical
     )
 
 

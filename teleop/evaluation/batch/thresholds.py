@@ -102,6 +102,9 @@ LARGEST_HARMONIC = 5
 LARGEST_DISTORTION = 0.05
 """Largest harmonics of position and force, relative to the fundamental, of a sine on a body that
 counts as linear."""
+LARGEST_AMPLITUDE_CHANGE, LARGEST_PHASE_CHANGE, LARGEST_REST = 0.2, 0.5, 0.2
+"""Largest relative change of the amplitude of the blocks, largest change of their phase [rad], and
+largest part of the position besides the harmonics, relative to the amplitude, of a steady sine."""
 ROUNDING_BINS = 1000
 """Largest number of phases of a cycle that are distinguished."""
 
