@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from teleop.evaluation.batch.thresholds import (
+    FEWEST_IN_PIECE,
     LEAST_SPIKE,
     MOST_SPIKES,
     SPIKE_NEIGHBOURS,
@@ -14,23 +14,21 @@ from teleop.evaluation.batch.thresholds import (
 from teleop.evaluation.reading.signals import Signals, periods
 from teleop.evaluation.reason import Reason
 
-NEAR = 5
-"""Length of the median filter with which a sample is compared [samples]."""
-
 
 def without_spikes(signals: Signals) -> tuple[Signals, list[Reason]]:
     """Return the record without the samples at which the force has an isolated spike."""
     f = signals.f
-    if len(f) < 3 * NEAR:
+    if len(f) < FEWEST_IN_PIECE:
         return signals, []
-    away = np.abs(f - median_filter(f, NEAR, mode="nearest"))
+    steps = np.diff(f)
     low, high = np.percentile(f, [1.0, 99.0])
-    scatter = 1.4826 * float(np.median(away))
-    found = away > max(LEAST_SPIKE * float(high - low), SPIKE_SCATTER * scatter)
-    before, after = np.roll(f, 1), np.roll(f, -1)
-    found &= away > SPIKE_NEIGHBOURS * np.abs(after - before)
-    found &= ~(np.roll(found, 1) | np.roll(found, -1))
-    found[[0, -1]] = False
+    scatter = 1.4826 * float(np.median(np.abs(steps)))
+    least = max(LEAST_SPIKE * float(high - low), SPIKE_SCATTER * scatter)
+    to, back = steps[:-1], -steps[1:]  # of each sample but the first and the last
+    size = np.where(to * back > 0.0, np.minimum(np.abs(to), np.abs(back)), 0.0)
+    size[SPIKE_NEIGHBOURS * np.abs(to - back) > size] = 0.0
+    away = np.concatenate([[0.0], size, [0.0]])
+    found = away > least
     count = int(np.count_nonzero(found))
     if not 0 < count <= max(1, MOST_SPIKES * len(f)):
         return signals, []

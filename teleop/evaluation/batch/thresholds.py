@@ -52,12 +52,12 @@ that at other times."""
 
 # Spikes of the force
 
-LEAST_SPIKE = 0.2
-"""Smallest spike of the force, as a fraction of the range of the force (percentiles 1 to 99). A
-smaller one changes k and b by less than the interval."""
+LEAST_SPIKE = 0.5
+"""Smallest spike of the force, as a fraction of the range of the force (percentiles 1 to 99). The
+highest sample of a contact of four samples exceeds its neighbours by up to 0.3 of the range."""
 SPIKE_SCATTER = 12.0
-"""Smallest spike, in standard deviations of the difference of the force from the median of five
-samples. This difference is large if the motion has few samples per cycle."""
+"""Smallest spike, in standard deviations of the difference of successive samples. This difference
+is large if the motion has few samples per cycle."""
 SPIKE_NEIGHBOURS = 3.0
 """Smallest spike, as a multiple of the difference of the samples before and after it. A step of the
 force, as in a puncture, is a smaller multiple."""
