@@ -22,6 +22,8 @@ from estimation.transmission import RIGID, TransmissionCalibration
 from teleop.evaluation.batch.complex_stiffness import ComplexStiffness, complex_stiffness
 from teleop.evaluation.batch.constancy import cycles_of
 from teleop.evaluation.batch.contact_phases import Phase, Phases, find_phases
+from teleop.evaluation.batch.harmonic_fit import HarmonicFit, harmonic_fit
+from teleop.evaluation.batch.harmonic_result import harmonic_result
 from teleop.evaluation.batch.interference import interference
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, local_stiffness
 from teleop.evaluation.batch.lost_motion import find_lost_motion
@@ -109,6 +111,8 @@ class Analysis:
     """k and b with 95 % intervals, or the reasons why they are not identifiable."""
     transmission: TransmissionCalibration
     """Calibrated transmission for which the record is corrected."""
+    harmonic: HarmonicFit | None = None
+    """Fit of a sine with few samples per cycle or coarse rounding; None for other records."""
 
     @property
     def has_contact(self) -> bool:
@@ -257,6 +261,8 @@ class Analysis:
         """
         result, record = self.result, self.record
         cyclic = math.isfinite(record.frequency) and not result.times
+        if self.harmonic:
+            return complex_row(self.harmonic.stiffness, self.harmonic.frequency)
         if not cyclic or result.k is None or result.b is None or self.local is None:
             return None
         assert result.k_low is not None
@@ -276,18 +282,23 @@ class Analysis:
             found = lock_in
         else:
             return None
-        storage, storage_half, loss, loss_half = found
-        return {
-            "frequency_hz": record.frequency,
-            "storage_n_per_m": storage,
-            "storage_interval_n_per_m": storage_half,
-            "loss_n_per_m": loss,
-            "loss_interval_n_per_m": loss_half,
-            "tan_delta": loss / storage,
-            "tan_delta_interval": float(
-                np.hypot(loss_half / storage, loss * storage_half / storage**2)
-            ),
-        }
+        return complex_row(found, record.frequency)
+
+
+def complex_row(found: ComplexStiffness, frequency: float) -> dict[str, float]:
+    """Return a complex stiffness at a frequency [Hz] as a dictionary for JSON."""
+    storage, storage_half, loss, loss_half = found
+    return {
+        "frequency_hz": frequency,
+        "storage_n_per_m": storage,
+        "storage_interval_n_per_m": storage_half,
+        "loss_n_per_m": loss,
+        "loss_interval_n_per_m": loss_half,
+        "tan_delta": loss / storage,
+        "tan_delta_interval": float(
+            np.hypot(loss_half / storage, loss * storage_half / storage**2)
+        ),
+    }
 
 
 def relaxation_row(found: Relaxation) -> dict[str, Any]:
@@ -305,6 +316,8 @@ def analyse(
     the evaluation is repeated with the position behind it.
     """
     signals, faults = without_sampling_faults(signals)
+    if harmonic := coarse_sine(signals, force_lag, transmission, faults):
+        return harmonic
     analysis = fitted(signals, force_lag, transmission, faults)
     if transmission.lost_motion or analysis.local is None:
         return analysis
@@ -319,6 +332,24 @@ def analyse(
     if reasons_before_fit(corrected.record, corrected.phases) or (line and line.harmonic):
         return analysis  # another fault, which lost motion does not explain
     return replace(corrected, result=with_lost_motion(corrected.result, analysis.local, found))
+
+
+def coarse_sine(
+    signals: Signals,
+    force_lag: float,
+    transmission: TransmissionCalibration,
+    faults: Sequence[Reason],
+) -> Analysis | None:
+    """Return the evaluation of a sine with few samples per cycle or coarse rounding.
+
+    The result is None for other records, and for those with a reason against such a result.
+    """
+    fit = harmonic_fit(signals, force_lag)
+    result = fit and harmonic_result(fit, force_lag, transmission, faults)
+    if not result:
+        return None
+    record = smoothed_record(resample(signals, force_lag))
+    return Analysis(record, find_phases(record), None, result, transmission, fit)
 
 
 def fitted(

@@ -11,6 +11,9 @@ out for this time. A rest, a hold, a loss of contact, a saturated sensor and a r
 a constant channel. In these cases, the record has the same pairs of position and force at other
 times, or the force only decreases (relaxation).
 
+**Spikes.** A single sample of the force that differs from its neighbours by a large part of the
+force range is an outlier, and is left out.
+
 **Signs and times.** If the force decreases while the position increases, one of the two signs is
 wrong. If the force lags behind the position by a large part of a period, neither a force channel
 nor lost motion explains it: the time stamps are wrong, or the channels are of different records.
@@ -28,6 +31,7 @@ from estimation.arrays import Floats
 from estimation.baseline import without_baseline
 from teleop.evaluation.batch.masks import runs
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
+from teleop.evaluation.batch.spikes import without_spikes
 from teleop.evaluation.batch.thresholds import (
     FEWEST_STALLED,
     FEWEST_UPDATES,
@@ -55,10 +59,11 @@ class Checked(NamedTuple):
 
 
 def without_sampling_faults(signals: Signals) -> Checked:
-    """Return the record without held samples and stalled streams."""
+    """Return the record without held samples, stalled streams and isolated spikes of the force."""
     signals, stalls = without_stalls(signals)
     signals, held = without_held(signals)
-    return Checked(signals, (*stalls, *held))
+    signals, spikes = without_spikes(signals)
+    return Checked(signals, (*stalls, *held, *spikes))
 
 
 def updates(values: Floats) -> tuple[NDArray[np.intp], float] | None:

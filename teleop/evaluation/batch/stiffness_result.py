@@ -287,16 +287,9 @@ def stiffness_result(
                 LAG,
             )
         )
-    k_tip = None
-    if transmission.compliance:
-        k_tip = transmission.at_tip(Interval(local.k, local.k - half_k, local.k + half_k))
-        if k_tip is None:
-            found.append(
-                Reason(
-                    "the stiffness at the tip is not determined: the transmission with "
-                    f"{transmission.compliance * 1e6:.4g} um/N is hardly stiffer than the whole"
-                )
-            )
+    interval = Interval(local.k, local.k - half_k, local.k + half_k)
+    k_tip, too_compliant = stiffness_at_tip(interval, transmission)
+    found += too_compliant
     point, level = phases.contact_point, phases.free_force
     if local.baseline_size > 0.0:  # contact point and level change with the baseline
         point = level = None
@@ -341,6 +334,23 @@ def frequency_of_loss(local: LocalStiffness) -> float | None:
     """
     part = local.best.part(FRICTION) or local.best.part(DEPTH_DAMPING)
     return local.frequency if math.isfinite(local.frequency) and not part else None
+
+
+def stiffness_at_tip(
+    k: Interval, transmission: TransmissionCalibration
+) -> tuple[Interval | None, list[Reason]]:
+    """Return the stiffness at the tip, and the reason if it is not determined."""
+    if not transmission.compliance:
+        return None, []
+    k_tip = transmission.at_tip(k)
+    if k_tip:
+        return k_tip, []
+    return None, [
+        Reason(
+            "the stiffness at the tip is not determined: the transmission with "
+            f"{transmission.compliance * 1e6:.4g} um/N is hardly stiffer than the whole"
+        )
+    ]
 
 
 def is_storage(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> bool:

@@ -50,6 +50,20 @@ STALLED_SHARE = 0.3
 """Smallest share of the constant samples at which the pair of position and force must differ from
 that at other times."""
 
+# Spikes of the force
+
+LEAST_SPIKE = 0.5
+"""Smallest spike of the force, as a fraction of the range of the force (percentiles 1 to 99). The
+highest sample of a contact of four samples exceeds its neighbours by up to 0.3 of the range."""
+SPIKE_SCATTER = 12.0
+"""Smallest spike, in standard deviations of the difference of successive samples. This difference
+is large if the motion has few samples per cycle."""
+SPIKE_NEIGHBOURS = 3.0
+"""Smallest spike, as a multiple of the difference of the samples before and after it. A step of the
+force, as in a puncture, is a smaller multiple."""
+MOST_SPIKES = 0.01
+"""Largest share of the samples that are spikes. More of them are not isolated faults."""
+
 # Interference
 
 LEAST_LINE = 0.02
@@ -67,6 +81,32 @@ LINE_WIDTH = 3
 """Distance from the maximum of a line at which the spectrum with a Hann window is low [bins]."""
 FEWEST_LINE_CYCLES = 6
 """Smallest number of cycles with which lines between harmonics are distinguished from them."""
+
+# Sines with few samples per cycle, or with coarse rounding
+
+COARSE_SAMPLES_PER_CYCLE = 16.0
+"""Number of samples per cycle below which a harmonic fit is used instead of smoothed signals."""
+COARSE_COUNTS = 30.0
+"""Range of position or force, in steps of its resolution, below which a harmonic fit is used."""
+FEWEST_HARMONIC_SAMPLES_PER_CYCLE = 3.9
+"""Smallest number of samples per cycle with which a harmonic fit is used. Below it, the second
+harmonic of a body appears below the fundamental, and cannot be distinguished from noise."""
+HARMONIC_BLOCK_CYCLES = 2
+"""Smallest number of cycles of a block."""
+FEWEST_HARMONIC_BLOCKS = 3
+"""Smallest number of blocks from whose scatter an interval is computed."""
+MOST_HARMONIC_BLOCKS = 20
+"""Largest number of blocks. The quantile of their scatter is then 2.1."""
+LARGEST_HARMONIC = 5
+"""Largest order of the harmonics that are fitted."""
+LARGEST_DISTORTION = 0.05
+"""Largest harmonics of position and force, relative to the fundamental, of a sine on a body that
+counts as linear."""
+LARGEST_AMPLITUDE_CHANGE, LARGEST_PHASE_CHANGE, LARGEST_REST = 0.2, 0.5, 0.2
+"""Largest relative change of the amplitude of the blocks, largest change of their phase [rad], and
+largest part of the position besides the harmonics, relative to the amplitude, of a steady sine."""
+ROUNDING_BINS = 1000
+"""Largest number of phases of a cycle that are distinguished."""
 
 # Signs and times of the channels
 
@@ -244,8 +284,9 @@ SAME_TIME_RATIO = 1.5
 
 # Records without a stiffness, or with a remark
 
-FEWEST_SAMPLES_PER_CYCLE = 8.0
-"""Smallest number of samples per cycle of the motion that is sufficient."""
+FEWEST_SAMPLES_PER_CYCLE = 12.0
+"""Smallest number of samples per cycle of the motion that is sufficient with smoothing. Below it,
+the third differences of a sine, from which the noise is estimated, exceed 3 % of its amplitude."""
 PUNCTURE_FALL = 0.25
 """Smallest fall of the force in loading that counts as a puncture, as a fraction of its range."""
 PUNCTURE_NOISE = 12.0
