@@ -500,7 +500,8 @@ ALWAYS_ALLOWED = (
     r"damping is not resolved|^few samples|^inertia: 100 g|^a lag of the force is not known"
 )
 RELAXES = r"force relaxes|baseline"
-DEPTH = r"depends on depth|stiffness changes at a depth"
+DEPTH = r"depends on depth"
+LAYER = DEPTH + "|changes at a depth"
 GROWS = r"damping (grows|depends|increases|changes)"
 ONE_SPEED = r"speed in contact is constant"
 LOST = r"lost motion|motion is lost|\bplay\b|backlash|dead (band|zone)"
@@ -545,11 +546,11 @@ KINDS = [
     Kind("poroelastic, ramps", consolidating, ramps_and_holds, ranges={"frequency": (0.2, 0.5)},
          allowed=RELAXES + "|" + ONE_SPEED),
     Kind("layers, sharp", layers((3.0, 10.0), 0.0, (0.3, 0.7)), presses,
-         ranges={"frequency": (0.2, 1.0), "loss": (0.01, 0.1)}, allowed=DEPTH + "|layer"),
+         ranges={"frequency": (0.2, 1.0), "loss": (0.01, 0.1)}, allowed=LAYER),
     Kind("layers, smooth", layers((2.0, 6.0), 0.1, (0.3, 0.7)), sine, True,
-         allowed=DEPTH + "|layer"),
+         allowed=LAYER),
     Kind("thin soft layer", layers((4.0, 10.0), 0.03, (0.05, 0.12)), presses,
-         ranges={"frequency": (0.2, 1.0), "loss": (0.01, 0.1)}, allowed=DEPTH + "|layer"),
+         ranges={"frequency": (0.2, 1.0), "loss": (0.01, 0.1)}, allowed=LAYER),
     Kind("Hunt-Crossley, presses", depth_damped(None, 0.1, 0.3), presses,
          ranges={"frequency": (0.3, 1.5)}, allowed=DEPTH + "|" + GROWS),
     Kind("Hunt-Crossley, sine", depth_damped(None, 0.1, 0.3), sine, True,

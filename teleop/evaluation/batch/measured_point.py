@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
 from estimation.quantities import STIFFNESS
 from teleop.evaluation.batch.candidate import KNOT, Candidate
@@ -79,13 +80,9 @@ def slopes_of_cycles(
     model of the record.
     """
     begins = [phase.start for phase in phases.phases if phase.name == "loading"]
-    first = len(best.theta) - sum(len(one.columns) for one in best.extensions) - len(best.relaxing)
-    relaxing = np.zeros(len(record.x))
-    for c, z in zip(best.theta[first:], best.relaxing, strict=False):
-        relaxing += c * z
-    knot = math.inf
-    if fitted := best.part(KNOT):
-        knot = fitted.values[0].value
+    relaxing = relaxing_force(best, len(record.x))
+    layers = best.part(KNOT)
+    knot = layers.values[0].value if layers else math.inf
     # the force at the knot is smoothed as the record is
     beyond = record.smoothed(np.maximum(record.raw_x - knot, 0.0))
     found = []
@@ -130,6 +127,15 @@ def slopes_of_cycles(
         slope = (slope + float(np.gradient(along, grid)[nearest])) / travel
         found.append(Slope(slope, Point(level, float(x.mean()) + at * travel)))
     return found
+
+
+def relaxing_force(best: Candidate, n: int) -> Floats:
+    """Return the sum of the relaxing parts of a model after smoothing [N], shape (n,)."""
+    extended = sum(len(one.columns) for one in best.extensions)
+    first = len(best.theta) - extended - len(best.relaxing)
+    coefficients = best.theta[first : first + len(best.relaxing)]
+    parts = zip(coefficients, best.relaxing, strict=True)
+    return np.asarray(sum((c * z for c, z in parts), start=np.zeros(n)))
 
 
 def measured_point(
