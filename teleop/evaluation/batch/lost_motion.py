@@ -171,12 +171,16 @@ class Regressors:
 
     def __init__(self, rows: RegressionRows) -> None:
         self._rows, self._record = rows, rows.record
-        self._basis, _ = np.linalg.qr(rows.basis)
+        self._times = np.geomspace(4.0 * self._record.width, rows.longest_time, TIMES + 1)[:-1]
+        basis = rows.basis
+        if not rows.order:  # what relaxes from the time before the record
+            since = self._record.clock[rows.index][:, None]
+            basis = np.column_stack([basis, np.exp(-since / self._times)])
+        self._basis, _ = np.linalg.qr(basis)
         self._force = rows.f - self._basis @ (self._basis.T @ rows.f)
         self._models = [
             Model(*terms) for terms in product((1, 2, 3, DEGREES), (1, DAMPINGS), (False, True))
         ]
-        self._times = np.geomspace(4.0 * self._record.width, rows.longest_time, TIMES + 1)[:-1]
 
     def tried(self, shape: str, half_widths: Floats) -> list[HysteresisFit]:
         """Fit all models with each of these half widths of the hysteresis."""

@@ -40,7 +40,6 @@ from teleop.evaluation.batch.thresholds import (
     LARGEST_SLOPE_SCATTER,
     LEAST_SLOPE_DIFFERENCE,
     POINT_DISTANCE,
-    SLOPE_DIFFERENCE,
 )
 from teleop.evaluation.reason import Reason
 
@@ -169,10 +168,7 @@ def measured_point(
         )
     # the median of n values has 1.25 times the standard error of their mean
     half = LEVEL_95 * 1.25 * scatter / math.sqrt(len(k))
-    least = max(
-        (1.0 if elsewhere else SLOPE_DIFFERENCE) * (half_k + half),
-        LEAST_SLOPE_DIFFERENCE * abs(middle),
-    )
+    least = max(half_k + half, LEAST_SLOPE_DIFFERENCE * abs(middle))
     difference = abs(local.k - middle)
     if difference > max(least, (0.0 if elsewhere else LARGEST_DIFFERENCE) * abs(middle)):
         return Reason(

@@ -384,9 +384,6 @@ FEWEST_SLOPE_CYCLES = 3
 """Smallest number of cycles that contain the force at which k is stated."""
 INNER_FORCE = 0.1
 """Part of the force range of a cycle, at each end, in which no slope is computed."""
-SLOPE_DIFFERENCE = 1.0
-"""Smallest difference of k from the median slope of the cycles at which k is not reported, as a
-multiple of the sum of the half widths of their intervals."""
 LEAST_SLOPE_DIFFERENCE = 0.05
 """Smallest relative difference of k from the median slope of the cycles at which k is not
 reported. In records with a linear, stiffening or relaxing body, the difference is below 0.03."""
@@ -462,7 +459,7 @@ of the error of b, in 9 of 10 records of unknown bodies.
 NOTABLE_INERTIA = 0.02
 """Smallest decrease of k by 100 g beyond the force sensor that is a remark, as a fraction of k."""
 
-NOTABLE_LAG = 0.2
+NOTABLE_LAG = 0.5
 """Smallest decrease of b by 1 ms of lag of the force that is a remark, as a fraction of b."""
 
 # A gap where the stiffness is stated
