@@ -181,14 +181,20 @@ def test_hum_between_the_harmonics_is_named():
     assert found.k_low <= K <= found.k_high
 
 
-def test_a_drift_of_the_force_is_named_and_not_taken_for_a_change_of_the_stiffness():
-    for rounding in ({}, {"force_counts": 5.0}):
+@pytest.mark.parametrize("rounding", [{}, {"force_counts": 3.0}])
+def test_a_drift_of_the_force_is_named_and_not_taken_for_a_change_of_the_stiffness(rounding):
+    for seed in range(1, 6):
         found = result_of(
-            coarse(lambda s, c, share: elastic(s, c, share) + 4.0 * share, **rounding)
+            coarse(
+                lambda s, c, share: elastic(s, c, share) + 4.0 * share,
+                per_cycle=50.0 if rounding else 6.3,
+                seed=seed,
+                **rounding,
+            )
         )
         assert any("baseline" in reason for reason in found.reasons)
         assert not any("changes" in reason for reason in found.reasons)
-        assert found.k_low <= K <= found.k_high
+        assert found.k == pytest.approx(K, rel=0.1 if rounding else 0.01)
 
 
 def test_other_clocks_of_the_channels_give_no_damping():
@@ -259,5 +265,6 @@ def test_a_fall_of_the_force_and_short_presses_are_no_spikes():
     rng = np.random.default_rng(0)
     fall = np.where(t < 10.0, t, 0.2 * t) + 0.01 * rng.normal(size=len(t))
     press = np.maximum(np.sin(2.0 * np.pi * t) - 0.99, 0.0) + 1e-5 * rng.normal(size=len(t))
-    for f in (fall, press):
+    impact = np.exp(-0.9 * (np.arange(len(t)) % 200)) + 1e-3 * rng.normal(size=len(t))
+    for f in (fall, press, impact):
         assert not without_spikes(Signals(t, t, f, periods(t), "position"))[1]
