@@ -540,7 +540,7 @@ KINDS = [
     Kind("Fung, hand", stiffening, hand, ranges={"frequency": (0.5, 3.0)}, allowed=DEPTH),
     Kind("QLV, presses", quasi_linear, presses, ranges={"frequency": (0.3, 1.5)},
          allowed=f"{RELAXES}|{DEPTH}"),
-    Kind("QLV, sine", quasi_linear, sine, True, allowed=RELAXES + "|" + DEPTH),
+    Kind("QLV, sine", quasi_linear, sine, True, allowed=f"{RELAXES}|{DEPTH}|from relaxation"),
     Kind("QLV, triangle", quasi_linear, triangle, allowed=f"{RELAXES}|{DEPTH}|{ONE_SPEED}"),
     Kind("poroelastic, sine", consolidating, sine, True, allowed=RELAXES),
     Kind("poroelastic, ramps", consolidating, ramps_and_holds, ranges={"frequency": (0.2, 0.5)},

@@ -13,6 +13,7 @@ loading is added to that of P.
 from __future__ import annotations
 
 import math
+import warnings
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -26,7 +27,7 @@ from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
-    FEWEST_GAP_SAMPLES,
+    FEWEST_GAP_LOADINGS,
     FEWEST_SLOPE_CYCLE_SAMPLES,
     FEWEST_SLOPE_CYCLES,
     GAP_NEAR,
@@ -197,16 +198,26 @@ def gap_at(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> Rea
     """
     if phases.free_force is not None:
         return None
-    x, position = record.x[phases.usable], local.best.position
-    f = record.f[phases.usable] - local.b * record.v[phases.usable]
-    low_x, high_x = (float(one) for one in np.percentile(x, [1.0, 99.0]))
-    edges = np.linspace(low_x, high_x, GAP_PARTS + 1)
-    part = np.clip(np.searchsorted(edges, x) - 1, 0, GAP_PARTS - 1)
-    count = np.bincount(part, minlength=GAP_PARTS)
-    if count.min() < FEWEST_GAP_SAMPLES:
+    position = local.best.position
+    low, high = (float(one) for one in np.percentile(record.x[phases.usable], [2.0, 98.0]))
+    grid = np.linspace(low, high, GAP_PARTS + 1)
+    elastic = record.f - local.b * record.v
+    loadings = []
+    for phase in phases.phases:
+        part = np.arange(phase.start, phase.end)[phases.usable[phase.start : phase.end]]
+        if phase.name == "loading" and len(part) > GAP_PARTS:
+            x = np.maximum.accumulate(record.x[part])
+            if x[0] < grid[GAP_SIDE] and x[-1] > grid[-1 - GAP_SIDE]:
+                loadings.append(np.interp(grid, x, elastic[part], np.nan, np.nan))
+    if len(loadings) < FEWEST_GAP_LOADINGS:
         return None
-    mean_x, mean_f = (np.bincount(part, values, GAP_PARTS) / count for values in (x, f))
-    slopes, places = np.diff(mean_f) / np.diff(mean_x), 0.5 * (mean_x[1:] + mean_x[:-1])
+    with warnings.catch_warnings():  # a part that no loading contains has no slope
+        warnings.simplefilter("ignore", RuntimeWarning)
+        slopes = np.nanmedian(np.diff(loadings, axis=1), axis=0) / (grid[1] - grid[0])
+    places, slopes = (
+        (0.5 * (grid[1:] + grid[:-1]))[np.isfinite(slopes)],
+        slopes[np.isfinite(slopes)],
+    )
     at = int(np.argmin(np.abs(places - position)))
     first = max(at - GAP_NEAR, 0)
     least = first + int(np.argmin(slopes[first : at + GAP_NEAR + 1]))

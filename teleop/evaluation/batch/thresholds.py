@@ -384,7 +384,7 @@ FEWEST_SLOPE_CYCLES = 3
 """Smallest number of cycles that contain the force at which k is stated."""
 INNER_FORCE = 0.1
 """Part of the force range of a cycle, at each end, in which no slope is computed."""
-SLOPE_DIFFERENCE = 1.25
+SLOPE_DIFFERENCE = 1.0
 """Smallest difference of k from the median slope of the cycles at which k is not reported, as a
 multiple of the sum of the half widths of their intervals."""
 LEAST_SLOPE_DIFFERENCE = 0.05
@@ -459,7 +459,7 @@ With friction that builds up gradually (Dahl's model), the correction removes be
 of the error of b, in 9 of 10 records of unknown bodies.
 """
 
-NOTABLE_INERTIA = 0.05
+NOTABLE_INERTIA = 0.02
 """Smallest decrease of k by 100 g beyond the force sensor that is a remark, as a fraction of k."""
 
 NOTABLE_LAG = 0.2
@@ -469,8 +469,8 @@ NOTABLE_LAG = 0.2
 
 GAP_PARTS = 24
 """Number of parts of the travel in which the slope of the force is computed."""
-FEWEST_GAP_SAMPLES = 4
-"""Smallest number of samples in each part of the travel."""
+FEWEST_GAP_LOADINGS = 2
+"""Smallest number of loadings over most of the travel."""
 GAP_NEAR = 3
 """Largest distance of a gap from the point of k [parts]."""
 GAP_SLOPE = 0.8
