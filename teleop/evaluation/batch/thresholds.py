@@ -452,8 +452,8 @@ lost motion that is not calibrated."""
 UNCERTAIN_CORRECTION = 0.35
 """Part of the correction for a lost motion without calibration that widens the intervals.
 
-With friction that builds up gradually (Dahl's model), the correction removes between 65 and 100 %
-of the error of b, in 9 of 10 records of unknown bodies.
+Friction that builds up gradually (Dahl's model) is corrected only in part: by 65 to 100 % of the
+error of b in most records.
 """
 
 NOTABLE_INERTIA = 0.02
