@@ -185,12 +185,37 @@ def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
     print_models(summary)
     console.print("online estimators", style="bold")
     print_estimates(summary["estimates"], {LEAST_SQUARES: summary["least_squares"]})
+    for line in disagreement_lines(summary):
+        console.print(f"  {line}", style="yellow")
     for line in evaluation_lines(summary):
         console.print(f"  {line}")
     print_estimated(console, summary)
     print_reading(console, summary)
     print_model(console, summary)
     print_gaps(console, summary)
+
+
+LARGEST_DIFFERENCE = 0.1
+"""Difference of the k of an online estimator from the result that is stated, relative to k."""
+
+
+def disagreement_lines(summary: Mapping[str, Any]) -> list[str]:
+    """Return whether online estimates differ from the result, as at most one line."""
+    result = summary["result"]
+    if not result["identifiable"]:
+        return ["the record does not support these estimates: see the reasons of the result"]
+    k = result["k"]
+    low = min(result["k_low"], k - LARGEST_DIFFERENCE * abs(k))
+    high = max(result["k_high"], k + LARGEST_DIFFERENCE * abs(k))
+    rows = summary["estimates"].items()
+    names = [name for name, row in rows if math.isfinite(row["k"]) and not low <= row["k"] <= high]
+    if not names:
+        return []
+    return [
+        f"k of {', '.join(names)} differs by more than {LARGEST_DIFFERENCE:.0%} from the result: "
+        "an online estimator fits one Kelvin-Voigt body to the whole motion about the datum; "
+        "publish the result"
+    ]
 
 
 def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:

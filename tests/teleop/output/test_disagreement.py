@@ -1,0 +1,26 @@
+"""The output states where online estimates differ from the result, and where nothing supports them."""
+
+from __future__ import annotations
+
+import math
+
+from teleop.output.estimate_tables import disagreement_lines
+
+
+def summary(*, identifiable=True, **k):
+    result = {"identifiable": identifiable, "k": 500.0, "k_low": 490.0, "k_high": 510.0}
+    return {"result": result, "estimates": {name: {"k": value} for name, value in k.items()}}
+
+
+def test_estimators_that_differ_from_the_result_are_named():
+    (line,) = disagreement_lines(summary(rls=18.1, ai=540.0, me=600.0, kalman=math.nan))
+    assert line.startswith("k of rls, me differs by more than 10% from the result")
+
+
+def test_nothing_is_stated_where_the_estimates_agree():
+    assert disagreement_lines(summary(rls=495.0, ai=548.0)) == []
+
+
+def test_a_record_without_a_result_supports_no_estimate():
+    (line,) = disagreement_lines(summary(identifiable=False, rls=18.1))
+    assert "does not support these estimates" in line
