@@ -2,9 +2,11 @@
 
 The force of a body has the frequency of the motion and its harmonics. A line of the spectrum
 between the harmonics, without such a line in the position, is interference. A harmonic of the third
-or a higher order is also interference if the harmonics near it are much smaller. Interference at
-the frequency of the motion, and at twice this frequency, cannot be distinguished from the force of
-a body.
+or a higher order is also interference if the harmonics near it are much smaller, except a third
+harmonic with the phase of an elastic force: a specimen that is equally stiff in both directions has
+no other.
+Interference at the frequency of the motion, and at twice this frequency, cannot be distinguished
+from the force of a body.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from scipy.ndimage import median_filter
 from estimation.arrays import Floats
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
+    CUBIC_PHASE,
     FEWEST_LINE_CYCLES,
     LEAST_LINE,
     LINE_FLOOR,
@@ -82,9 +85,25 @@ def interference(record: SmoothedRecord) -> Line | None:
             continue
         if abs(i - order * exact) > LINE_WIDTH:
             found.append(Line(i * step, float(force[i]), 0))
-        elif order > 2 and is_alone(force, exact, order):
+        elif order > 2 and is_alone(force, exact, order) and not is_cubic(record, order):
             found.append(Line(i * step, float(force[i]), order))
     return max(found, key=lambda line: line.amplitude, default=None)
+
+
+def is_cubic(record: SmoothedRecord, order: int) -> bool:
+    """Return whether a line is a third harmonic with the phase of the cube of the position."""
+    if order != 3:
+        return False
+    t = record.clock - record.clock.mean()
+    window = np.hanning(len(t))
+    fundamental, third = (
+        complex(
+            (window * (values - values.mean())) @ np.exp(-2j * np.pi * n * record.frequency * t)
+        )
+        for values, n in ((record.raw_x, 1), (record.raw_f, 3))
+    )
+    ratio = third * (abs(fundamental) / fundamental) ** 3
+    return abs(ratio.imag) < CUBIC_PHASE * abs(ratio)
 
 
 def is_alone(force: Floats, motion: float, order: int) -> bool:

@@ -145,7 +145,7 @@ def find_lost_motion(record: SmoothedRecord, phases: Phases) -> LostMotion | Non
         return None
     half_width, error = minimum(
         {
-            one.half_width: n * math.log(float(one.residual @ one.residual))
+            one.half_width: n * math.log(max(float(one.residual @ one.residual), 1e-300))
             for one in found
             if (one.shape, one.model) == (best.shape, best.model)
         }
@@ -156,7 +156,7 @@ def find_lost_motion(record: SmoothedRecord, phases: Phases) -> LostMotion | Non
     gain = regressors.prediction_error(record.raw_x, rigid.model) - regressors.prediction_error(
         chosen.tip(record.raw_x), best.model
     )
-    fitted_gain = math.log(float(np.std(rigid.residual)) / float(np.std(best.residual)))
+    fitted_gain = math.log(np.std(rigid.residual) / max(float(np.std(best.residual)), 1e-300))
     return chosen if gain > min(LOST_MOTION_PREDICTION, 0.5 * fitted_gain) else None
 
 

@@ -486,3 +486,6 @@ FEWEST_ISOLATED_CYCLES = 2
 SAME_TRAVEL = 0.1
 """Largest relative difference of the travel of compared cycles: the stiffness of a nonlinear body
 depends on the travel."""
+CUBIC_PHASE = 0.3
+"""Largest part of a third harmonic across the phase of the cube of the position, for an elastic
+force; damping adds such a part."""

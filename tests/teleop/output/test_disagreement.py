@@ -1,4 +1,4 @@
-"""The output states where online estimates differ from the result, and where nothing supports them."""
+"""The output states where online estimates differ from the result, or nothing supports them."""
 
 from __future__ import annotations
 

@@ -136,3 +136,23 @@ def test_equal_clocks_and_softening_are_no_drift_of_the_lag():
     for found in (shifted(1000.0, clock=0.0), shifted(1000.0, softer, clock=0.0)):
         assert found.determines("b")
         assert not any("clocks" in text for text in found.reasons)
+
+
+def seven_cycles(stiffness):
+    t = np.arange(0.0, 10.0, 5e-3)
+    x = 5e-3 + 2e-3 * np.sin(2.0 * np.pi * 0.75 * t)
+    return result(t, x, stiffness(t) * x)
+
+
+@pytest.mark.parametrize("change", [1.5, 0.7])
+def test_two_of_seven_cycles_with_another_stiffness_are_a_change(change):
+    found = seven_cycles(lambda t: np.where((t > 3.4) & (t < 6.6), change * 500.0, 500.0))
+    (text,) = (reason for reason in found.reasons if "changes over the cycles" in reason)
+    first, last = re.findall(r"from (\S+) to (\S+) N/m between", text)[0]
+    assert float(first) == pytest.approx(500.0, rel=0.02)
+    assert float(last) == pytest.approx(change * 500.0, rel=0.1)
+
+
+def test_seven_cycles_with_the_same_stiffness_are_no_change():
+    found = seven_cycles(lambda t: np.full(len(t), 500.0))
+    assert not any("changes" in reason for reason in found.reasons)

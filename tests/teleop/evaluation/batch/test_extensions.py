@@ -111,6 +111,7 @@ def test_the_effect_of_a_mass_is_stated_if_a_single_sine_cannot_show_it():
     found = analysed(x, 800.0 * x + 3.0 * v + 0.4 * a)
     change = found.result.k_change_per_100g
     assert found.result.k + 4.0 * change == pytest.approx(800.0, rel=0.01)
+    assert any(reason.startswith("inertia: 100 g") for reason in found.result.reasons)
     assert MASS not in kinds(found)
 
 

@@ -56,3 +56,30 @@ def test_force_and_depth_are_a_point_of_a_record_whose_position_drifts():
         x, f = record.x - record.x.min(), record.f
         near = np.hypot((x - found.depth) / np.ptp(x), (f - found.force) / np.ptp(f))
         assert near.min() < 0.1
+
+
+def bonded(gap, stiffening=0.0):
+    """A bonded specimen behind a gap, which its damping crosses slowly."""
+    t = np.arange(0.0, 10.0, 2e-3)
+    x = 2e-3 * np.sin(2.0 * np.pi * 0.7 * t)
+    k, b, dt = 1500.0, 8.0, 2e-3
+    y, tips = 0.0, []
+    for position in x:
+        y = min(max(y * b / (b + k * dt), position - gap), position + gap)
+        tips.append(y)
+    tip = np.array(tips)
+    force = k * tip + b * np.gradient(tip, dt) + stiffening * tip**3
+    return analysis(t, x + 7e-3, force).result
+
+
+def test_no_stiffness_is_stated_in_a_gap_of_a_bonded_specimen():
+    found = bonded(0.3e-3)
+    assert found.k is None
+    assert "a gap (lost motion) between position sensor and specimen" in found.reasons[0]
+
+
+@pytest.mark.parametrize("stiffening", [0.0, 5e8])
+def test_a_specimen_without_a_gap_has_a_stiffness_at_zero_force(stiffening):
+    found = bonded(0.0, stiffening)
+    assert found.k == pytest.approx(1500.0, rel=0.03)
+    assert not any("gap" in reason for reason in found.reasons)
