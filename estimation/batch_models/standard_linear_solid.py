@@ -75,7 +75,7 @@ def fit_standard_linear_solid(data: BatchData) -> BatchFit:
     k, k1, f0, start = theta.tolist()
     rows = data.rows
     fitted = [
-        FittedParameter("k", k, "N/m", regressors[rows, 0]),
+        FittedParameter("k", k, "N/m", regressors[rows, 0], (0.0, math.inf)),
         FittedParameter("k1", k1, "N/m", regressors[rows, 1], (0.0, math.inf)),
         FittedParameter("tau", tau, "s", slope[rows], (1.2 * shortest, 0.5 * seconds)),
         FittedParameter("f0", f0, "N", regressors[rows, 2], may_vanish=True),

@@ -78,6 +78,10 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
     frequency = result["damping_at_hz"]
     if result["b"] is not None and frequency is not None:
         lines.append(f'b is the equivalent viscous damping k"/omega at {frequency:.3g} Hz')
+    if result["b"] is not None and result["friction_n"]:
+        lines.append("b is the damping besides the friction in the specimen")
+    elif result["b"] is not None and result["damping_by_depth"]:
+        lines.append("b is the damping at the depth of k")
     transmission = summary.get("transmission") or {}
     corrected = [
         f"{name} of {factor * transmission[key]:.4g} {unit}"

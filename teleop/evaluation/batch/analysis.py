@@ -280,6 +280,11 @@ class Analysis:
             if lock_in is None:
                 return None
             found = lock_in
+            if result.damping_at_hz is not None:
+                # the interval of b also contains the errors of the transmission
+                found = lock_in._replace(
+                    loss=result.b * omega, loss_half=(result.b - result.b_low) * omega
+                )
         else:
             return None
         return complex_row(found, record.frequency)

@@ -227,8 +227,8 @@ def gap_at(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> Rea
         return None
     flat = places[slopes < 0.5 * (slopes[least] + min(sides))]
     return Reason(
-        f"the stiffness is not determined at {position * 1e3:.4g} mm: between "
-        f"{flat.min() * 1e3:.4g} and {flat.max() * 1e3:.4g} mm, the slope of the force falls to "
+        f"the stiffness is not determined: it would be stated at {position * 1e3:.4g} mm, and "
+        f"between {flat.min() * 1e3:.4g} and {flat.max() * 1e3:.4g} mm, its slope falls to "
         f"{STIFFNESS.text(float(slopes[least]), '.3g')}, and is {STIFFNESS.text(sides[0], '.4g')} "
         f"and {STIFFNESS.text(sides[1], '.4g')} on both sides: a gap (lost motion) between "
         "position sensor and specimen, or a specimen that buckles"

@@ -29,6 +29,7 @@ from estimation.quantities import DAMPING, STIFFNESS
 from estimation.stiffening import Interval
 from estimation.transmission import TransmissionCalibration
 from teleop.evaluation.batch.candidate import DEPTH_DAMPING, FRICTION, MASS
+from teleop.evaluation.batch.complex_stiffness import complex_stiffness
 from teleop.evaluation.batch.constancy import change_over_cycles, cycles_of, drift_of_lag
 from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.extension_texts import NO_PARTS, described
@@ -237,6 +238,15 @@ def stiffness_result(
         LEVEL_95 * math.hypot(local.b_std, 0.5 * (local.b - second.b)),
         transmission.damping_error(local.k, per_speed),
     )
+    lock_in = None
+    if record.sinusoidal and phases.free_force is None and frequency_of_loss(local):
+        lock_in = complex_stiffness(record)
+    if lock_in and not local.is_linear:
+        # the fundamentals determine the loss of a sine, the models also how it depends on depth
+        omega = 2.0 * math.pi * record.frequency
+        half = math.hypot(lock_in.loss_half / omega, transmission.damping_error(local.k, per_speed))
+        if half < half_b:
+            local, half_b = replace(local, b=lock_in.loss / omega), half
     cycles = cycles_of(record, phases)
     change = change_over_cycles(cycles)
     drift = drift_of_lag(cycles)
@@ -260,8 +270,7 @@ def stiffness_result(
         return without_result([*against, *faults])
     half_k = max(half_k, where.difference)
     if change:
-        typical = float(np.mean(cycles.k))
-        half_k = max(half_k, local.k * max(abs(k / typical - 1.0) for k in change.k))
+        half_k = max(half_k, *(abs(local.k - k) for k in change.k))
     if line:
         faults = [*faults, Reason(line.text)]
     found = [*faults, *remarks(record, phases, local, change)]
