@@ -71,13 +71,13 @@ KNOT_DEGREES = (1, 2, 3)
 KNOT_RESIDUAL = 2.0
 """Largest residual with an approximate knot, relative to that of the best model without knot, for
 which the knot is refined."""
-WIDTH_FACTORS = (1.4, 1.19, 1.09)
-"""Factors by which the width is then changed."""
 SHARP_KNOT_RESIDUAL = 1.5
 """Largest residual with a sharp knot, relative to that of the best model without knot, for which
 smooth transitions are tried."""
 KNOT_WIDTHS = (0.0, 0.05, 0.1, 0.2)
 """Widths of the transition at a knot that are tried, as fractions of half of the travel."""
+WIDTH_FACTORS = (1.4, 1.19, 1.09)
+"""Factors by which the best of these widths is changed, in both directions, one after another."""
 
 
 class Base(NamedTuple):
@@ -219,7 +219,8 @@ class Screening:
             if kind == FRICTION and base.times:  # together they imitate lost motion
                 continue
             own = len([c for one in base.extensions for c in one.columns])
-            used = [*range(base.degree + 1), *range(6, 6 + len(base.relaxing))]
+            first = 1 + len(DEGREES)  # velocity and powers of the position come before
+            used = [*range(base.degree + 1), *range(first, first + len(base.relaxing))]
             used += range(self.extended, self.extended + own)
             found = []
             for values, at in self.places[kind]:

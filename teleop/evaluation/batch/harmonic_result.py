@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
 from estimation.estimator import LEVEL_95
 from estimation.stiffening import Interval
 from estimation.transmission import TransmissionCalibration
@@ -54,8 +52,7 @@ def harmonic_result(
     if fit.line and not change:  # a change of the stiffness also gives lines
         found.append(Reason(fit.line.text))
     if change:
-        typical = float(np.mean(fit.cycles.k))
-        half_k = max(half_k, k * max(abs(one / typical - 1.0) for one in change.k))
+        half_k = max(half_k, *(abs(k - one) for one in change.k))
         found.append(Reason(change.text))
     size = 2.0 * fit.force.amplitude
     if fit.drift > SMALL_BASELINE * size + 0.5 * fit.force.step:

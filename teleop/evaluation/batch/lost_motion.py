@@ -102,6 +102,7 @@ class HysteresisFit(NamedTuple):
     half_width: float
     """Half width d of the hysteresis [m]; 0 without a hysteresis."""
     shape: str
+    """One of `SHAPES`, or "friction" for friction inside the specimen; empty without hysteresis."""
     model: Model
     parameters: int
     """Number of fitted parameters, including d."""

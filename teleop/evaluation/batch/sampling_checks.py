@@ -45,7 +45,7 @@ from teleop.evaluation.batch.thresholds import (
     STALLED_SHARE,
     STEEPEST_LOSS,
 )
-from teleop.evaluation.reading.signals import Signals, periods, smallest_step
+from teleop.evaluation.reading.signals import Signals, selected, smallest_step
 from teleop.evaluation.reason import Reason
 
 
@@ -111,17 +111,12 @@ def without_held(signals: Signals) -> tuple[Signals, list[Reason]]:
     if not held:
         return signals, []
     slowest = max(held, key=lambda name: held[name][1])
-    kept = held[slowest][0]
-    after_gap = np.zeros(len(signals.t), dtype=np.bool_)
-    after_gap[list(signals.gaps)] = True
-    passed = np.cumsum(after_gap)[kept]
-    gaps = tuple((np.flatnonzero(np.diff(passed)) + 1).tolist())
-    used = {}
+    used = selected(signals, held[slowest][0])
     for name, values in channels.items():
-        used[name] = values[kept]
         if name in held and name != slowest:
             at = held[name][0]
-            used[name] = np.interp(signals.t[kept], signals.t[at], values[at])
+            between = np.interp(used.t, signals.t[at], values[at])
+            used = used._replace(x=between) if name == "position" else used._replace(f=between)
     period = float(np.median(signals.dt))
     remarks = [
         Reason(
@@ -131,11 +126,7 @@ def without_held(signals: Signals) -> tuple[Signals, list[Reason]]:
         )
         for name, (_, typical) in held.items()
     ]
-    t = signals.t[kept]
-    used_signals = signals._replace(
-        t=t, x=used["position"], f=used["force"], dt=periods(t), gaps=gaps
-    )
-    return used_signals, remarks
+    return used, remarks
 
 
 def without_stalls(signals: Signals) -> tuple[Signals, list[Reason]]:
@@ -159,15 +150,7 @@ def without_stalls(signals: Signals) -> tuple[Signals, list[Reason]]:
                 )
     if not remarks or np.count_nonzero(kept) < FEWEST_STALLED:
         return signals, []
-    t = signals.t[kept]
-    passed = np.cumsum(~kept)[kept]
-    for gap in signals.gaps:
-        passed = passed + (np.flatnonzero(kept) >= gap)
-    gaps = tuple((np.flatnonzero(np.diff(passed)) + 1).tolist())
-    return (
-        signals._replace(t=t, x=signals.x[kept], f=signals.f[kept], dt=periods(t), gaps=gaps),
-        remarks,
-    )
+    return selected(signals, kept, breaks=~kept), remarks
 
 
 def is_stalled(signals: Signals, name: str, start: int, end: int) -> bool:

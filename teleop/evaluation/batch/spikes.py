@@ -11,7 +11,7 @@ from teleop.evaluation.batch.thresholds import (
     SPIKE_NEIGHBOURS,
     SPIKE_SCATTER,
 )
-from teleop.evaluation.reading.signals import Signals, periods
+from teleop.evaluation.reading.signals import Signals, selected
 from teleop.evaluation.reason import Reason
 
 
@@ -32,13 +32,8 @@ def without_spikes(signals: Signals) -> tuple[Signals, list[Reason]]:
     count = int(np.count_nonzero(found))
     if not 0 < count <= max(1, MOST_SPIKES * len(f)):
         return signals, []
-    kept = ~found
-    t = signals.t[kept]
-    gaps = tuple(int(np.count_nonzero(kept[:gap])) for gap in signals.gaps)
     text = (
         f"the force has {count} isolated {'spike' if count == 1 else 'spikes'} of up to "
         f"{float(away[found].max()):.3g} N, each in a single sample: outliers, which are not used"
     )
-    return signals._replace(t=t, x=signals.x[kept], f=f[kept], dt=periods(t), gaps=gaps), [
-        Reason(text)
-    ]
+    return selected(signals, ~found), [Reason(text)]

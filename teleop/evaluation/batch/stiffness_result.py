@@ -394,7 +394,7 @@ def with_lost_motion(
         return without_result([Reason(text, MEASURE)])
     b = low = high = None
     without = f"{STIFFNESS.text(plain.k)} and {DAMPING.text(plain.b)}"
-    text += f", which is removed; k and b would be {without} with it"
+    text += f", which is removed; without this correction, k and b are {without}"
     reasons = result.reasons
     if result.b is not None and result.b_high is not None:
         half_b = math.hypot(result.b_high - result.b, UNCERTAIN_CORRECTION * (result.b - plain.b))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +64,22 @@ def periods(t: Floats) -> Floats:
     """
     steps = np.diff(t)
     return np.concatenate(([np.median(steps)], steps))
+
+
+def selected(
+    signals: Signals, kept: NDArray[Any], breaks: NDArray[np.bool_] | None = None
+) -> Signals:
+    """Return some of the samples; `kept` is a mask or contains indices.
+
+    A gap of the record remains a gap. A sample in the mask `breaks` is also one.
+    """
+    marks = np.zeros(len(signals.t), dtype=np.intp) if breaks is None else breaks.astype(np.intp)
+    marks[list(signals.gaps)] += 1
+    gaps = np.flatnonzero(np.diff(np.cumsum(marks)[kept])) + 1
+    t = signals.t[kept]
+    return signals._replace(
+        t=t, x=signals.x[kept], f=signals.f[kept], dt=periods(t), gaps=tuple(gaps.tolist())
+    )
 
 
 def read_signals(
