@@ -40,8 +40,8 @@ class Extension(NamedTuple):
     kind: str
     """Kind: `KNOT`, `DEPTH_DAMPING`, `MASS` or `FRICTION`."""
     values: tuple[float, ...]
-    """Normalised position and width of a knot; half widths r of the friction [m]; number of columns
-    of the damping that depends on depth; empty for a mass."""
+    """Normalised position and width of a knot; slip of the friction [m]; number of columns of the
+    damping that depends on depth; empty for a mass."""
     columns: tuple[Floats, ...]
     """Regressors at the fitted samples."""
 
@@ -63,8 +63,8 @@ class FittedPart(NamedTuple):
     """The physical quantities of a fitted extension, in SI units.
 
     A knot has its position, and the stiffness before and after it. Damping that depends on depth
-    has its value at the lowest, the middle and the highest position. Friction has its force, and
-    the force of each stop operator. A mass has one value.
+    has its value at the lowest, the middle and the highest position. Friction has its force,
+    and a mass has one value.
     """
 
     kind: str
@@ -119,6 +119,30 @@ class Candidate(NamedTuple):
         # The second column of a knot stands for its position.
         widths = sum(len(one.values) for one in self.extensions if one.kind == FRICTION)
         return len(self.theta) + len(self.times) + widths
+
+    @property
+    def powers(self) -> Floats:
+        """Coefficients of the powers 1, 2, ... of the normalised position in P [N]."""
+        return self.theta[self._first_relaxing - self.degree : self._first_relaxing]
+
+    @property
+    def relaxing_force(self) -> Floats:
+        """Sum of the relaxing parts after smoothing [N], shape (n,); one 0 without such parts."""
+        coefficients = self.theta[self._first_relaxing :][: len(self.relaxing)]
+        parts = (c * z for c, z in zip(coefficients, self.relaxing, strict=True))
+        return np.asarray(sum(parts, start=np.zeros(1)))
+
+    @property
+    def _first_relaxing(self) -> int:
+        extended = sum(len(one.columns) for one in self.extensions)
+        return len(self.theta) - extended - len(self.relaxing)
+
+    @property
+    def change_of_stiffness(self) -> float:
+        """Change of the slope of P over the middle half of the travel, relative to its mean."""
+        order = np.arange(1, self.degree + 1)
+        slopes = np.linspace(-0.5, 0.5, 11)[:, None] ** (order - 1) @ (order * self.powers)
+        return float(np.ptp(slopes) / max(abs(float(slopes.mean())), 1e-300))
 
     def part(self, kind: str) -> FittedPart | None:
         """Return the physical quantities of one kind of extension; None without this kind."""
@@ -284,11 +308,8 @@ def fit_candidate(
                 at_place[depth_damping] = place_at**orders
                 damping.append(value(at_place))
             parts.append(FittedPart(DEPTH_DAMPING, tuple(damping)))
-        elif one.kind == MASS:
-            parts.append(FittedPart(MASS, (value(unit),)))
         else:
-            each = [r * np.eye(m)[at + i] for i, r in enumerate(one.values)]
-            parts.append(FittedPart(FRICTION, (value(sum(each)), *(value(g) for g in each))))
+            parts.append(FittedPart(one.kind, (value(unit),)))
     found = Candidate(
         degree=degree,
         times=times,

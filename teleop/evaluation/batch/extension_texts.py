@@ -14,7 +14,11 @@ from teleop.evaluation.batch.candidate import (
     FittedPart,
 )
 from teleop.evaluation.batch.local_stiffness import LocalStiffness
-from teleop.evaluation.batch.thresholds import LEAST_LAYER_RATIO, MOST_LAYER_DEGREE
+from teleop.evaluation.batch.thresholds import (
+    LEAST_LAYER_RATIO,
+    MOST_LAYER_DEGREE,
+    NOTABLE_STIFFENING,
+)
 
 NO_PARTS: dict[str, Any] = {
     "layers": None,
@@ -79,7 +83,7 @@ def phrases(best: Candidate, zero: float, sinusoidal: bool) -> list[str]:
             f"interval {low:.4g} to {high:.4g}): {STIFFNESS.text(before.value, '.4g')} before, "
             f"{STIFFNESS.text(after.value, '.4g')} after"
         )
-    elif best.degree > 1 or best.part(KNOT):
+    elif best.change_of_stiffness > NOTABLE_STIFFENING or best.part(KNOT):
         found.append(f"the stiffness depends on depth (degree {best.degree})")
     if part := best.part(DEPTH_DAMPING):
         low_b, _, high_b = part.values

@@ -6,10 +6,10 @@ The candidates of `teleop.evaluation.batch.local_stiffness` are extended by one 
   It describes a soft layer on a stiff one;
 - damping that depends on depth: the terms s v and s^2 v (Hunt and Crossley);
 - the mass of parts between the force sensor and the specimen: the acceleration;
-- friction in the specimen: the stop operator x - play_r(x) with the half width r.
+- friction in the specimen, which builds up over a slip (`teleop.evaluation.batch.friction`).
 
-All of them are linear in their coefficients. The knot and the half width r are searched. The search
-uses approximate columns, which are computed from the smoothed position. Only the best extension of
+All of them are linear in their coefficients. The knot and the slip are searched. The search uses
+approximate columns, which are computed from the smoothed position. Only the best extension of
 each kind is then fitted exactly, with columns that are smoothed like the force. It is kept if the
 Bayesian information criterion with the effective number of samples decreases by more than
 `BETTER_BIC`. The effective number is smaller than the number of samples if the residual is
@@ -18,8 +18,7 @@ autocorrelated. Otherwise, a small systematic misfit would count as strong evide
 References
 ----------
 K. H. Hunt, F. R. E. Crossley, "Coefficient of restitution interpreted as damping in vibroimpact",
-J. Applied Mechanics 42(2), 1975; M. Brokate, J. Sprekels, "Hysteresis and Phase Transitions",
-Springer, 1996 (play and stop operators); G. H. Golub, V. Pereyra, "The differentiation of
+J. Applied Mechanics 42(2), 1975; G. H. Golub, V. Pereyra, "The differentiation of
 pseudo-inverses and nonlinear least squares problems whose variables separate", SIAM J. Numer. Anal.
 10(2), 1973.
 """
@@ -28,7 +27,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -36,7 +34,6 @@ from numpy.typing import NDArray
 
 from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
-from estimation.filters import Play
 from teleop.evaluation.batch.candidate import (
     DEPTH_DAMPING,
     FRICTION,
@@ -47,15 +44,16 @@ from teleop.evaluation.batch.candidate import (
     fit_candidate,
     knot_force,
 )
+from teleop.evaluation.batch.friction import friction_forces
 from teleop.evaluation.batch.regression_rows import DEGREES, RegressionRows
 from teleop.evaluation.batch.thresholds import (
     BETTER_BIC,
-    FRICTION_WIDTHS,
+    FRICTION_SLIPS,
     KNOTS,
     LARGEST_KNOT,
     LEAST_MISFIT,
     LEAST_PART,
-    LEAST_STOP_NOISE,
+    LEAST_SLIP_NOISE,
 )
 
 PARTS_OF_RECORD = 8
@@ -78,6 +76,10 @@ KNOT_WIDTHS = (0.0, 0.05, 0.1, 0.2)
 """Widths of the transition at a knot that are tried, as fractions of half of the travel."""
 WIDTH_FACTORS = (1.4, 1.19, 1.09)
 """Factors by which the best of these widths is changed, in both directions, one after another."""
+
+
+SLIP_FACTORS = (1.4, 1.19, 1.09, 1.04, 1.02)
+"""Factors by which the best slip is changed, in both directions, one after another."""
 
 
 class Base(NamedTuple):
@@ -286,21 +288,17 @@ def approximate_columns(rows: RegressionRows, kind: str) -> tuple[Choices, list[
         return [((1.0,), [0]), ((2.0,), [0, 1])], [s * v, s**2 * v]
     if kind == MASS:
         return [((), [0])], [acceleration(rows)[index]]
-    every = max(1, record.stride // 4)
-    position, nearest = record.x[::every], index // every
-    widths = stop_widths(rows)
-    columns = [(position - Play(width).run(position))[nearest] for width in widths]
-    pairs = list(combinations(range(len(widths)), 2))
-    chosen = [[i] for i in range(len(widths))] + [[i, j] for i, j in pairs]
-    return [(tuple(widths[i] for i in one), one) for one in chosen], columns
+    slips = friction_slips(rows)
+    forces = friction_forces(record, np.array(slips))
+    return [((slip,), [i]) for i, slip in enumerate(slips)], list(forces[:, index])
 
 
-def stop_widths(rows: RegressionRows) -> list[float]:
-    """Return the half widths of the stop operator that are tried [m]."""
+def friction_slips(rows: RegressionRows) -> list[float]:
+    """Return the slips of the friction that are tried [m]."""
     record = rows.record
-    least = LEAST_STOP_NOISE * max(record.x_noise, record.count)
-    widths = [max(share * rows.scale, least) for share in FRICTION_WIDTHS]
-    return [width for width in dict.fromkeys(widths) if width < rows.scale]
+    least = LEAST_SLIP_NOISE * max(record.x_noise * record.noise_gain, record.count)
+    slips = [max(share * rows.scale, least) for share in FRICTION_SLIPS]
+    return [slip for slip in dict.fromkeys(slips) if slip < rows.scale]
 
 
 def fitted(rows: RegressionRows, trial: Trial, rms: float) -> Candidate | None:
@@ -323,6 +321,8 @@ def fitted(rows: RegressionRows, trial: Trial, rms: float) -> Candidate | None:
             least, values = min(found)
         if not math.isfinite(least):
             return None
+    if trial.kind == FRICTION:
+        values = (refined_slip(rows, base, values[0]),)
     extension = Extension(trial.kind, values, exact_columns(rows, trial.kind, values))
     return fit_candidate(
         rows,
@@ -367,6 +367,24 @@ def refined_knot(
     return least, (found, width)
 
 
+def refined_slip(rows: RegressionRows, base: Base, slip: float) -> float:
+    """Return the slip with the least sum of squares, near a first value [m]."""
+    further = [c for one in base.extensions for c in one.columns]
+
+    def squares(tried: float) -> float:
+        columns = exact_columns(rows, FRICTION, (tried,))
+        return float(
+            np.sum(rows.fit(base.degree, base.relaxing, [*further, *columns]).residual ** 2)
+        )
+
+    least = squares(slip)
+    for factor in SLIP_FACTORS:
+        for tried in (slip * factor, slip / factor):
+            if (own := squares(tried)) < least:
+                least, slip = own, tried
+    return slip
+
+
 def exact_columns(rows: RegressionRows, kind: str, values: tuple[float, ...]) -> tuple[Floats, ...]:
     """Return the columns of an extension at the fitted samples, smoothed like the force.
 
@@ -383,11 +401,7 @@ def exact_columns(rows: RegressionRows, kind: str, values: tuple[float, ...]) ->
         return tuple(rows.scale * derivative(rows, one)[index] for one in smoothed)
     if kind == MASS:
         return (acceleration(rows)[index],)
-    pieces = np.split(record.raw_x, record.starts[1:])
-    stops = (
-        np.concatenate([piece - Play(width).run(piece) for piece in pieces]) for width in values
-    )
-    return tuple(record.smoothed(stop)[index] for stop in stops)
+    return tuple(record.smoothed(z)[index] for z in friction_forces(record, np.array(values)))
 
 
 def acceleration(rows: RegressionRows) -> Floats:
@@ -405,11 +419,14 @@ def derivative(rows: RegressionRows, values: Floats) -> Floats:
 def is_physical(one: Candidate) -> bool:
     """Return whether the extensions of a fitted model can be those of a passive specimen.
 
-    Stiffness before and after a knot, mass and friction are positive, and the damping grows with
-    depth, and is positive at the highest position. With mass or friction, the damping is not
-    negative: a lag of the force or lost motion can otherwise look like mass or friction.
+    The elastic force rises with depth. Stiffness before and after a knot, mass and friction are
+    positive, and the damping grows with depth, and is positive at the highest position. With mass
+    or friction, the damping is not negative: a lag of the force or lost motion can otherwise look
+    like mass or friction.
     """
     negative = one.b < -LEVEL_95 * one.b_std
+    if not one.part(KNOT) and one.powers[::2].sum() <= 0.0:
+        return False
     for part in one.parts:
         values = [each.value for each in part.values]
         if part.kind == DEPTH_DAMPING and not values[0] < values[1] < values[2] > 0.0:

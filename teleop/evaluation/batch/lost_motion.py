@@ -35,6 +35,7 @@ from estimation.arrays import Floats
 from estimation.smoothing import slope_kernel, smoothing_kernel
 from estimation.stiffening import Interval
 from teleop.evaluation.batch.contact_phases import Phases
+from teleop.evaluation.batch.friction import friction_forces
 from teleop.evaluation.batch.regression_rows import RegressionRows
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
@@ -57,6 +58,9 @@ DEGREES, DAMPINGS = 5, 3
 """Largest degree of the polynomial P(x) in the models, and largest number of damping terms."""
 TIMES = 4
 """Number of relaxing parts in the models that contain relaxation."""
+LEAST_SLIP, SLIPS = 0.002, 1.7
+"""Least slip of friction in the specimen, as a fraction of the amplitude, and largest ratio of a
+refined slip to the best one."""
 CHI_SQUARE_95 = 3.841
 """Quantile of the chi-square distribution with one degree of freedom."""
 
@@ -135,10 +139,11 @@ def find_lost_motion(record: SmoothedRecord, phases: Phases) -> LostMotion | Non
         found += tried + regressors.tried(shape, np.geomspace(*ends, REFINED))
     n = independent_values(min(found, key=lambda one: one.criterion(len(rows.index))).residual)
     best = min(found, key=lambda one: one.criterion(n))
-    without = min(
-        [*plain, *regressors.with_friction(np.geomspace(least, widest, WIDTHS))],
-        key=lambda one: one.criterion(n),
-    )
+    rubbing = regressors.with_friction(np.geomspace(LEAST_SLIP * rows.scale, widest, WIDTHS))
+    if rubbing:
+        near = min(rubbing, key=lambda one: one.criterion(n)).half_width
+        rubbing += regressors.with_friction(np.geomspace(near / SLIPS, near * SLIPS, 2 * REFINED))
+    without = min([*plain, *rubbing], key=lambda one: one.criterion(n))
     if without.criterion(n) - best.criterion(n) < LOST_MOTION_BIC:
         return None
     rigid = min(plain, key=lambda one: one.criterion(n))
@@ -197,22 +202,19 @@ class Regressors:
             for fit, _ in self._fits(columns, half_width, shape)
         ]
 
-    def with_friction(self, half_widths: Floats) -> list[HysteresisFit]:
+    def with_friction(self, slips: Floats) -> list[HysteresisFit]:
         """Fit all models with friction inside the specimen, beside its elastic force.
 
-        Its force is proportional to the distance between the position and the output of a play
-        operator. It has the opposite sign of the effect of lost motion.
+        It has the opposite effect of lost motion.
         """
-        x = self._record.raw_x
-        stops = x - self._played(half_widths)
         width = self._record.width / self._record.period
-        forces = self._at_rows(stops / self._rows.scale, smoothing_kernel(width))
+        forces = self._at_rows(friction_forces(self._record, slips), smoothing_kernel(width))
         forces = forces - (forces @ self._basis) @ self._basis.T
-        common = self._columns(x[None])[0]
+        common = self._columns(self._record.raw_x[None])[0]
         return [
             fit
-            for half_width, force in zip(half_widths.tolist(), forces, strict=True)
-            for fit, friction in self._fits(common, half_width, "friction", force)
+            for slip, force in zip(slips.tolist(), forces, strict=True)
+            for fit, friction in self._fits(common, slip, "friction", force)
             if friction > 0.0
         ]
 

@@ -19,7 +19,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
 from estimation.quantities import STIFFNESS
 from teleop.evaluation.batch.candidate import KNOT, Candidate
@@ -80,7 +79,7 @@ def slopes_of_cycles(
     model of the record.
     """
     begins = [phase.start for phase in phases.phases if phase.name == "loading"]
-    relaxing = relaxing_force(best, len(record.x))
+    relaxing = np.broadcast_to(best.relaxing_force, record.x.shape)
     layers = best.part(KNOT)
     knot = layers.values[0].value if layers else math.inf
     # the force at the knot is smoothed as the record is
@@ -122,20 +121,12 @@ def slopes_of_cycles(
             continue
         nearest = int(np.argmin(np.abs(elastic - level)))
         at = float(grid[nearest])
+        measured = float(np.interp(at, s[loading], record.f[part[loading]]))
         slope = float(theta[1] + at * (2.0 * theta[2] + 3.0 * at * theta[3]))
         slope += stiffer if at > change else 0.0
         slope = (slope + float(np.gradient(along, grid)[nearest])) / travel
-        found.append(Slope(slope, Point(level, float(x.mean()) + at * travel)))
+        found.append(Slope(slope, Point(measured, float(x.mean()) + at * travel)))
     return found
-
-
-def relaxing_force(best: Candidate, n: int) -> Floats:
-    """Return the sum of the relaxing parts of a model after smoothing [N], shape (n,)."""
-    extended = sum(len(one.columns) for one in best.extensions)
-    first = len(best.theta) - extended - len(best.relaxing)
-    coefficients = best.theta[first : first + len(best.relaxing)]
-    parts = zip(coefficients, best.relaxing, strict=True)
-    return np.asarray(sum((c * z for c, z in parts), start=np.zeros(n)))
 
 
 def measured_point(
@@ -144,7 +135,7 @@ def measured_point(
     """Return the recorded point at which k is stated, or the reason why k is not reported."""
     stated = Point(local.best.force, local.best.position)
     if record.order == 0:
-        return stated if was_measured(record, phases, local) else not_measured(stated)
+        return loading_point(record, phases, local) or not_measured(stated)
     slopes = slopes_of_cycles(record, phases, local.best, stated.force)
     elsewhere = len(slopes) < FEWEST_SLOPE_CYCLES
     if elsewhere:
@@ -243,15 +234,26 @@ def not_measured(stated: Point) -> Reason:
     )
 
 
-def was_measured(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> bool:
-    """Return whether the record passes near the point at which k is stated, in loading."""
+def loading_point(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> Point | None:
+    """Return the point in loading at the position of k; None if the record does not pass near it.
+
+    The force of this point is that of the record. It contains the viscous force, which the force at
+    which the model has k does not contain.
+    """
+    stated = Point(local.best.force, local.best.position)
     part = phases.usable & (record.v > 0.0)
     if not part.any():
-        return True
-    x, f = record.x[part], record.f[part] - local.b * record.v[part]
+        return stated
+    x, f = record.x[part], record.f[part]
     noise = 3.0 * record.f_noise_smoothed
-    away_x = np.abs(x - local.best.position) / max(float(np.ptp(x)), 1e-300)
-    away_f = np.maximum(np.abs(f - local.best.force) - noise, 0.0) / max(float(np.ptp(f)), 1e-300)
+    size_x, size_f = (max(float(np.ptp(each)), 1e-300) for each in (x, f))
+    away_x = np.abs(x - stated.position) / size_x
+    away_f = np.abs(f - local.b * record.v[part] - stated.force)
+    distance = np.maximum(away_x, np.maximum(away_f - noise, 0.0) / size_f)
     # the distance to the path, not to its samples, which are far apart in fast motions
-    spacing = float(np.max(np.abs(record.v))) * record.period / max(float(np.ptp(x)), 1e-300)
-    return bool(np.min(np.maximum(away_x, away_f)) < POINT_DISTANCE + spacing)
+    spacing = float(np.max(np.abs(record.v))) * record.period / size_x
+    if np.min(distance) >= POINT_DISTANCE + spacing:
+        return None
+    near = away_x < POINT_DISTANCE + spacing
+    force = float(np.median(f[near] - local.k * (x[near] - stated.position)))
+    return Point(force, stated.position)

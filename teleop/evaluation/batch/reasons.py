@@ -349,12 +349,13 @@ def remarks(
                 else f", or {LOST_MOTION}"
             )
             what.append(f"force relaxes ({times}){similar}")
-        found.append(
-            Reason(
-                f"Kelvin-Voigt is insufficient: {' and '.join(what)}; residual {plain.rms:.2g} N, "
-                f"and {best.rms:.2g} N with that in the model"
+        if what:
+            found.append(
+                Reason(
+                    f"Kelvin-Voigt is insufficient: {' and '.join(what)}; residual {plain.rms:.2g} "
+                    f"N, and {best.rms:.2g} N with that in the model"
+                )
             )
-        )
     found += contact_remarks(record, local)
     if local.r2 < BAD_FIT_R2:
         found.append(

@@ -7,39 +7,46 @@ with z' = dy/dt - z / tau, where y is the position or the elastic force, and tau
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from itertools import combinations, pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from estimation.arrays import Floats
 from estimation.batch_models.relaxation import relaxing_part, value_at_start
-from estimation.robust_error import bayesian_criterion
 from teleop.evaluation.batch.candidate import Candidate, fit_candidate
 from teleop.evaluation.batch.regression_rows import RegressionRows, with_corners
 from teleop.evaluation.batch.smoothed_record import measurement_noise
-from teleop.evaluation.batch.thresholds import NEGLIGIBLE_BIC
+from teleop.evaluation.batch.thresholds import NEGLIGIBLE_BIC, SAME_TIME_RATIO
 
 TIMES = 10
-"""Number of relaxation time constants that are tried. They are between 4 widths of the smoothing
-kernel and `RegressionRows.longest_time`."""
+"""Number of time constants on the grid. They are between 4 widths of the smoothing kernel and
+`RegressionRows.longest_time`."""
+MOST_PARTS = 3
+"""Largest number of relaxing parts of a model. A spectrum that is continuous, such as that of a
+springpot or of a poroelastic body, needs more than two in a range of frequencies."""
 REFINEMENTS = 3
 """Number of times that the step of log tau is halved in the search around the best time
-constant."""
+constants of the grid."""
+NEVER_SINGULAR = 1e-13
+"""Increase of the diagonal of the normal equations, whose columns have the norm 1."""
+MOST_MODELS = 6
+"""Largest number of models of the same degree and number of relaxing parts that are returned."""
 
 
 class TriedTimes(NamedTuple):
     """A model of the force that was fitted with certain time constants."""
 
-    times: tuple[float, ...]
-    """Time constants of its relaxing parts [s]."""
     bic: float
     """Bayesian information criterion of the fit."""
+    times: tuple[float, ...]
+    """Time constants of its relaxing parts [s]."""
     is_passive: bool
-    """Whether the coefficients of all relaxing parts are zero or positive.
+    """Whether the coefficients of all relaxing parts are zero or positive, and P(x) rises.
 
     This is so for every passive body (generalised Maxwell body). Two relaxing parts with
-    coefficients of opposite signs can describe almost any change of the force. If the baseline of
-    the model also contains cosines, such a model does not determine the stiffness.
+    coefficients of opposite signs can describe almost any change of the force.
     """
 
 
@@ -55,15 +62,21 @@ class RelaxingParts:
         scale = float(np.std(y)) / max(float(np.std(record.raw_x)), 1e-300)
         self._largest_corner = rows.largest_corner * scale
         self._parts: dict[float, tuple[Floats, Floats]] = {}
+        self.begun_before = rows.order == 0 and bool(rows.phases.contact[0])
+        """Whether forces may relax that arose before the record; cosines would describe them."""
 
     def signals(self, times: tuple[float, ...]) -> tuple[list[Floats], list[Floats]]:
         """Return the relaxing parts with these time constants [s], in two forms.
 
         The first list contains the smoothed signals. The second list contains the same signals, but
-        with the values before the smoothing at sharp corners (see `with_corners`).
+        with the values before the smoothing at sharp corners (see `with_corners`). If the record
+        begins in contact, the relaxing parts have unknown values there. Then each list also
+        contains the decay of such a value, for each time constant.
         """
         parts = [self._part(tau) for tau in times]
-        return [smoothed for smoothed, _ in parts], [cornered for _, cornered in parts]
+        smoothed, cornered = [one for one, _ in parts], [one for _, one in parts]
+        decays = [np.exp(-self._record.clock / tau) for tau in times if self.begun_before]
+        return smoothed + decays, cornered + decays
 
     def _part(self, tau: float) -> tuple[Floats, Floats]:
         """Return the relaxing part with one time constant, in both forms."""
@@ -78,48 +91,108 @@ class RelaxingParts:
 def with_relaxation(
     rows: RegressionRows, y: Floats, degrees: tuple[int, ...], least_bic: float
 ) -> list[Candidate]:
-    """Return fitted models of the force that contain one or two relaxing parts.
+    """Return fitted models of the force that contain one or more relaxing parts.
 
-    Several time constants are tried. The models also contain a slow part of the force, the
-    baseline. If the baseline contains cosines, only passive models are returned. A model whose
-    Bayesian information criterion exceeds the least one by more than `NEGLIGIBLE_BIC` is left out.
+    All subsets of a grid of time constants are tried, and those near the best subset. Only passive
+    models are returned. A model whose Bayesian information criterion exceeds the least one by more
+    than `NEGLIGIBLE_BIC` is left out.
     """
     parts = RelaxingParts(rows, y)
     found = []
     for degree in degrees:
-        chosen: tuple[float, ...] = ()
-        for _ in range(2):
-            if not rows.allow(degree + len(chosen) + 1):
+        fits = FitsOfTimes(rows, parts, degree)
+        for count in range(1, MOST_PARTS + 1):
+            if not rows.allow(degree + count):
                 break
-            trials = search(rows, parts, degree, chosen)
-            chosen = min(trials, key=lambda one: one.bic).times
-            suitable = [one for one in trials if rows.order == 0 or one.is_passive]
+            suitable = [one for one in search(rows, fits, count) if one.is_passive]
             least_bic = min([least_bic, *(one.bic for one in suitable)])
             found += [
                 fit_candidate(rows, degree, one.times, *parts.signals(one.times))
-                for one in suitable
+                for one in sorted(suitable)[:MOST_MODELS]
                 if one.bic <= least_bic + NEGLIGIBLE_BIC
             ]
     return found
 
 
-def search(
-    rows: RegressionRows, parts: RelaxingParts, degree: int, chosen: tuple[float, ...]
-) -> list[TriedTimes]:
-    """Search the time constant of a further relaxing part; return all models that were fitted."""
+def search(rows: RegressionRows, fits: FitsOfTimes, count: int) -> list[TriedTimes]:
+    """Search the time constants of a number of relaxing parts; return all models that were fitted.
 
-    def tried(tau: float) -> TriedTimes:
-        times = (*chosen, tau)
-        relaxing, _ = parts.signals(times)
-        fit = rows.fit(degree, relaxing)
-        bic = bayesian_criterion(fit.residual, len(fit.theta) + len(times))
-        return TriedTimes(times, bic, bool(np.all(fit.theta[-len(times) :] >= 0.0)))
-
-    times = np.geomspace(4.0 * rows.record.width, rows.longest_time, TIMES).tolist()
-    trials = [tried(tau) for tau in times if tau not in chosen]
-    step = math.sqrt(times[1] / times[0])
+    The grid is searched completely, then the best time constants are changed one after another.
+    """
+    grid = np.geomspace(4.0 * rows.record.width, rows.longest_time, TIMES).tolist()
+    trials = fits.fitted(combinations(grid, count))
+    step = math.sqrt(grid[1] / grid[0])
     for _ in range(REFINEMENTS):
-        best = min(trials, key=lambda one: one.bic).times[-1]
         step = math.sqrt(step)
-        trials += [tried(best * step), tried(best / step)]
+        for i in range(count):
+            times = min(trials).times
+            changed = [
+                (*times[:i], times[i] * factor, *times[i + 1 :]) for factor in (step, 1.0 / step)
+            ]
+            trials += fits.fitted(
+                each
+                for each in changed
+                if all(long > SAME_TIME_RATIO * short for short, long in pairwise(each))
+            )
     return trials
+
+
+class FitsOfTimes:
+    """Fits of the models of one degree with any time constants of their relaxing parts.
+
+    The relaxing parts are projected onto the subspace that is orthogonal to all other regressors.
+    """
+
+    def __init__(self, rows: RegressionRows, parts: RelaxingParts, degree: int) -> None:
+        self._rows, self._parts = rows, parts
+        others = np.column_stack([rows.record.v[rows.index], *rows.powers[:degree]])
+        self._others, triangular = np.linalg.qr(self._beyond_baseline(others))
+        odd = np.arange(degree + 1) % 2 == 1  # the powers that change from s = -1 to s = 1
+        rise = np.linalg.lstsq(triangular.T, odd.astype(float), rcond=None)[0]
+        self._rise = self._others @ rise
+        """The product with a signal is the rise of P(x) in a fit to this signal."""
+        self._force = self._projected(rows.fits.rest)
+        self._parameters = rows.v_column + 1 + degree
+        self._columns: dict[float, list[tuple[Floats, float]]] = {}
+
+    def fitted(self, subsets: Iterable[tuple[float, ...]]) -> list[TriedTimes]:
+        """Fit the models with these time constants, of which all have the same number."""
+        chosen = list(subsets)
+        if not chosen:
+            return []
+        taus = sorted({tau for times in chosen for tau in times})
+        columns = np.column_stack([column for tau in taus for column, _ in self._columns_of(tau)])
+        gram, along = columns.T @ columns, columns.T @ self._force
+        gram.flat[:: len(gram) + 1] += NEVER_SINGULAR
+        each = len(gram) // len(taus)  # columns for each time constant
+        first = each * np.array([[taus.index(tau) for tau in times] for times in chosen])
+        at = np.concatenate([first + i for i in range(each)], axis=1)
+        theta = np.linalg.solve(gram[at[:, :, None], at[:, None, :]], along[at][:, :, None])[..., 0]
+        n, count = len(self._force), first.shape[1]
+        power = np.maximum(self._force @ self._force - np.sum(theta * along[at], axis=1), 1e-300)
+        parameters = self._parameters + (each + 1) * count
+        bics = n * np.log(power / n) + parameters * math.log(n)
+        rises = np.array([rise for tau in taus for _, rise in self._columns_of(tau)])
+        rise = self._rise @ self._rows.fits.rest - np.sum(theta * rises[at], axis=1)
+        passive = np.all(theta[:, :count] >= 0.0, axis=1) & (rise > 0.0)
+        return [
+            TriedTimes(*each) for each in zip(bics.tolist(), chosen, passive.tolist(), strict=True)
+        ]
+
+    def _columns_of(self, tau: float) -> list[tuple[Floats, float]]:
+        """Return the projected regressors of a time constant, with the norm 1, and their rises."""
+        if tau not in self._columns:
+            self._columns[tau] = []
+            for signal in self._parts.signals((tau,))[0]:
+                z = self._beyond_baseline(signal[self._rows.index])
+                column = self._projected(z)
+                size = max(float(np.linalg.norm(column)), 1e-300)
+                self._columns[tau].append((column / size, float(self._rise @ z) / size))
+        return self._columns[tau]
+
+    def _beyond_baseline(self, columns: Floats) -> Floats:
+        q = self._rows.fits.orthogonal
+        return np.asarray(columns - q @ (q.T @ columns))
+
+    def _projected(self, column: Floats) -> Floats:
+        return np.asarray(column - self._others @ (self._others.T @ column))

@@ -255,10 +255,13 @@ KNOTS = 17
 """Number of positions that are tried for a knot, before the position is refined."""
 LARGEST_KNOT = 0.8
 """Largest distance of these positions from the middle, as a fraction of half of the travel."""
-FRICTION_WIDTHS = (0.01, 0.025, 0.06, 0.15, 0.35)
-"""Half widths of the stop operator that are tried, as fractions of half of the travel."""
-LEAST_STOP_NOISE = 4.0
-"""Smallest half width of the stop operator, in standard deviations of the noise of the position."""
+FRICTION_SLIPS = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
+"""Slips of the friction that are tried, as fractions of half of the travel."""
+LEAST_SLIP_NOISE = 4.0
+"""Smallest slip, in standard deviations of the noise of the smoothed position."""
+NOTABLE_STIFFENING = 0.05
+"""Change of the stiffness over the middle half of the travel, relative to the stiffness, above
+which it is stated that the stiffness depends on depth."""
 NOTABLE_CHANGE = 0.02
 """Relative difference of k from that of the Kelvin-Voigt model above which a knot, mass, friction
 or damping that depends on depth is stated even if the residual of Kelvin-Voigt is small."""
