@@ -51,6 +51,7 @@ from teleop.evaluation.batch.masks import eroded, hysteresis, runs, without_shor
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.strokes import turning_points, without_lost_motion
 from teleop.evaluation.batch.thresholds import (
+    CONSTANT_FREE_FORCE,
     FEWEST_CLIPPED,
     FREE_TRAVEL,
     GUARD_WIDTHS,
@@ -62,6 +63,7 @@ from teleop.evaluation.batch.thresholds import (
     LEAST_TURN,
     LEVEL_WIDTH_NOISE,
     LONG_RECORD_GUARDS,
+    OUT_OF_CONTACT_TRAVEL,
     SHORTEST_CLIPPING,
     SHORTEST_HOLD,
 )
@@ -308,9 +310,22 @@ def free_and_saturated(
         return found
 
     middle = 0.5 * (low + high)
-    free = constant(f < low + width, f < middle, top=False)
+    level = force_at_lowest_positions(record)
+    free = constant(f < (low if level is None else level) + width, f < middle, top=False)
     saturated = constant(f > high - width, f > middle, top=True)
     return (free if free.any() else None), bool(saturated.any())
+
+
+def force_at_lowest_positions(record: SmoothedRecord) -> float | None:
+    """Return the force at the lowest positions if it is constant there [N]; otherwise None.
+
+    If the specimen adheres to the tip, this is not the lowest force of the record.
+    """
+    x, f = record.x, record.f
+    out = f[x < x.min() + OUT_OF_CONTACT_TRAVEL * float(np.ptp(x))]
+    if float(np.std(out)) > CONSTANT_FREE_FORCE * float(np.ptp(f)):
+        return None
+    return float(np.median(out))
 
 
 def peak_height(f: Floats) -> float:

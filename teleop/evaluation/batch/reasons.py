@@ -11,7 +11,7 @@ from estimation.quantities import DAMPING, STIFFNESS
 from estimation.transmission import TransmissionCalibration
 from teleop.evaluation.batch.candidate import FRICTION
 from teleop.evaluation.batch.constancy import Change, LagDrift, rise_at_rest
-from teleop.evaluation.batch.contact_phases import Phases
+from teleop.evaluation.batch.contact_phases import Phases, force_at_lowest_positions
 from teleop.evaluation.batch.extension_texts import phrases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
 from teleop.evaluation.batch.masks import runs
@@ -23,7 +23,6 @@ from teleop.evaluation.batch.thresholds import (
     BAD_FIT_R2,
     BETTER_BIC,
     BETTER_RESIDUAL,
-    CONSTANT_FREE_FORCE,
     CONSTANT_SPEED,
     CREEP_NOISE,
     FEWEST_INDEPENDENT,
@@ -41,7 +40,6 @@ from teleop.evaluation.batch.thresholds import (
     LONGEST_LAG_SHARE,
     NO_RESULT_R2,
     NOTABLE_CHANGE,
-    OUT_OF_CONTACT_TRAVEL,
     PUNCTURE_FALL,
     PUNCTURE_NOISE,
     PUNCTURE_TRAVEL,
@@ -194,17 +192,12 @@ def adhesion(record: SmoothedRecord) -> float | None:
     If the specimen adheres to the tip, it pulls the tip during the retraction. The force is then
     lower than the force out of contact. The result is the difference of these two forces.
     """
-    x, f = record.x, record.f
-    span = float(np.ptp(f))
-    out = f[x < x.min() + OUT_OF_CONTACT_TRAVEL * float(np.ptp(x))]
-    if span == 0.0 or float(np.std(out)) > CONSTANT_FREE_FORCE * span:
+    level = force_at_lowest_positions(record)
+    if level is None:
         return None
-    pull = float(np.median(out) - f.min())
-    return (
-        pull
-        if pull > max(LEAST_ADHESION * span, ADHESION_NOISE * record.f_noise_smoothed)
-        else None
-    )
+    pull, span = level - float(record.f.min()), float(np.ptp(record.f))
+    least = max(LEAST_ADHESION * span, ADHESION_NOISE * record.f_noise_smoothed)
+    return pull if pull > least else None
 
 
 def contact_remarks(record: SmoothedRecord, local: LocalStiffness) -> list[Reason]:

@@ -307,7 +307,7 @@ OUT_OF_CONTACT_TRAVEL = 0.1
 """Fraction of the travel, from the lowest position, that is assumed to be out of contact."""
 CONSTANT_FREE_FORCE = 0.02
 """Largest standard deviation of the force out of contact, as a fraction of the force range."""
-LEAST_ADHESION = 0.05
+LEAST_ADHESION = 0.015
 """Smallest adhesion that is reported, as a fraction of the force range."""
 ADHESION_NOISE = 6.0
 """Smallest adhesion that is reported, in standard deviations of the noise of the smoothed force."""
