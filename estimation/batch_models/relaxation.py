@@ -1,9 +1,9 @@
 """Compute the part of an elastic force that relaxes with a time constant.
 
 For an elastic force y and a time constant tau, this part is the solution z of the differential
-equation z' = y' - z / tau. `relaxing_part` computes z by a recursion. The function
-`scipy.signal.lfilter` gives the same numbers, but importing `scipy.signal` takes longer than the
-evaluation of a short record.
+equation z' = y' - z / tau. `relaxing_part` computes z by a recursion, in blocks of samples: within
+a block, the recursion is a product with a matrix. The function `scipy.signal.lfilter` gives the
+same numbers, but importing `scipy.signal` takes longer than the evaluation of a short record.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ import numpy as np
 
 from estimation.arrays import Floats
 
+BLOCK = 64
+"""Number of samples in a block."""
 START = 8
 """Number of samples from which the value at the start of a piece is computed.
 
@@ -24,26 +26,33 @@ deviations of the smoothing kernel.
 
 
 def relaxing_part(pieces: Iterable[Floats], period: float, tau: float) -> Floats:
-    """Return the relaxing part z of a signal y, for example of an elastic force, shape (n,).
+    """Return the relaxing part z of signals y, for example of elastic forces, shape (..., n).
 
     The relaxing part is the solution z of the differential equation z' = y' - z / tau. y is given
-    in pieces, the parts of the record without gaps. At the start of each piece, z is 0. n is the
-    number of samples of all pieces together.
+    in pieces of shape (..., n_i), the parts of the record without gaps. At the start of each piece,
+    z is 0. n is the number of samples of all pieces together.
 
     Each piece contains the samples of y minus the value of y at its start. `period` and `tau` are
     in seconds.
     """
     decay = math.exp(-period / tau)
     gain = tau / period * (1.0 - decay)
-    values: list[float] = []
+    powers = decay ** np.arange(BLOCK + 1)
+    lag = np.subtract.outer(np.arange(BLOCK), np.arange(BLOCK))
+    response = np.where(lag >= 0, powers[lag], 0.0)
+    parts = []
     for piece in pieces:
-        scaled = (gain * piece).tolist()
-        z = last = 0.0
-        for present in scaled:
-            z = present + (decay * z - last)
-            values.append(z)
-            last = present
-    return np.array(values)
+        n = piece.shape[-1]
+        changes = np.zeros((*piece.shape[:-1], -(-n // BLOCK) * BLOCK))
+        changes[..., :n] = np.diff(gain * piece, prepend=0.0)
+        blocks = changes.reshape(*piece.shape[:-1], -1, BLOCK) @ response.T
+        starts = np.zeros(blocks.shape[:-1])
+        last = np.zeros(piece.shape[:-1])
+        for i, own in enumerate(np.moveaxis(blocks[..., -1], -1, 0)):
+            last = starts[..., i] = own + powers[-1] * last
+        blocks[..., 1:, :] += starts[..., :-1, None] * powers[1:]
+        parts.append(blocks.reshape(changes.shape)[..., :n])
+    return np.concatenate(parts, axis=-1)
 
 
 def value_at_start(y: Floats) -> float:

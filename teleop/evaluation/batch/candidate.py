@@ -227,7 +227,7 @@ def fit_candidate(
     if len(near) < 6:
         order = np.argsort(np.where(rows.loading, distance, np.inf))
         near = np.sort(order[: min(6, int(rows.loading.sum()))])
-    x, v = rows.fine_x[near], rows.fine_v[near]
+    x = rows.fine_x[near]
     position = middle_position(x, elastic[near], force)
     s = (position - rows.origin) / rows.scale
 
@@ -243,7 +243,7 @@ def fit_candidate(
     before, after = surroundings(rows.sharp_x, int(index[nearest]), len(near), rows.record)
     step = rows.sharp_x[after] - rows.sharp_x[before]
     for j, z in enumerate(relaxing, first + degree):
-        gradient[j] = loading_slope(x, v, z[index[near]], pass_of)
+        gradient[j] = loading_slope(x, z[index[near]], pass_of)
         along_path[j] = (z[after] - z[before]) / step if step else 0.0
     k = float(gradient @ theta)
     path_error = abs(float((along_path - gradient) @ theta)) / 1.5
@@ -393,20 +393,15 @@ def middle_position(x: Floats, f: Floats, force: float) -> float:
     return float(np.clip(position, x.min(), x.max()))
 
 
-def loading_slope(x: Floats, v: Floats, z: Floats, pass_of: NDArray[np.int_]) -> float:
+def loading_slope(x: Floats, z: Floats, pass_of: NDArray[np.int_]) -> float:
     """Return the slope of a signal z against the position x, from a least-squares fit.
 
     The samples are near half of the force range. Each time the force passes this value in loading
     is called a pass. The fit is z = a x + c_i, where a is the slope, and c_i is a constant that is
-    different for each pass i. If the velocity v varies enough, the fit is z = a x + d v + c_i. Then
-    a part of z that is proportional to v does not change the slope.
+    different for each pass i.
     """
-    spread = float(np.std(v) / np.mean(np.abs(v)))
-    x, v, z = (values - pass_means(values, pass_of) for values in (x, v, z))
-    columns = [x]
-    if len(x) > 8 and spread > 0.02:
-        columns.append(v)
-    return float(np.linalg.lstsq(np.column_stack(columns), z, rcond=1e-6)[0][0])
+    x, z = (values - pass_means(values, pass_of) for values in (x, z))
+    return float(x @ z / max(float(x @ x), 1e-300))
 
 
 def pass_means(values: Floats, pass_of: NDArray[np.int_]) -> Floats:

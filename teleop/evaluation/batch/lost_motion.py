@@ -32,6 +32,7 @@ from typing import NamedTuple
 import numpy as np
 
 from estimation.arrays import Floats
+from estimation.batch_models.relaxation import relaxing_part
 from estimation.smoothing import slope_kernel, smoothing_kernel
 from estimation.stiffening import Interval
 from teleop.evaluation.batch.contact_phases import Phases
@@ -280,20 +281,9 @@ class Regressors:
         return np.asarray(stacked - self._basis @ (self._basis.T @ stacked))
 
     def _relaxing(self, y: Floats) -> Floats:
-        """Relaxing parts of m signals of shape (m, n), which start at zero; shape (times, m, n).
-
-        They are the solution of z' = y' - z / tau, as in `estimation.batch_models.relaxation`.
-        """
-        decay = np.exp(-self._record.period / self._times)[:, None]
-        gain = (1.0 - decay) * (self._times / self._record.period)[:, None]
-        z = np.zeros((len(self._times), len(y)))
-        out = np.empty((y.shape[1], *z.shape))
-        for start, piece in zip(self._record.starts, self._split(y), strict=True):
-            z[:] = 0.0
-            for i, change in enumerate(np.diff(piece, axis=1, prepend=piece[:, :1]).T, start):
-                z = decay * z + gain * change
-                out[i] = z
-        return np.moveaxis(out, 0, -1)
+        """Relaxing parts of m signals of shape (m, n), for each time constant: (times, m, n)."""
+        pieces = [piece - piece[:, :1] for piece in self._split(y)]
+        return np.array([relaxing_part(pieces, self._record.period, tau) for tau in self._times])
 
     def _at_rows(self, values: Floats, kernel: Floats) -> Floats:
         """Convolve each piece of m signals with a kernel; return the values at the rows, (m, r)."""

@@ -26,7 +26,7 @@ TIMES = 10
 MOST_PARTS = 3
 """Largest number of relaxing parts of a model. A spectrum that is continuous, such as that of a
 springpot or of a poroelastic body, needs more than two in a range of frequencies."""
-REFINEMENTS = 3
+REFINEMENTS = 5
 """Number of times that the step of log tau is halved in the search around the best time
 constants of the grid."""
 NEVER_SINGULAR = 1e-13
