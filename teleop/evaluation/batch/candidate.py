@@ -22,6 +22,7 @@ from teleop.evaluation.batch.regression_rows import RegressionRows
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
     FEWEST_SLOPE_SAMPLES,
+    FRICTION_FORM_ERROR,
     LEAST_SLOPE_STEP_NOISE,
     SLOPE_BAND,
     SMOOTHING_ERROR,
@@ -263,12 +264,13 @@ def fit_candidate(
     orders = np.arange(1, depth_damping.stop - depth_damping.start + 1)
     b_effect[depth_damping] = s**orders
 
-    # The ends of the force range have errors that the fit does not contain: the resolution of the
-    # position at the highest force, and the noise of the force out of contact.
+    # The ends of the force range have errors that the fit does not contain: noise and resolution of
+    # the position at the highest force, and the noise of the force out of contact.
     s_top = (rows.fine_x[top] - rows.origin) / rows.scale
     top_slope = float(slope_at(s_top) @ theta)
     force_std = 0.5 * math.hypot(
-        top_slope * rows.record.count / math.sqrt(12.0), rows.phases.free_error
+        top_slope * math.hypot(rows.record.count / math.sqrt(12.0), rows.record.x_noise),
+        rows.phases.free_error,
     )
     range_error = force_std * curvature / (k or 1e-300)
 
@@ -309,7 +311,10 @@ def fit_candidate(
                 damping.append(value(at_place))
             parts.append(FittedPart(DEPTH_DAMPING, tuple(damping)))
         else:
-            parts.append(FittedPart(one.kind, (value(unit),)))
+            size = value(unit)
+            if one.kind == FRICTION:
+                size = size._replace(std=math.hypot(size.std, FRICTION_FORM_ERROR * size.value))
+            parts.append(FittedPart(one.kind, (size,)))
     found = Candidate(
         degree=degree,
         times=times,

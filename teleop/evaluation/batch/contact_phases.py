@@ -51,12 +51,14 @@ from teleop.evaluation.batch.masks import eroded, hysteresis, runs, without_shor
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.strokes import turning_points, without_lost_motion
 from teleop.evaluation.batch.thresholds import (
+    ADHESION_NOISE,
     CONSTANT_FREE_FORCE,
     FEWEST_CLIPPED,
     FREE_TRAVEL,
     GUARD_WIDTHS,
     LAG_FACTOR,
     LARGEST_HOLD_MOTION,
+    LEAST_ADHESION,
     LEAST_LEVEL_WIDTH,
     LEAST_MOVED,
     LEAST_PEAK,
@@ -310,22 +312,25 @@ def free_and_saturated(
         return found
 
     middle = 0.5 * (low + high)
-    level = force_at_lowest_positions(record)
-    free = constant(f < (low if level is None else level) + width, f < middle, top=False)
+    free = constant(f < low + (adhesion(record) or 0.0) + width, f < middle, top=False)
     saturated = constant(f > high - width, f > middle, top=True)
     return (free if free.any() else None), bool(saturated.any())
 
 
-def force_at_lowest_positions(record: SmoothedRecord) -> float | None:
-    """Return the force at the lowest positions if it is constant there [N]; otherwise None.
+def adhesion(record: SmoothedRecord) -> float | None:
+    """Return the largest adhesion force [N]; None if there is no adhesion.
 
-    If the specimen adheres to the tip, this is not the lowest force of the record.
+    If the specimen adheres to the tip, it pulls the tip during the retraction. The force is then
+    lower than the force out of contact, which is constant at the lowest positions.
     """
     x, f = record.x, record.f
-    out = f[x < x.min() + OUT_OF_CONTACT_TRAVEL * float(np.ptp(x))]
-    if float(np.std(out)) > CONSTANT_FREE_FORCE * float(np.ptp(f)):
+    out = f[x <= x.min() + OUT_OF_CONTACT_TRAVEL * float(np.ptp(x))]
+    lowest, span = float(f.min()), float(np.ptp(f))
+    if lowest == out.min() or float(np.std(out)) > CONSTANT_FREE_FORCE * span:
         return None
-    return float(np.median(out))
+    pull = float(np.median(out)) - lowest
+    least = max(LEAST_ADHESION * span, ADHESION_NOISE * record.f_noise_smoothed)
+    return pull if pull > least else None
 
 
 def peak_height(f: Floats) -> float:

@@ -47,6 +47,8 @@ SLOPE_SAMPLES = 40
 samples do not make the slope more accurate."""
 
 
+LARGEST_LOADING_GAP = 0.2
+"""Largest distance of the two samples in loading around a point, as a fraction of the travel."""
 GRID = np.linspace(0.0, 1.0, 41)
 """Places in the range of positions at which the elastic force of a cycle is computed."""
 NEVER_SINGULAR = 1e-14
@@ -121,7 +123,12 @@ def slopes_of_cycles(
             continue
         nearest = int(np.argmin(np.abs(elastic - level)))
         at = float(grid[nearest])
-        measured = float(np.interp(at, s[loading], record.f[part[loading]]))
+        above = int(np.searchsorted(s[loading], at))
+        around = s[loading][max(above - 1, 0) : above + 1]
+        if len(around) < 2 or around[1] - around[0] > LARGEST_LOADING_GAP:
+            continue
+        without_drift = record.f[part] - theta[6] * time
+        measured = float(np.interp(at, s[loading], without_drift[loading]))
         slope = float(theta[1] + at * (2.0 * theta[2] + 3.0 * at * theta[3]))
         slope += stiffer if at > change else 0.0
         slope = (slope + float(np.gradient(along, grid)[nearest])) / travel

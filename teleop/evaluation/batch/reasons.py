@@ -11,7 +11,7 @@ from estimation.quantities import DAMPING, STIFFNESS
 from estimation.transmission import TransmissionCalibration
 from teleop.evaluation.batch.candidate import FRICTION
 from teleop.evaluation.batch.constancy import Change, LagDrift, rise_at_rest
-from teleop.evaluation.batch.contact_phases import Phases, force_at_lowest_positions
+from teleop.evaluation.batch.contact_phases import Phases, adhesion
 from teleop.evaluation.batch.extension_texts import phrases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
 from teleop.evaluation.batch.masks import runs
@@ -19,7 +19,6 @@ from teleop.evaluation.batch.sampling_checks import impossible_lag, opposite_sig
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.strokes import is_single_stroke, typical_speed
 from teleop.evaluation.batch.thresholds import (
-    ADHESION_NOISE,
     BAD_FIT_R2,
     BETTER_BIC,
     BETTER_RESIDUAL,
@@ -28,7 +27,6 @@ from teleop.evaluation.batch.thresholds import (
     FEWEST_INDEPENDENT,
     FEWEST_SAMPLES_PER_CYCLE,
     LARGEST_ZERO_FORCE,
-    LEAST_ADHESION,
     LEAST_CONTACT_MOTION,
     LEAST_CREEP,
     LEAST_DEPTH,
@@ -184,20 +182,6 @@ def largest_fall(x: Floats, f: Floats, travel: float) -> tuple[int, int]:
     ends = np.searchsorted(np.maximum.accumulate(x), x + travel, side="right") - 1
     before = int(np.argmax(f - f[ends]))
     return before, int(ends[before])
-
-
-def adhesion(record: SmoothedRecord) -> float | None:
-    """Return the largest adhesion force [N]; None if there is no adhesion.
-
-    If the specimen adheres to the tip, it pulls the tip during the retraction. The force is then
-    lower than the force out of contact. The result is the difference of these two forces.
-    """
-    level = force_at_lowest_positions(record)
-    if level is None:
-        return None
-    pull, span = level - float(record.f.min()), float(np.ptp(record.f))
-    least = max(LEAST_ADHESION * span, ADHESION_NOISE * record.f_noise_smoothed)
-    return pull if pull > least else None
 
 
 def contact_remarks(record: SmoothedRecord, local: LocalStiffness) -> list[Reason]:

@@ -252,7 +252,7 @@ def stiffness_result(
     drift = drift_of_lag(cycles)
     where = measured_point(record, phases, local, half_k)
     against = reasons_after_fit(local, half_k, phases)
-    if change and change.with_frequency:
+    if change and (against or change.with_frequency):
         against = [Reason(change.text)]
     if drift and drift.phase > LARGEST_PHASE_DRIFT:
         against = [Reason(drift.text)]

@@ -124,7 +124,8 @@ def test_friction_in_the_specimen_does_not_bias_the_stiffness():
     found = analysed(x, 800.0 * x + 1.0 * v + friction)
     assert FRICTION in kinds(found)
     assert found.result.k == pytest.approx(800.0, rel=0.01)
-    assert found.result.summary()["friction_n"]["value"] == pytest.approx(0.3, rel=0.05)
+    force = found.result.summary()["friction_n"]
+    assert force["low"] < 0.3 < force["high"] < 0.36
 
 
 @pytest.mark.parametrize("motion", [sine, tones])
