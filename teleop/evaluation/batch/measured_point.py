@@ -127,8 +127,7 @@ def slopes_of_cycles(
         around = s[loading][max(above - 1, 0) : above + 1]
         if len(around) < 2 or around[1] - around[0] > LARGEST_LOADING_GAP:
             continue
-        without_drift = record.f[part] - theta[6] * time
-        measured = float(np.interp(at, s[loading], without_drift[loading]))
+        measured = level + best.b * float(np.interp(at, s[loading], v[loading]))
         slope = float(theta[1] + at * (2.0 * theta[2] + 3.0 * at * theta[3]))
         slope += stiffer if at > change else 0.0
         slope = (slope + float(np.gradient(along, grid)[nearest])) / travel
