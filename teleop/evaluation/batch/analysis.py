@@ -334,7 +334,7 @@ def analyse(
     # the shape of the hysteresis is not known, and the rest of it is not friction in the specimen
     corrected = fitted(tip, force_lag, known, faults, friction=False)
     line = interference(corrected.record)
-    if reasons_before_fit(corrected.record, corrected.phases) or (line and line.harmonic):
+    if reasons_before_fit(corrected.record, corrected.phases) or (line and line.hides_stiffness):
         return analysis  # another fault, which lost motion does not explain
     return replace(corrected, result=with_lost_motion(corrected.result, analysis.local, found))
 

@@ -311,10 +311,12 @@ def fit_candidate(
                 damping.append(value(at_place))
             parts.append(FittedPart(DEPTH_DAMPING, tuple(damping)))
         else:
-            size = value(unit)
+            force_or_mass = value(unit)
             if one.kind == FRICTION:
-                size = size._replace(std=math.hypot(size.std, FRICTION_FORM_ERROR * size.value))
-            parts.append(FittedPart(one.kind, (size,)))
+                form_error = FRICTION_FORM_ERROR * force_or_mass.value
+                std = math.hypot(force_or_mass.std, form_error)
+                force_or_mass = force_or_mass._replace(std=std)
+            parts.append(FittedPart(one.kind, (force_or_mass,)))
     found = Candidate(
         degree=degree,
         times=times,

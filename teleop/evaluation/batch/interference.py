@@ -5,8 +5,9 @@ between the harmonics, without such a line in the position, is interference. A h
 or a higher order is also interference if the harmonics near it are much smaller, except a third
 harmonic with the phase of an elastic force: a specimen that is equally stiff in both directions has
 no other.
-Interference at the frequency of the motion, and at twice this frequency, cannot be distinguished
-from the force of a body.
+Other interference at the harmonics, and at the frequency of the motion, cannot be distinguished
+from the force of a body. It is possible if the sampling rate is low, and aliasing moves the
+frequency of the mains to one of these frequencies.
 """
 
 from __future__ import annotations
@@ -29,6 +30,9 @@ from teleop.evaluation.batch.thresholds import (
     LINE_WIDTH,
 )
 
+MAINS = (50.0, 60.0)
+"""Frequencies of the mains [Hz]."""
+
 
 class Line(NamedTuple):
     """A line of the spectrum of the force that the motion does not cause."""
@@ -39,11 +43,30 @@ class Line(NamedTuple):
     """Amplitude [N]."""
     harmonic: int
     """Order of the harmonic of the motion that the line coincides with; 0 for none."""
+    mains: float = 0.0
+    """Frequency of the mains that aliasing moves to this frequency [Hz]; 0 for another source."""
+
+    @property
+    def hides_stiffness(self) -> bool:
+        """Whether the dependence of the force on the position is not determined."""
+        return self.harmonic > 1
 
     @property
     def text(self) -> str:
         """Sentence for the user that describes the interference."""
         where = f"{self.amplitude:.3g} N at {self.frequency:.4g} Hz"
+        if self.mains:
+            alias = f"hum of {self.mains:g} Hz appears at {self.frequency:.4g} Hz by aliasing, "
+            if self.harmonic == 1:
+                return (
+                    f"interference is possible: {alias}the frequency of the motion, and would "
+                    "change k and b. Expected another sampling rate"
+                )
+            return (
+                f"interference is possible: {alias}{self.harmonic} times the frequency of the "
+                f"motion, where the force has {self.amplitude:.3g} N: the dependence of the force "
+                "on the position is not determined. Expected another sampling rate"
+            )
         if self.harmonic:
             return (
                 f"interference: the force has a line of {where}, {self.harmonic} times the "
@@ -61,6 +84,8 @@ def interference(record: SmoothedRecord) -> Line | None:
     n = len(record.t)
     if not record.sinusoidal or len(record.starts) > 1 or not math.isfinite(record.frequency):
         return None
+    if hum := mains_at_harmonic(record):
+        return hum
     if n * record.period * record.frequency < FEWEST_LINE_CYCLES:
         return None
     window = np.hanning(n)
@@ -90,18 +115,34 @@ def interference(record: SmoothedRecord) -> Line | None:
     return max(found, key=lambda line: line.amplitude, default=None)
 
 
+def mains_at_harmonic(record: SmoothedRecord) -> Line | None:
+    """Return the force at a harmonic of the motion to which aliasing moves hum; otherwise None."""
+    rate, motion = 1.0 / record.period, record.frequency
+    for mains in MAINS:
+        alias = abs(mains - rate * round(mains / rate))
+        order = round(alias / motion)
+        same = abs(alias - order * motion) * len(record.t) * record.period < 1.0
+        if mains < 0.5 * rate or not order or not same:
+            continue
+        amplitude = abs(component(record, record.raw_f, order))
+        if amplitude > LEAST_LINE * float(np.ptp(record.f)):
+            return Line(alias, amplitude, order, mains)
+    return None
+
+
+def component(record: SmoothedRecord, values: Floats, order: int) -> complex:
+    """Return the complex amplitude of a signal at a multiple of the frequency of the motion."""
+    t = record.clock - record.clock.mean()
+    window = np.hanning(len(t))
+    wave = np.exp(-2j * np.pi * order * record.frequency * t)
+    return complex((window * (values - values.mean())) @ wave) * 2.0 / float(window.sum())
+
+
 def is_cubic(record: SmoothedRecord, order: int) -> bool:
     """Return whether a line is a third harmonic with the phase of the cube of the position."""
     if order != 3:
         return False
-    t = record.clock - record.clock.mean()
-    window = np.hanning(len(t))
-    fundamental, third = (
-        complex(
-            (window * (values - values.mean())) @ np.exp(-2j * np.pi * n * record.frequency * t)
-        )
-        for values, n in ((record.raw_x, 1), (record.raw_f, 3))
-    )
+    fundamental, third = component(record, record.raw_x, 1), component(record, record.raw_f, 3)
     ratio = third * (abs(fundamental) / fundamental) ** 3
     return abs(ratio.imag) < CUBIC_PHASE * abs(ratio)
 

@@ -26,12 +26,14 @@ from teleop.evaluation.batch.thresholds import (
     CREEP_NOISE,
     FEWEST_INDEPENDENT,
     FEWEST_SAMPLES_PER_CYCLE,
+    LARGEST_STOP_TRAVEL,
     LARGEST_ZERO_FORCE,
     LEAST_CONTACT_MOTION,
     LEAST_CREEP,
     LEAST_DEPTH,
     LEAST_LEVEL_WIDTH,
     LEAST_RISE_OF_FORCE,
+    LEAST_STOP_FORCE,
     LEVEL_WIDTH_NOISE,
     LOADING_SPEED,
     LONGEST_LAG,
@@ -102,6 +104,20 @@ def no_contact(record: SmoothedRecord) -> str:
             "force sensor does not resolve"
         )
     return "the force does not follow the displacement: no contact"
+
+
+def rigid_stop(record: SmoothedRecord) -> str | None:
+    """Return the text that the force changes at a constant position; None if this is not so."""
+    travel, rise = float(np.ptp(record.x)), float(np.ptp(record.f))
+    if (
+        travel > LARGEST_STOP_TRAVEL * record.x_noise
+        or rise < LEAST_STOP_FORCE * record.f_noise_smoothed
+    ):
+        return None
+    return (
+        f"the force changes by {rise:.3g} N, and the position by {travel * 1e6:.3g} um, which is "
+        f"not more than its noise: a rigid stop, or a position sensor that does not move"
+    )
 
 
 def rests_at_zero(record: SmoothedRecord) -> bool:
@@ -236,7 +252,7 @@ def reasons_before_fit(record: SmoothedRecord, phases: Phases) -> list[Reason]:
             )
         )
     if record.band.coherence == 0.0:
-        found.append(Reason(no_contact(record)))
+        found.append(Reason(rigid_stop(record) or no_contact(record)))
     elif not phases.usable.any():
         found.append(Reason("contact is too short for the smoothing: expected longer contact"))
     else:

@@ -257,7 +257,7 @@ def stiffness_result(
     if drift and drift.phase > LARGEST_PHASE_DRIFT:
         against = [Reason(drift.text)]
     line = interference(record)
-    if line and line.harmonic:
+    if line and line.hides_stiffness:
         against = [Reason(line.text)]
     if not change and (gap := gap_at(record, phases, local)):
         against = [gap]

@@ -314,6 +314,11 @@ LEAST_ADHESION = 0.015
 """Smallest adhesion that is reported, as a fraction of the force range."""
 ADHESION_NOISE = 6.0
 """Smallest adhesion that is reported, in standard deviations of the noise of the smoothed force."""
+LARGEST_STOP_TRAVEL = 10.0
+"""Largest travel of a position that rests, in standard deviations of its noise."""
+LEAST_STOP_FORCE = 30.0
+"""Smallest change of the force that is not noise, while the position rests, in standard deviations
+of the noise of the smoothed force."""
 WIDEST_INTERVAL = 0.5
 """If the half width of the 95 % interval of k is larger than this fraction of k, k is not
 identifiable."""
@@ -465,7 +470,7 @@ error of b in most records.
 NOTABLE_INERTIA = 0.02
 """Smallest decrease of k by 100 g beyond the force sensor that is a remark, as a fraction of k."""
 
-NOTABLE_LAG = 0.5
+NOTABLE_LAG = 0.05
 """Smallest decrease of b by 1 ms of lag of the force that is a remark, as a fraction of b."""
 
 # A gap where the stiffness is stated
