@@ -21,13 +21,16 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from estimation.arrays import Floats
 from estimation.quantities import STIFFNESS
+from estimation.robust_error import robust_fit
 from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.masks import runs
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
+    CHANGE_ERRORS,
     CHANGE_SCATTER,
     CUMULATIVE_RANGE,
     DRIFT_NOISE,
@@ -37,20 +40,24 @@ from teleop.evaluation.batch.thresholds import (
     FEWEST_ISOLATED_CYCLES,
     FEWEST_LAG_CYCLES,
     FEWEST_SAME_CYCLES,
+    FEWEST_TREND_CYCLES,
     FREQUENCY_CHANGE,
     LAG_PERIOD_CHANGE,
+    LAG_PROBABILITY,
     LAG_SCATTER,
     LARGEST_GROWTH,
     LEAST_CHANGE,
     LEAST_DRIFT,
     LEAST_PHASE_DRIFT,
     LINEAR_LAG,
+    PAIR_CHANGE,
     REST_SPEED,
     SAME_STIFFNESS,
     SAME_TRAVEL,
     SHORTEST_REST,
     STIFFEST_AT_REST,
     TREMOR_TRAVEL,
+    TREND_PROBABILITY,
     UNUSED_REST,
 )
 
@@ -140,6 +147,8 @@ class Cycles(NamedTuple):
     """Damping: coefficient of the velocity [N s/m]."""
     travel: Floats
     """Travel in contact [m]."""
+    error: Floats
+    """Standard deviation of `k`, from the residual in the cycle [N/m]; infinite if not known."""
 
     def summary(self) -> dict[str, float | int | None]:
         """Return number, median and quartiles of the stiffness of the cycles, for JSON."""
@@ -164,13 +173,14 @@ def cycles_of(record: SmoothedRecord, phases: Phases) -> Cycles:
         (
             float(record.t[start]),
             (end - start) * record.period,
-            *slopes_in_cycle(record, part),
+            *(slopes := slopes_in_cycle(record, part))[:2],
             moved,
+            slopes[2],
         )
         for (start, end), part, moved in zip(pairwise(begins), parts, travel, strict=True)
         if len(part) >= FEWEST_CYCLE_SAMPLES and moved >= smallest
     ]
-    return Cycles(*np.array(found, dtype=np.float64).reshape(-1, 5).T)
+    return Cycles(*np.array(found, dtype=np.float64).reshape(-1, 6).T)
 
 
 def change_over_cycles(cycles: Cycles) -> Change | None:
@@ -181,19 +191,20 @@ def change_over_cycles(cycles: Cycles) -> Change | None:
     are compared with the others (`deviating_cycles`). The difference of the two medians counts as a
     change if it satisfies two conditions. It is at least the fraction `LEAST_CHANGE` of the smaller
     median. It is also at least `CHANGE_SCATTER` standard errors, which are computed from the
-    differences between successive cycles. The result is also None if there are fewer than
-    `FEWEST_COMPARED_CYCLES` cycles.
+    differences between successive cycles. If there are fewer than `FEWEST_COMPARED_CYCLES` cycles,
+    only a linear trend, and cycles that differ from equal ones, are found.
     """
     n = len(cycles.k)
-    if n < FEWEST_COMPARED_CYCLES:
-        return None
     frequency = 1.0 / cycles.seconds
-    deviation = 1.4826 * float(np.median(np.abs(np.diff(cycles.k))))
-    count = max(FEWEST_COMPARED_CYCLES // 2, n // 10)
-    compared: list[tuple[NDArray[np.bool_], NDArray[np.bool_], tuple[int, int] | None]]
-    compared = [(np.arange(n) < count, np.arange(n) >= n - count, None)]
+    compared: list[tuple[NDArray[np.bool_], NDArray[np.bool_], tuple[int, int] | None]] = []
+    deviation = 0.0
+    if n >= FEWEST_COMPARED_CYCLES:
+        deviation = 1.4826 * float(np.median(np.abs(np.diff(cycles.k))))
+        count = max(FEWEST_COMPARED_CYCLES // 2, n // 10)
+        compared.append((np.arange(n) < count, np.arange(n) >= n - count, None))
     isolated = isolated_cycles(cycles)
-    if (found := isolated or deviating_cycles(cycles.k)) is not None:
+    found = isolated or (deviating_cycles(cycles.k) if compared else None)
+    if found is not None:
         inside = (np.arange(n) >= found[0]) & (np.arange(n) < found[1])
         compared.append((~inside, inside, found))
     for one, two, part in compared:
@@ -212,7 +223,25 @@ def change_over_cycles(cycles: Cycles) -> Change | None:
             (float(np.median(frequency[one])), float(np.median(frequency[two]))),
             during,
         )
-    return None
+    return trend_over_cycles(cycles)
+
+
+def trend_over_cycles(cycles: Cycles) -> Change | None:
+    """Return a change of the stiffness in proportion to the time, at constant travel; or None."""
+    n = len(cycles.k)
+    travel = cycles.travel / max(float(np.median(cycles.travel)), 1e-300) if n else cycles.travel
+    if n < FEWEST_TREND_CYCLES or float(np.abs(travel - 1.0).max()) > SAME_TRAVEL:
+        return None
+    since = np.linspace(-0.5, 0.5, n)
+    rise, mean = (float(one) for one in np.polyfit(since, cycles.k, 1))
+    rest = cycles.k - mean - rise * since
+    error = float(np.sqrt(rest @ rest / (n - 2) / (since @ since)))
+    first, last = mean - 0.5 * rise, mean + 0.5 * rise
+    least = max(CHANGE_SCATTER, float(stdtrit(n - 2, TREND_PROBABILITY))) * error
+    if abs(rise) < max(LEAST_CHANGE * min(abs(first), abs(last)), least):
+        return None
+    frequency = 1.0 / cycles.seconds
+    return Change((first, last), (float(frequency[0]), float(frequency[-1])))
 
 
 def deviating_cycles(k: Floats) -> tuple[int, int] | None:
@@ -244,7 +273,10 @@ def isolated_cycles(cycles: Cycles) -> tuple[int, int] | None:
 
     In a short record, the differences between successive cycles are too few for a statistic. If
     three cycles or more have nearly the same stiffness, their spread is that of a constant body.
+    Two are sufficient if the others differ by much more than the errors from the residuals.
     """
+    if len(cycles.k) < FEWEST_TREND_CYCLES:
+        return None
     k, travel = cycles.k, cycles.travel
     alike = np.abs(k - k[:, None]) < SAME_STIFFNESS * np.abs(k[:, None])
     group = alike[int(np.argmax(alike.sum(axis=1)))]
@@ -254,9 +286,13 @@ def isolated_cycles(cycles: Cycles) -> tuple[int, int] | None:
     for sign in (-1.0, 1.0):
         apart = same_travel & (sign * (k - centre) > LEAST_CHANGE * abs(centre))
         best = max([best, *runs(apart)], key=lambda run: run[1] - run[0])
-    if group.sum() < FEWEST_SAME_CYCLES or best[1] - best[0] < FEWEST_ISOLATED_CYCLES:
+    if best[1] - best[0] < FEWEST_ISOLATED_CYCLES:
         return None
-    return best
+    away = float(np.min(np.abs(k[slice(*best)] - centre)))
+    pair = group.sum() == 2 and away > max(
+        PAIR_CHANGE * abs(centre), CHANGE_ERRORS * float(cycles.error.max())
+    )
+    return best if group.sum() >= FEWEST_SAME_CYCLES or pair else None
 
 
 class LagDrift(NamedTuple):
@@ -305,8 +341,9 @@ def drift_of_lag(cycles: Cycles) -> LagDrift | None:
     rest = phase - phase.mean() - slope * since
     error = float(np.sqrt(rest @ rest / (n - 2) / power))
     linear = 1.0 - float(rest @ rest) / max(float(np.sum((phase - phase.mean()) ** 2)), 1e-300)
+    scatter = max(LAG_SCATTER, float(stdtrit(n - 2, LAG_PROBABILITY)))
     if (
-        abs(slope) < max(LEAST_PHASE_DRIFT, LAG_SCATTER * error)
+        abs(slope) < max(LEAST_PHASE_DRIFT, scatter * error)
         or linear < LINEAR_LAG
         or abs(growth) > LARGEST_GROWTH * abs(slope)
     ):
@@ -317,8 +354,8 @@ def drift_of_lag(cycles: Cycles) -> LagDrift | None:
     return LagDrift(rate, rate * whole, abs(rate) * whole * omega)
 
 
-def slopes_in_cycle(record: SmoothedRecord, part: NDArray[np.intp]) -> tuple[float, float]:
-    """Return the stiffness [N/m] and the damping [N s/m] in one cycle.
+def slopes_in_cycle(record: SmoothedRecord, part: NDArray[np.intp]) -> tuple[float, float, float]:
+    """Return stiffness [N/m] and damping [N s/m] in one cycle, and the error of the stiffness.
 
     They are the coefficients of the position and of the velocity in a least-squares fit of the
     force. The other regressors are a constant and the time. Drift of the force therefore does not
@@ -330,5 +367,6 @@ def slopes_in_cycle(record: SmoothedRecord, part: NDArray[np.intp]) -> tuple[flo
     columns = columns - columns.mean(axis=0)
     columns[:, 0] = 1.0
     size = np.maximum(np.abs(columns).max(axis=0), 1e-300)
-    theta = np.linalg.lstsq(columns / size, record.f[part], rcond=None)[0] / size
-    return float(theta[3]), float(theta[2])
+    fit = robust_fit(columns / size, record.f[part])
+    error = fit.deviation(np.array([0.0, 0.0, 0.0, 1.0]))
+    return float(fit.theta[3] / size[3]), float(fit.theta[2] / size[2]), error / float(size[3])

@@ -215,7 +215,7 @@ def blockwise(signals: Signals, frequency: float, force_lag: float) -> Cycles:
     orders = resolved_orders(frequency, period, each)[: max(most, 1)]
     if not orders or most < 1:
         nothing = np.empty(0)
-        return Cycles(nothing, nothing, nothing, nothing, nothing)
+        return Cycles(nothing, nothing, nothing, nothing, nothing, nothing)
     x, f = (
         fit_channel(t, values, bounds, frequency, orders, 0.0).fundamental
         for values in (signals.x, signals.f)
@@ -224,7 +224,8 @@ def blockwise(signals: Signals, frequency: float, force_lag: float) -> Cycles:
     ratios = f / x * (1.0 + 1j * omega * force_lag)
     starts = signals.t[0] + each * np.arange(number)
     seconds = np.full(number, 1.0 / frequency)
-    return Cycles(starts, seconds, ratios.real, ratios.imag / omega, 2.0 * np.abs(x))
+    unknown = np.full(number, np.inf)
+    return Cycles(starts, seconds, ratios.real, ratios.imag / omega, 2.0 * np.abs(x), unknown)
 
 
 def frequency_of(t: Floats, x: Floats, period: float) -> float | None:

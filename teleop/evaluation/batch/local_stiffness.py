@@ -52,7 +52,13 @@ from scipy.special import ndtr
 from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
 from estimation.robust_error import robust_fit
-from teleop.evaluation.batch.candidate import DEPTH_DAMPING, Candidate, Value, fit_candidate
+from teleop.evaluation.batch.candidate import (
+    DEPTH_DAMPING,
+    Candidate,
+    Value,
+    fit_candidate,
+    pass_means,
+)
 from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.extensions import extended
 from teleop.evaluation.batch.regression_rows import DEGREES, RegressionRows
@@ -192,20 +198,25 @@ def loading_tangent(rows: RegressionRows, best: Candidate) -> LoadingTangent | N
 def misfit_slope(rows: RegressionRows, best: Candidate) -> float:
     """Return the error of k that the systematic misfit of the best model can cause [N/m].
 
-    It is the slope of the residual in loading near the position of k. The part of the slope that
-    noise explains is subtracted.
+    It is the slope of the residual in loading near the position of k, within single passes. The
+    part of the slope that noise explains is subtracted.
     """
     record, index = rows.record, rows.index
+    step = float(np.median(np.diff(index)))
     x, v = record.x[index], record.v[index]
     found = 0.0
     for band in MISFIT_BANDS:
-        near = (np.abs(x - best.position) < band * rows.scale) & (v > 0.0)
-        if near.sum() < FEWEST_FIT_SAMPLES:
+        near = np.flatnonzero((np.abs(x - best.position) < band * rows.scale) & (v > 0.0))
+        breaks = np.diff(index[near], prepend=index[near[:1]]) > 1.5 * step
+        passes = np.cumsum(breaks, dtype=np.int_)
+        if len(near) < FEWEST_FIT_SAMPLES + (passes[-1] + 1 if len(near) else 0):
             continue
-        columns = np.column_stack([np.ones(int(near.sum())), x[near] - best.position])
-        fit = robust_fit(columns, best.residual[near])
-        noise = fit.deviation(np.array([0.0, 1.0]), rows.cycles)
-        found = max(found, fit.theta[1] ** 2 - MISFIT_NOISE * noise**2)
+        places, residual = (
+            values[near] - pass_means(values[near], passes) for values in (x, best.residual)
+        )
+        fit = robust_fit(places[:, None], residual)
+        noise = fit.deviation(np.ones(1), rows.cycles)
+        found = max(found, fit.theta[0] ** 2 - MISFIT_NOISE * noise**2)
     return math.sqrt(found)
 
 

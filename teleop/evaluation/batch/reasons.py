@@ -42,6 +42,7 @@ from teleop.evaluation.batch.thresholds import (
     NOTABLE_CHANGE,
     PUNCTURE_FALL,
     PUNCTURE_NOISE,
+    PUNCTURE_TIME,
     PUNCTURE_TRAVEL,
     SHORTEST_CREEP,
     SHORTEST_RELAXATION_HOLD,
@@ -179,23 +180,27 @@ def puncture(record: SmoothedRecord) -> tuple[float, float, float] | None:
     """
     f = median_filter(record.raw_f, SMOOTHED, mode="nearest")
     x, v = record.x, record.v
-    fast = v > LOADING_SPEED * typical_speed(v)
+    inward = v > LOADING_SPEED * typical_speed(v)
     least = max(PUNCTURE_FALL * float(np.ptp(f)), PUNCTURE_NOISE * record.f_noise)
-    for start, end in runs(fast):
+    for start, end in runs(inward):
         if end - start < 4 * SMOOTHED:
             continue
-        before, after = largest_fall(x[start:end], f[start:end], PUNCTURE_TRAVEL * float(np.ptp(x)))
+        longest = max(round(PUNCTURE_TIME * (end - start)), SMOOTHED)
+        travel = PUNCTURE_TRAVEL * float(np.ptp(x))
+        before, after = largest_fall(x[start:end], f[start:end], travel, longest)
         if f[start + before] - f[start + after] > least:
             return float(f[start + before]), float(f[start + after]), float(x[start + before])
     return None
 
 
-def largest_fall(x: Floats, f: Floats, travel: float) -> tuple[int, int]:
+def largest_fall(x: Floats, f: Floats, travel: float, longest: int) -> tuple[int, int]:
     """Return the indices of the two samples between which the force falls most.
 
-    Only samples whose positions differ by at most `travel` are compared.
+    Only samples are compared whose positions differ by at most `travel`, and whose indices differ
+    by at most `longest`.
     """
     ends = np.searchsorted(np.maximum.accumulate(x), x + travel, side="right") - 1
+    ends = np.minimum(ends, np.arange(len(x)) + longest)
     before = int(np.argmax(f - f[ends]))
     return before, int(ends[before])
 

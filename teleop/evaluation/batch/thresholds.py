@@ -299,6 +299,9 @@ PUNCTURE_NOISE = 12.0
 """Smallest fall of the force that counts as a puncture, in standard deviations of its noise."""
 PUNCTURE_TRAVEL = 0.02
 """Largest travel during a puncture, as a fraction of the travel of the record."""
+PUNCTURE_TIME = 0.1
+"""Longest duration of a puncture, as a fraction of the duration of the loading: a relaxation takes
+longer."""
 SHORTEST_CREEP = 0.3
 """Shortest time at a constant force in a creep test, as a fraction of the record."""
 LEAST_CREEP = 0.1
@@ -407,7 +410,7 @@ moves. None of 40 records in which only the position drifts exceeds it."""
 POINT_DISTANCE = 0.02
 """Largest distance of the record from the point at which k is stated, as a fraction of the ranges
 of position and force."""
-FEWEST_LAG_CYCLES = 5
+FEWEST_LAG_CYCLES = 4
 """Smallest number of whole cycles from which a drift of the lag is found."""
 LAG_PERIOD_CHANGE = 1.2
 """If the ratio of the periods of the first and last cycles is larger, a change of the phase may be
@@ -417,6 +420,8 @@ LEAST_PHASE_DRIFT = 0.007
 It changes the loss factor by half of this value."""
 LAG_SCATTER = 8.0
 """Smallest drift of the phase that is reported, in standard errors."""
+LAG_PROBABILITY = 0.998
+"""Smallest probability that a drift of the phase is not due to chance (Student's t)."""
 LINEAR_LAG = 0.9
 """Smallest share of the variance of the phase that a linear drift explains."""
 LARGEST_GROWTH = 0.5
@@ -427,7 +432,7 @@ LARGEST_PHASE_DRIFT = 0.5
 CREEP_NOISE = 3.0
 """Smallest motion in the last quarter of a creep, in standard deviations of the noise of the
 position."""
-LOADING_SPEED = 0.3
+LOADING_SPEED = 0.02
 """Smallest speed of a loading in which a puncture is sought, as a fraction of the typical speed."""
 BETTER_BIC = 10.0
 """Smallest difference of the BIC with which another model is better than Kelvin-Voigt: very strong
@@ -471,7 +476,8 @@ NOTABLE_INERTIA = 0.02
 """Smallest decrease of k by 100 g beyond the force sensor that is a remark, as a fraction of k."""
 
 NOTABLE_LAG = 0.05
-"""Smallest decrease of b by 1 ms of lag of the force that is a remark, as a fraction of b."""
+"""Smallest decrease of b by 1 ms of lag of the force that is a remark, as a fraction of b. Usual
+force sensors lag by 0.5 to 5 ms."""
 
 # A gap where the stiffness is stated
 
@@ -490,6 +496,12 @@ slope of the side."""
 
 # Cycles of a short record
 
+FEWEST_TREND_CYCLES, TREND_PROBABILITY = 4, 0.999
+"""Smallest number of cycles in which a trend of the stiffness is sought, and smallest probability
+that it is not due to chance (Student's t)."""
+PAIR_CHANGE, CHANGE_ERRORS = 0.25, 8.0
+"""Smallest relative change with which two equal cycles are sufficient, and smallest change in
+standard deviations of the slope of a cycle."""
 SAME_STIFFNESS, FEWEST_SAME_CYCLES = 0.015, 3
 """Largest relative difference of cycles with the same stiffness, and their smallest number."""
 FEWEST_ISOLATED_CYCLES = 2
