@@ -25,6 +25,7 @@ Seed 1 is for development. A published result uses a seed that was never used be
 from __future__ import annotations
 
 import argparse
+import contextlib
 import re
 import subprocess
 import sys
@@ -103,10 +104,8 @@ class Spring:
         values = {"lag": Checked(found.lag, [true.lag])}
         if found.separable:
             values["d"] = Checked(found.lost_motion, [true.lost_motion])
-        try:
+        with contextlib.suppress(InputError):  # the whole interval is below zero
             values["c"] = Checked(found.compliance(record.stiffness), [true.compliance])
-        except InputError:  # the whole interval of the compliance is below zero
-            pass
         return values
 
 

@@ -48,15 +48,20 @@ class Transmission(NamedTuple):
 
 
 def sensed(rig: Transmission, f: Array, dt: float) -> Array:
-    """Return the force behind the lag of its channel; exact if it is linear between samples."""
+    """Return the force behind the lag of its channel."""
     if delay := rig.share * rig.lag:
         t = np.arange(len(f)) * dt
         f = np.interp(t - delay, t, f)
     if constant := (1.0 - rig.share) * rig.lag:
-        decay, ratio = math.exp(-dt / constant), constant / dt
-        now = 1.0 - ratio * (1.0 - decay)
-        f = f[0] + np.asarray(lfilter([now, 1.0 - now - decay], [1.0, -decay], f - f[0]))
+        f = first_order(f, dt, constant)
     return f
+
+
+def first_order(u: Array, dt: float, tau: float) -> Array:
+    """Return the output of a lag; exact if the input is linear between samples."""
+    decay, ratio = math.exp(-dt / tau), tau / dt
+    now = 1.0 - ratio * (1.0 - decay)
+    return u[0] + np.asarray(lfilter([now, 1.0 - now - decay], [1.0, -decay], u - u[0]))
 
 
 def log_uniform(rng: Generator, low: float, high: float) -> float:
@@ -181,16 +186,19 @@ def spring_record(
 
 
 def play(x: Array, half_width: float) -> Array:
-    """Return the output of play, which starts in the middle."""
-    y, out = float(x[0]), []
-    low, high = (x - half_width).tolist(), (x + half_width).tolist()
-    for below, above in zip(low, high, strict=True):
-        if y < below:
-            y = below
-        elif y > above:
-            y = above
-        out.append(y)
-    return np.array(out)
+    """Return the output of play, which starts in the middle.
+
+    Between two reversals, the output is its value at the first, clipped to the input +-d.
+    """
+    rises = np.diff(x) > 0.0
+    turns = np.flatnonzero(rises[1:] != rises[:-1]) + 1
+    out = np.empty_like(x)
+    y, first = float(x[0]), 0
+    for last in [*turns.tolist(), len(x) - 1]:
+        part = x[first : last + 1]
+        out[first : last + 1] = np.clip(y, part - half_width, part + half_width)
+        y, first = float(out[last]), last
+    return out
 
 
 def compressed(body: Viscous | Relaxing, z: Array, dt: float, c: float) -> tuple[Array, Array]:
@@ -200,12 +208,18 @@ def compressed(body: Viscous | Relaxing, z: Array, dt: float, c: float) -> tuple
         for _ in range(30):  # contracts, because the compliance is small
             y = z - c * body.force(t, y)
         return y, body.force(t, y)
+    if isinstance(body, Linear) and z.min() > 0.0:
+        series = 1.0 + c * body.k
+        y = first_order(z / series, dt, c * body.b / series)
+        force = (z - y) / c
+        if force.min() > 0.0:
+            return y, force
     return compressed_viscous(body, z, dt, c)
 
 
 def compressed_viscous(body: Viscous, z: Array, dt: float, c: float) -> tuple[Array, Array]:
     """Return depth and force from implicit steps, linear about the depth of the step before."""
-    lowest, highest = float(z.min()), float(z.max())
+    lowest, highest = min(float(z.min()), 0.0), float(z.max())
     pitch = (highest - lowest) / TABLE
     grid = lowest + pitch * np.arange(TABLE + 2)
     elastic, viscosity = body.elastic(grid), body.viscosity(grid)
