@@ -1,6 +1,6 @@
-"""Coverage of the published 95 % intervals: `python benchmarks/coverage.py [--records 60]`.
+"""Coverage of the published 95 % intervals: `python benchmarks/interval_coverage.py [--records 60]`.
 
-The records come from `coverage_records.py` and `independent_bodies.py`, whose physics shares no
+The records come from `interval_coverage_records.py` and `independent_bodies.py`, whose physics shares no
 code with the package. There are two sorts of kind:
 
 - a spring without damping, evaluated as `teleop lag --stiffness` does: lag of the force channel,
@@ -38,7 +38,14 @@ from typing import NamedTuple
 import independent_bodies as physics
 import independent_kinds as kinds
 import numpy as np
-from coverage_records import SpringRecord, Transmission, link, log_uniform, sensed, spring_record
+from interval_coverage_records import (
+    SpringRecord,
+    Transmission,
+    link,
+    log_uniform,
+    sensed,
+    spring_record,
+)
 from independent import Case, simulate
 from independent_bodies import Array, Linear
 from independent_kinds import Draw
@@ -319,7 +326,9 @@ def origin(options: argparse.Namespace) -> str:
         cwd=folder, capture_output=True, text=True, check=False,
     ).stdout.strip()  # fmt: skip
     new = "" if options.seed == 1 else ". This seed was not used in development."
-    command = f"python benchmarks/coverage.py --records {options.records} --seed {options.seed}"
+    command = (
+        f"python benchmarks/interval_coverage.py --records {options.records} --seed {options.seed}"
+    )
     command += f" --kinds '{options.kinds}'" if options.kinds else ""
     return f"# {command}, commit {commit or 'unknown'}{new}"
 

@@ -1,4 +1,4 @@
-"""The physics and the table of benchmarks/coverage.py."""
+"""The physics and the table of benchmarks/interval_coverage.py."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from estimation.stiffening import Interval
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 bodies = importlib.import_module("independent_bodies")
-records = importlib.import_module("coverage_records")
-coverage = importlib.import_module("coverage")
+records = importlib.import_module("interval_coverage_records")
+coverage = importlib.import_module("interval_coverage")
 
 DT = 1e-4
 T = np.arange(0.0, 2.0, DT)
