@@ -1,7 +1,7 @@
-"""Coverage of the published 95 % intervals: `python benchmarks/interval_coverage.py [--records 60]`.
+"""Coverage of the published 95 % intervals: `python benchmarks/interval_coverage.py`.
 
-The records come from `interval_coverage_records.py` and `independent_bodies.py`, whose physics shares no
-code with the package. There are two sorts of kind:
+The records come from `interval_coverage_records.py` and `independent_bodies.py`, whose physics
+shares no code with the package. There are two sorts of kind:
 
 - a spring without damping, evaluated as `teleop lag --stiffness` does: lag of the force channel,
   lost motion d, and compliance c;
@@ -38,6 +38,9 @@ from typing import NamedTuple
 import independent_bodies as physics
 import independent_kinds as kinds
 import numpy as np
+from independent import Case, simulate
+from independent_bodies import Array, Linear
+from independent_kinds import Draw
 from interval_coverage_records import (
     SpringRecord,
     Transmission,
@@ -46,9 +49,6 @@ from interval_coverage_records import (
     sensed,
     spring_record,
 )
-from independent import Case, simulate
-from independent_bodies import Array, Linear
-from independent_kinds import Draw
 
 from estimation.stiffening import Interval
 from estimation.transmission import TransmissionCalibration
@@ -127,6 +127,8 @@ class Tissue:
     known: str = "all"
     """What is calibrated: `all`, `lag` or `nothing`."""
     form: str = "play"
+    delay: bool = False
+    """Whether the lag of the force channel is a pure delay, and not of first order."""
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
@@ -142,7 +144,7 @@ class Tissue:
             self.steady,
             lambda draw, x, dt, body: link(rig_of(draw, self.form))(draw, x, dt, body),
             (lambda draw, t, x, f: (x, sensed(rig_of(draw, self.form), f, t[1] - t[0])),),
-            prepare=draw_rig,
+            prepare=lambda draw: draw_rig(draw, self.delay),
             ranges=RANGES | self.ranges,
         )
         return simulate(kind, seed, repeat)
@@ -175,11 +177,11 @@ def generator(name: str, seed: int, repeat: int) -> np.random.Generator:
     return np.random.default_rng([zlib.crc32(name.encode()), seed, repeat])
 
 
-def draw_rig(draw: Draw) -> None:
+def draw_rig(draw: Draw, delay: bool) -> None:
     """Draw a transmission for a record of tissue."""
     draw.notes |= {
         "force lag": min(log_uniform(draw.rng, 1e-3, 8e-3), 0.1 / draw.omega),
-        "share": float(draw.rng.choice([0.0, 1.0, draw.uniform(0.0, 1.0)])),
+        "share": float(delay),
         "lost motion": draw.amplitude * draw.uniform(0.02, 0.06),
         "compliance": draw.uniform(0.02, 0.08) / draw.k,
     }
@@ -279,6 +281,8 @@ KINDS: list[Spring | Tissue] = [
     Tissue("linear, sine", kinds.linear, kinds.sine, True),
     Tissue("linear, several sines", kinds.linear, kinds.several_sines),
     Tissue("linear, hand", kinds.linear, kinds.hand),
+    Tissue("linear, sine, delay", kinds.linear, kinds.sine, True, delay=True),
+    Tissue("linear, several sines, delay", kinds.linear, kinds.several_sines, delay=True),
     Tissue("Hunt-Crossley, presses", kinds.depth_damped(None, 0.1, 0.3), kinds.presses,
            ranges=PRESSES),
     Tissue("Maxwell arms, sine", kinds.solid, kinds.sine, True),

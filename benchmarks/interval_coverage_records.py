@@ -1,4 +1,4 @@
-"""The records of `interval_coverage.py`: a transmission, its record on a spring, and records of tissue.
+"""Records of `interval_coverage.py`: a transmission, with a spring and with tissue.
 
 The physics is that of `independent_bodies.py`, which shares no code with the package. A
 transmission of the fitted form has play of half width d, then a compliance c in series; the force
