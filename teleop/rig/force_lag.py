@@ -26,7 +26,7 @@ McGraw-Hill, 1968, section 2.3.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -292,11 +292,11 @@ class SpringRecord:
                 slopes.append(fit.k * (ahead - fit.tip) / step)
                 priors.append(known[i])
         rng = np.random.default_rng(0)
-        moved = [
+        moved = (
             fit.k * (self.tip(*at, strokes=Strokes(self.smoother.noisy(rng))) - fit.tip)
             for _ in range(REPLICATES)
-        ]
-        return covariance_of(fit.residual, np.array(slopes), np.array(priors), np.array(moved))
+        )
+        return covariance_of(fit.residual, np.array(slopes), np.array(priors), moved)
 
 
 class Strokes:
@@ -349,7 +349,8 @@ class Smoother:
         """Time at each end that the reflection influences [s]."""
         parts *= self.gain
         fourth = (2.0 * math.pi * frequency) ** 4 @ parts**2 / max(float(parts @ parts), 1e-300)
-        self.times = max(1, math.ceil(float(fourth) ** 0.25 * period / FINE))
+        wanted = math.ceil(float(fourth) ** 0.25 * period / FINE)
+        self.times = max(1, min(wanted, 2 * MOST_SAMPLES // n))
         """Number of samples of the curve in a sample period."""
         self.curve = self._curve(parts, first, last)
         """The curve [m], shape ((n - 1) times + 1,)."""
@@ -496,20 +497,20 @@ def not_separated(record: SpringRecord, alone: float, equal: float) -> ForceLag:
     return ForceLag(lag, Interval(0.0, 0.0, lost + half), k, fit.squared**0.5, False)
 
 
-def covariance_of(residual: Floats, slopes: Floats, known: Floats, moved: Floats) -> Floats:
+def covariance_of(
+    residual: Floats, slopes: Floats, known: Floats, moved: Iterable[Floats] = ()
+) -> Floats:
     """Return the covariance of m parameters of a least-squares fit, shape (m, m).
 
     `residual` has the shape (n,), and `slopes`, the derivatives of the model, the shape (m, n).
     `known` contains the standard deviation with which each parameter is known without the record.
-    `moved` contains samples of the error of the model that noise of the position causes, shape
-    (r, n). The remaining noise is stationary, with any spectrum: only its power at the frequencies
-    of the derivatives changes the parameters.
+    `moved` contains samples of the error of the model that noise of the position causes, each of
+    shape (n,). The remaining noise is stationary, with any spectrum: only its power at the
+    frequencies of the derivatives changes the parameters.
     """
     n = len(residual)
     slopes = slopes - slopes.mean(axis=1, keepdims=True)
     spectra = np.fft.rfft(slopes)
-    power = np.abs(np.fft.rfft(residual)) ** 2 - np.mean(np.abs(np.fft.rfft(moved)) ** 2, axis=0)
-    noise = np.maximum(smoothed(power / n, BAND), 0.0)
     weight = np.full(spectra.shape[1], 2.0 / n)
     weight[0] = 1.0 / n
     if n % 2 == 0:
@@ -518,9 +519,15 @@ def covariance_of(residual: Floats, slopes: Floats, known: Floats, moved: Floats
     prior = level / known**2
     size = np.sqrt(np.maximum(np.sum(slopes**2, axis=1) + prior, 1e-300))
     slopes, spectra = slopes / size[:, None], spectra / size[:, None]
-    along = slopes @ moved.T
-    spread = np.real((spectra * (weight * noise)) @ spectra.conj().T)
-    spread += along @ along.T / len(moved)
+    power = np.abs(np.fft.rfft(residual)) ** 2
+    moved_power = np.zeros(len(power))
+    spread = np.zeros((len(slopes), len(slopes)))
+    for count, one in enumerate(moved, 1):  # not all at once: a record can have a million samples
+        along = slopes @ one
+        spread += (np.outer(along, along) - spread) / count
+        moved_power += (np.abs(np.fft.rfft(one)) ** 2 - moved_power) / count
+    noise = np.maximum(smoothed((power - moved_power) / n, BAND), 0.0)
+    spread += np.real((spectra * (weight * noise)) @ spectra.conj().T)
     prior = np.diag(prior / size**2)
     inverse = np.linalg.pinv(slopes @ slopes.T + prior)
     covariance = inverse @ (spread + level * prior) @ inverse
