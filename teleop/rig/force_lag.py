@@ -100,9 +100,9 @@ CHI_SQUARE_MEDIAN = 0.4549
 """Median of the chi-square distribution with one degree of freedom, whose mean is 1."""
 ROLL_OFF = 0.5
 """Width of the range in which the filter of the position falls to 0, relative to the band."""
-FINE = 1.0 / 64.0
-"""Largest phase of the motion between two samples of the position [rad]. The extremes of a sine
-are then missed by less than 1e-4 / 8 of its amplitude, on average 1e-5."""
+FINE = 1.0 / 128.0
+"""Phase of the motion between two samples of the curve of the position [rad]. Linear interpolation
+between them makes a sine smaller by its square / 12, which makes the stiffness 5e-6 too large."""
 SHARE_ERROR = 0.5
 """Standard deviation of the share of the delay in the lag if the record does not determine it. The
 share is between 0 and 1, and each of these values is within two standard deviations of all others.
