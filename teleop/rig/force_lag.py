@@ -26,9 +26,8 @@ McGraw-Hill, 1968, section 2.3.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -38,16 +37,13 @@ from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
 from estimation.filters import Play
 from estimation.quantities import STIFFNESS
-from estimation.stiffening import Interval, lagged
+from estimation.stiffening import Interval
 from estimation.transmission import TransmissionCalibration
 from sim_backend import Cube, Setup, paper_setup
 from teleop.control.excitation_signals import Chirp
 from teleop.errors import InputError
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
 
 SPRING = 5000.0
 """Stiffness of the reference spring [N/m]."""
@@ -72,6 +68,9 @@ def measure_simulated_lag(seed: int = 0) -> tuple[ForceLag, Setup]:
     return measured, setup
 
 
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
+
 LONGEST = 0.1
 """Longest lag that can be measured [s]."""
 NO_LAG = 1e-5
@@ -88,9 +87,22 @@ STROKE = 0.02
 """Half width of the play operator that removes small motions before strokes are detected, as a
 fraction of the range of x."""
 SETTLED = 0.3
-"""Time at the start of the record that is not fitted, because of the transient of the lag [s]."""
+"""Shortest time at the start that is not fitted, because of the transient of the lag [s]."""
 STEP = 0.02
 """Step of a parameter in the numerical derivatives, as a fraction of the parameter's scale."""
+BAND = 20
+"""Half width of the mean over the values of a spectrum."""
+FALSE_BAND = 0.01
+"""Probability that noise of the position is taken for a part of the motion."""
+REPLICATES = 60
+"""Number of samples of the noise of the position, for the covariance."""
+CHI_SQUARE_MEDIAN = 0.4549
+"""Median of the chi-square distribution with one degree of freedom, whose mean is 1."""
+ROLL_OFF = 0.5
+"""Width of the range in which the filter of the position falls to 0, relative to the band."""
+FINE = 1.0 / 128.0
+"""Phase of the motion between two samples of the curve of the position [rad]. Linear interpolation
+between them makes a sine smaller by its square / 12, which makes the stiffness 5e-6 too large."""
 SHARE_ERROR = 0.5
 """Standard deviation of the share of the delay in the lag if the record does not determine it. The
 share is between 0 and 1, and each of these values is within two standard deviations of all others.
@@ -183,95 +195,196 @@ class SpringFit(NamedTuple):
     """Stiffness of the spring [N/m]."""
     residual: Floats
     """Residual of the force at each sample after the initial transient [N], shape (m,)."""
-    spread: float
-    """Standard deviation of the position of the tip [m]."""
+    tip: Floats
+    """Position of the tip behind the lag, without its mean [m], shape (m,)."""
 
     @property
     def squared(self) -> float:
         """Mean square of the residual of the force [N^2]."""
         return float(np.mean(self.residual**2))
 
-    @property
-    def independent(self) -> float:
-        """Effective sample size: number of residuals, reduced because of their autocorrelation."""
-        r = self.residual
-        correlation = max(0.0, float(r[1:] @ r[:-1]) / max(float(r @ r), 1e-300))
-        return len(r) * (1.0 - correlation) / (1.0 + correlation)
-
-    @property
-    def variance(self) -> float:
-        """Variance of a residual, increased because of the autocorrelation [N^2]."""
-        return self.squared * len(self.residual) / max(self.independent, 1.0)
-
-    def k_interval(self, further: float = 0.0) -> Interval:
-        """Return the stiffness with its 95 % confidence interval [N/m].
-
-        `further` is the variance of k that the errors of lag and lost motion cause [N^2/m^2].
-        """
-        alone = self.variance / (len(self.residual) * self.spread**2)
-        half = LEVEL_95 * math.sqrt(alone + further)
-        return Interval(self.k, self.k - half, self.k + half)
-
 
 class SpringRecord:
-    """Position and force that were recorded with a reference spring, to fit its stiffness."""
+    """Position and force that were recorded with a reference spring, to fit its stiffness.
+
+    The play operator takes the extremes of its input. Noise of the position therefore moves its
+    output in the direction of the motion, and a reversal between two samples is missed. For this
+    reason, the position is a smooth curve through the samples (`Smoother`).
+    """
 
     def __init__(self, position: Floats, force: Floats, dt: Floats) -> None:
-        self.position, self.dt = position, dt
-        self.t = np.cumsum(dt)
-        self.settled = slice(int(SETTLED / dt.mean()), None)
-        self.force = force[self.settled]
+        self.t = np.cumsum(dt) - dt[0]
+        period = float(self.t[-1]) / (len(dt) - 1)
+        if np.ptp(dt[1:]) > 1e-6 * period:
+            from scipy.interpolate import CubicSpline
 
-    @cached_property
-    def curve(self) -> CubicSpline:
-        """The position as a function of time, to delay it by a part of a sample period."""
-        from scipy.interpolate import CubicSpline
+            even = np.linspace(0.0, self.t[-1], len(dt))
+            position = np.asarray(CubicSpline(self.t, position)(even))
+        self.smoother = Smoother(position, period)
+        self.period = period / self.smoother.times
+        self.strokes = Strokes(self.smoother.curve)
+        self.all_force = force
+        self.settle(0.0)
 
-        return CubicSpline(self.t, self.position)
+    def settle(self, lost_motion: float) -> None:
+        """Fit only samples that depend neither on the start of the play nor on the ends."""
+        curve, margin = self.smoother.curve, self.smoother.margin
+        travel = np.maximum.accumulate(curve) - np.minimum.accumulate(curve)
+        known = int(np.searchsorted(travel, 2.0 * abs(lost_motion))) * self.period
+        last = float(self.t[-1])
+        first = min(max(SETTLED, known + margin), 0.5 * last)
+        fitted = (self.t >= first) & (self.t <= max(last - margin, 0.75 * last))
+        self.settled, self.force = self.t[fitted], self.all_force[fitted]
 
-    def delayed(self, delay: float) -> Floats:
-        """Return the position, delayed by a time [s], at all samples [m]."""
-        if delay == 0.0:
-            return self.position
-        return np.asarray(self.curve(np.maximum(self.t - delay, self.t[0])))
+    def tip(
+        self,
+        lag: float,
+        lost_motion: float,
+        share: float = 0.0,
+        *,
+        strokes: Strokes | None = None,
+    ) -> Floats:
+        """Return the position of the tip behind the lag at the fitted samples [m], without mean.
+
+        `share` is the share of a pure delay in the lag, from 0 to 1. `strokes` is the motion, if it
+        is not that of the record.
+        """
+        strokes = strokes or self.strokes
+        tip = strokes.played(abs(lost_motion))
+        if lost_motion < 0.0:
+            tip = 2.0 * strokes.curve - tip
+        if constant := (1.0 - share) * lag:
+            tip = lagged(tip, self.period, constant)
+        x = np.interp((self.settled - share * lag) / self.period, np.arange(len(tip)), tip)
+        return np.asarray(x - x.mean())
 
     def fit(self, lag: float, lost_motion: float, share: float = 0.0) -> SpringFit:
-        """Return the stiffness and the residuals of a fit with given lag and play.
-
-        `share` is the share of a pure delay in the lag, from 0 to 1.
-        """
-        position = self.delayed(share * lag)
-        tip = Play(abs(lost_motion)).run(position)
-        if lost_motion < 0.0:
-            tip = 2.0 * position - tip
-        x = lagged(tip, self.dt, (1.0 - share) * lag)[self.settled]
-        about = x - x.mean()
+        """Return the stiffness and the residuals of a fit with given lag, play and share."""
+        x = self.tip(lag, lost_motion, share)
         f = self.force - self.force.mean()
-        k = float(about @ f) / max(float(about @ about), 1e-300)
-        return SpringFit(k, f - k * about, max(float(np.std(about)), 1e-300))
+        k = float(x @ f) / max(float(x @ x), 1e-300)
+        return SpringFit(k, f - k * x, x)
 
     def lead(self, fit: SpringFit) -> float:
         """Return the time by which the force is ahead of the position, in a fit without lag [s]."""
-        v = (np.gradient(self.position) / self.dt)[self.settled]
+        v = np.gradient(self.strokes.curve) / self.period
+        v = np.interp(self.settled / self.period, np.arange(len(v)), v)
         return float(fit.residual @ v) / max(float(v @ v) * fit.k, 1e-300)
 
-    def derivatives(
-        self, at: Sequence[float], steps: Sequence[float | None]
-    ) -> tuple[list[Floats], Floats]:
-        """Return the derivatives of the residual at each sample, and those of the stiffness.
+    def covariance(
+        self,
+        at: Sequence[float],
+        steps: Sequence[float | None],
+        known: Sequence[float] = (math.inf, math.inf, math.inf),
+    ) -> Floats:
+        """Return the covariance of the stiffness and of m parameters, shape (1 + m, 1 + m).
 
-        They are finite differences with respect to lag [s], lost motion [m] and share of the delay,
-        in this order. `at` contains the values of these parameters, and `steps` the steps. A
-        parameter with the step None is left out.
+        The parameters are lag [s], lost motion [m] and share of the delay, in this order. `at`
+        contains their values, `steps` the steps of the finite differences, and `known` the standard
+        deviations with which they are known without the record. A parameter with the step None is
+        left out.
         """
-        here = self.fit(*at)
-        residuals, stiffnesses = [], []
+        fit = self.fit(*at)
+        slopes, priors = [fit.tip], [math.inf]
         for i, step in enumerate(steps):
             if step is not None:
-                ahead = self.fit(*(value + step * (i == j) for j, value in enumerate(at)))
-                residuals.append((ahead.residual - here.residual) / step)
-                stiffnesses.append((ahead.k - here.k) / step)
-        return residuals, np.array(stiffnesses)
+                ahead = self.tip(*(value + step * (i == j) for j, value in enumerate(at)))
+                slopes.append(fit.k * (ahead - fit.tip) / step)
+                priors.append(known[i])
+        rng = np.random.default_rng(0)
+        moved = (
+            fit.k * (self.tip(*at, strokes=Strokes(self.smoother.noisy(rng))) - fit.tip)
+            for _ in range(REPLICATES)
+        )
+        return covariance_of(fit.residual, np.array(slopes), np.array(priors), moved)
+
+
+class Strokes:
+    """A motion, split at its reversals for the play operator."""
+
+    def __init__(self, curve: Floats) -> None:
+        step = np.sign(np.diff(curve))
+        turns = np.flatnonzero(step[1:] * step[:-1] <= 0.0) + 1
+        self.curve = curve
+        self.ends = curve[turns].tolist()
+        self.lengths = np.diff([0, *turns, len(curve)])
+
+    def played(self, half_width: float) -> Floats:
+        """Return the output of a play operator: that of `estimation.filters.Play`."""
+        if not half_width:
+            return self.curve
+        y, states = float(self.curve[0]), []
+        for end in self.ends:
+            states.append(y)
+            y = min(max(y, end - half_width), end + half_width)
+        states.append(y)
+        held = np.repeat(states, self.lengths)
+        return np.asarray(np.clip(held, self.curve - half_width, self.curve + half_width))
+
+
+class Smoother:
+    """A smooth curve through the samples of a position.
+
+    The band of the motion ends where the power falls to that of the noise, which is the median of
+    the upper half of all frequencies. Above this band, a filter without phase shift removes the
+    noise. At both ends, the curve is continued by reflection at the line through the ends.
+    """
+
+    def __init__(self, position: Floats, period: float) -> None:
+        from scipy.fft import dst
+        from scipy.special import chdtri
+
+        n = len(position)
+        first, last = float(position[0]), float(position[-1])
+        parts = np.asarray(dst((position - np.linspace(first, last, n))[1:-1], 1))
+        frequency = np.arange(1, n - 1) / (2.0 * (n - 1) * period)
+        self.noise = float(np.median(parts[n // 2 :] ** 2)) / CHI_SQUARE_MEDIAN
+        count = 2 * BAND + 1
+        least = self.noise * chdtri(count, FALSE_BAND / n) / count
+        above = np.flatnonzero(smoothed(parts**2, BAND) > least)
+        edge = float(frequency[above[-1]] if len(above) else frequency[-1])
+        fall = np.clip((frequency / edge - 1.0) / ROLL_OFF, 0.0, 1.0)
+        self.gain = 0.5 + 0.5 * np.cos(math.pi * fall)
+        self.margin = 1.0 / edge
+        """Time at each end that the reflection influences [s]."""
+        parts *= self.gain
+        fourth = (2.0 * math.pi * frequency) ** 4 @ parts**2 / max(float(parts @ parts), 1e-300)
+        wanted = math.ceil(float(fourth) ** 0.25 * period / FINE)
+        self.times = max(1, min(wanted, 2 * MOST_SAMPLES // n))
+        """Number of samples of the curve in a sample period."""
+        self.curve = self._curve(parts, first, last)
+        """The curve [m], shape ((n - 1) times + 1,)."""
+
+    def noisy(self, rng: np.random.Generator) -> Floats:
+        """Return the curve with random noise, which the filter passes."""
+        parts = self.gain * rng.normal(0.0, math.sqrt(self.noise), len(self.gain))
+        return self.curve + self._curve(parts)
+
+    def _curve(self, parts: Floats, first: float = 0.0, last: float = 0.0) -> Floats:
+        from scipy.fft import idst
+
+        padded = np.zeros((len(parts) + 1) * self.times - 1)
+        padded[: len(parts)] = self.times * parts
+        curve = np.concatenate([[0.0], np.asarray(idst(padded, 1)), [0.0]])
+        return np.asarray(curve + np.linspace(first, last, len(curve)))
+
+
+def lagged(signal: Floats, period: float, lag: float) -> Floats:
+    """Return the output of a first-order lag [s] whose input is linear between samples."""
+    from scipy.signal import lfilter
+
+    decay, ratio = math.exp(-period / lag), lag / period
+    now = 1.0 - ratio * (1.0 - decay)
+    later = np.asarray(lfilter([now, 1.0 - now - decay], [1.0, -decay], signal - signal[0]))
+    return np.asarray(signal[0] + later)
+
+
+def smoothed(values: Floats, half: int) -> Floats:
+    """Return the mean of each value and its neighbours, `half` on each side."""
+    half = min(half, len(values) - 1)
+    total = np.cumsum(np.concatenate([[0.0], np.pad(values, half, mode="reflect")]))
+    width = 2 * half + 1
+    return np.asarray((total[width:] - total[:-width]) / width)
 
 
 def stroke_speeds(position: Floats, dt: Floats) -> Floats:
@@ -328,26 +441,30 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
     if len(speeds) == 0 or np.quantile(speeds, 0.9) < SPEEDS * np.quantile(speeds, 0.1):
         return not_separated(record, alone, equal)
     scale = np.array([alone, equal, 1.0])
-    starts = (np.array([1.0, 0.0, 0.5]), np.array([0.5, 0.5, 0.5]))
-    found = [
-        least_squares(
+
+    def search(start: Floats) -> OptimizeResult:
+        return least_squares(
             lambda z: record.fit(*(z * scale).tolist()).residual,
             start,
             bounds=((0.0, -3.0, 0.0), (LONGEST / alone, 6.0, 1.0)),
             diff_step=STEP,
         )
-        for start in starts
-    ]
-    lag, lost, share = (min(found, key=lambda result: float(result.cost)).x * scale).tolist()
+
+    starts = (np.array([1.0, 0.0, 0.5]), np.array([0.5, 0.5, 0.5]))
+    found = min((search(start) for start in starts), key=lambda result: float(result.cost))
+    count = len(record.settled)
+    record.settle(found.x[1] * scale[1])
+    if len(record.settled) < count:
+        found = search(found.x)
+    lag, lost, share = (found.x * scale).tolist()
     fit = record.fit(lag, lost, share)
     steps = (STEP * alone, STEP * equal, STEP if share < 0.5 else -STEP)
-    slopes, by_errors = record.derivatives((lag, lost, share), steps)
-    covariance = covariance_of(fit, slopes, (math.inf, math.inf, SHARE_ERROR))
-    lag_half, lost_half, _ = half_widths(covariance)
+    covariance = record.covariance((lag, lost, share), steps, (math.inf, math.inf, SHARE_ERROR))
+    k_half, lag_half, lost_half, _ = half_widths(covariance)
     return ForceLag(
         Interval(lag, max(0.0, lag - lag_half), lag + lag_half),
         Interval(max(0.0, lost), max(0.0, lost - lost_half), max(0.0, lost + lost_half)),
-        fit.k_interval(float(by_errors @ covariance @ by_errors)),
+        Interval(fit.k, fit.k - k_half, fit.k + k_half),
         fit.squared**0.5,
         True,
     )
@@ -357,44 +474,64 @@ def not_separated(record: SpringRecord, alone: float, equal: float) -> ForceLag:
     """Return the result for a recording from which lag and lost motion cannot be separated.
 
     Lag and lost motion (backlash) both delay the force. The upper bound of the lag is computed with
-    zero lost motion, and that of the lost motion with zero lag. The lower bounds are zero. The lag
-    is assumed to be of first order: a pure delay with the same phase is shorter, and therefore also
-    in the interval.
+    zero lost motion, and that of the lost motion with zero lag. The lower bounds are zero. The
+    lost motion also makes the motion of the tip smaller, so that the interval of the stiffness
+    contains both extremes. The lag is assumed to be of first order: a pure delay with the same
+    phase is shorter, and therefore also in the interval.
     """
     from scipy.optimize import minimize_scalar
 
     fit = record.fit(alone, 0.0)
-    slopes, _ = record.derivatives((alone, 0.0), (STEP * alone,))
-    (lag_half,) = half_widths(covariance_of(fit, slopes))
+    k_half, lag_half = half_widths(record.covariance((alone, 0.0), (STEP * alone, None)))
     lag = Interval(alone, 0.0, alone + lag_half)
     if equal == 0.0:
-        lost_motion = Interval(0.0, 0.0, math.inf)
-        return ForceLag(lag, lost_motion, fit.k_interval(), fit.squared**0.5, False)
+        k = Interval(fit.k, fit.k - k_half, fit.k + k_half)
+        return ForceLag(lag, Interval(0.0, 0.0, math.inf), k, fit.squared**0.5, False)
     lost = float(
         minimize_scalar(
             lambda lost: record.fit(0.0, lost).squared, bounds=(0.0, 3.0 * equal), method="bounded"
         ).x
     )
-    slopes, _ = record.derivatives((0.0, lost), (None, STEP * equal))
-    (half,) = half_widths(covariance_of(record.fit(0.0, lost), slopes))
-    lost_motion = Interval(0.0, 0.0, lost + half)
-    return ForceLag(lag, lost_motion, fit.k_interval(), fit.squared**0.5, False)
+    k_lost, half = half_widths(record.covariance((0.0, lost), (None, STEP * equal)))
+    k = Interval(fit.k, fit.k - k_half, max(fit.k + k_half, record.fit(0.0, lost).k + k_lost))
+    return ForceLag(lag, Interval(0.0, 0.0, lost + half), k, fit.squared**0.5, False)
 
 
 def covariance_of(
-    fit: SpringFit, slopes: list[Floats], known: Sequence[float] | None = None
+    residual: Floats, slopes: Floats, known: Floats, moved: Iterable[Floats] = ()
 ) -> Floats:
-    """Return the covariance of m parameters from the derivatives of the residual, shape (m, m).
+    """Return the covariance of m parameters of a least-squares fit, shape (m, m).
 
+    `residual` has the shape (n,), and `slopes`, the derivatives of the model, the shape (m, n).
     `known` contains the standard deviation with which each parameter is known without the record.
+    `moved` contains samples of the error of the model that noise of the position causes, each of
+    shape (n,). The remaining noise is stationary, with any spectrum: only its power at the
+    frequencies of the derivatives changes the parameters.
     """
-    jacobian = np.stack(slopes, axis=1)
-    information = jacobian.T @ jacobian / max(fit.variance, 1e-300)
-    if known is not None:
-        information += np.diag(1.0 / np.array(known) ** 2)
-    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    size = np.outer(size, size)
-    return np.asarray(np.linalg.pinv(information / size) / size)
+    n = len(residual)
+    slopes = slopes - slopes.mean(axis=1, keepdims=True)
+    spectra = np.fft.rfft(slopes)
+    weight = np.full(spectra.shape[1], 2.0 / n)
+    weight[0] = 1.0 / n
+    if n % 2 == 0:
+        weight[-1] = 1.0 / n
+    level = max(float(np.mean(residual**2)), 1e-300)
+    prior = level / known**2
+    size = np.sqrt(np.maximum(np.sum(slopes**2, axis=1) + prior, 1e-300))
+    slopes, spectra = slopes / size[:, None], spectra / size[:, None]
+    power = np.abs(np.fft.rfft(residual)) ** 2
+    moved_power = np.zeros(len(power))
+    spread = np.zeros((len(slopes), len(slopes)))
+    for count, one in enumerate(moved, 1):  # not all at once: a record can have a million samples
+        along = slopes @ one
+        spread += (np.outer(along, along) - spread) / count
+        moved_power += (np.abs(np.fft.rfft(one)) ** 2 - moved_power) / count
+    noise = np.maximum(smoothed((power - moved_power) / n, BAND), 0.0)
+    spread += np.real((spectra * (weight * noise)) @ spectra.conj().T)
+    prior = np.diag(prior / size**2)
+    inverse = np.linalg.pinv(slopes @ slopes.T + prior)
+    covariance = inverse @ (spread + level * prior) @ inverse
+    return np.asarray(covariance / np.outer(size, size))
 
 
 def half_widths(covariance: Floats) -> list[float]:

@@ -19,7 +19,8 @@ References
 ----------
 G. H. Golub, V. Pereyra, "The differentiation of pseudo-inverses and nonlinear least squares
 problems whose variables separate", SIAM J. Numer. Anal. 10(2), 1973; M. Brokate, J. Sprekels,
-"Hysteresis and Phase Transitions", Springer, 1996.
+"Hysteresis and Phase Transitions", Springer, 1996; A. E. Raftery, "Bayesian model selection in
+social research", Sociological Methodology 25, 1995.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ import numpy as np
 
 from estimation.arrays import Floats
 from estimation.batch_models.relaxation import relaxing_part
+from estimation.estimator import LEVEL_95
 from estimation.smoothing import slope_kernel, smoothing_kernel
 from estimation.stiffening import Interval
 from teleop.evaluation.batch.contact_phases import Phases
@@ -43,6 +45,7 @@ from teleop.evaluation.batch.thresholds import (
     FEWEST_LOST_MOTION_SAMPLES,
     LEAST_LOST_MOTION,
     LEAST_LOST_MOTION_COUNTS,
+    LEAST_LOST_MOTION_SHARE,
     LOST_MOTION_BIC,
     LOST_MOTION_PREDICTION,
     LOST_MOTION_RESIDUAL,
@@ -62,6 +65,10 @@ TIMES = 4
 LEAST_SLIP, SLIPS = 0.002, 1.7
 """Least slip of friction in the specimen, as a fraction of the amplitude, and largest ratio of a
 refined slip to the best one."""
+NEWTON_STEPS = 3
+"""Number of steps that improve the half width of the best model."""
+SPECTRAL_MEAN = 10
+"""Half width of the mean over the values of a periodogram."""
 CHI_SQUARE_95 = 3.841
 """Quantile of the chi-square distribution with one degree of freedom."""
 
@@ -122,7 +129,11 @@ class HysteresisFit(NamedTuple):
 def find_lost_motion(record: SmoothedRecord, phases: Phases) -> LostMotion | None:
     """Return the lost motion in a record; None if there is no strong evidence for any."""
     rows = RegressionRows(record, phases)
-    least = max(LEAST_LOST_MOTION_COUNTS * record.count, LEAST_LOST_MOTION)
+    least = max(
+        LEAST_LOST_MOTION_COUNTS * record.count,
+        LEAST_LOST_MOTION,
+        LEAST_LOST_MOTION_SHARE * rows.scale,
+    )
     widest = WIDEST_LOST_MOTION * rows.scale
     if len(rows.index) < FEWEST_LOST_MOTION_SAMPLES or widest < 2.0 * least:
         return None
@@ -140,23 +151,21 @@ def find_lost_motion(record: SmoothedRecord, phases: Phases) -> LostMotion | Non
         found += tried + regressors.tried(shape, np.geomspace(*ends, REFINED))
     n = independent_values(min(found, key=lambda one: one.criterion(len(rows.index))).residual)
     best = min(found, key=lambda one: one.criterion(n))
+    rigid = min(plain, key=lambda one: one.criterion(n))
+    if rigid.criterion(n) - best.criterion(n) < LOST_MOTION_BIC:
+        return None
     rubbing = regressors.with_friction(np.geomspace(LEAST_SLIP * rows.scale, widest, WIDTHS))
     if rubbing:
         near = min(rubbing, key=lambda one: one.criterion(n)).half_width
         rubbing += regressors.with_friction(np.geomspace(near / SLIPS, near * SLIPS, 2 * REFINED))
-    without = min([*plain, *rubbing], key=lambda one: one.criterion(n))
-    if without.criterion(n) - best.criterion(n) < LOST_MOTION_BIC:
-        return None
-    rigid = min(plain, key=lambda one: one.criterion(n))
+        friction = min(rubbing, key=lambda one: one.criterion(n))
+        if friction.criterion(n) - best.criterion(n) < LOST_MOTION_BIC:
+            return None
     if beyond_noise(best, record) > LOST_MOTION_RESIDUAL * beyond_noise(rigid, record):
         return None
-    half_width, error = minimum(
-        {
-            one.half_width: n * math.log(max(float(one.residual @ one.residual), 1e-300))
-            for one in found
-            if (one.shape, one.model) == (best.shape, best.model)
-        }
-    )
+    half_width, error = minimum(profile(found, best, n))
+    half_width, error = regressors.refined(best, half_width, min(error, 0.1 * half_width))
+    error = math.hypot(error, LEVEL_95 * other_models(found, best, half_width, n))
     if half_width - error <= 0.0 or half_width < least:
         return None
     chosen = LostMotion(half_width, error, best.shape, rows.scale)
@@ -202,6 +211,26 @@ class Regressors:
             for half_width, columns in zip(half_widths.tolist(), self._columns(x), strict=True)
             for fit, _ in self._fits(columns, half_width, shape)
         ]
+
+    def refined(self, best: HysteresisFit, half_width: float, step: float) -> tuple[float, float]:
+        """Return the half width of the best model, and the half width of its 95 % interval.
+
+        The half width is improved by Gauss-Newton steps. The noise is stationary, with any
+        spectrum: only its power at the frequencies of the derivative changes the half width.
+        """
+        error = step
+        for _ in range(NEWTON_STEPS):
+            at = np.array([half_width - step, half_width, half_width + step])
+            below, residual, above = (
+                one.residual for one in self.tried(best.shape, at) if one.model == best.model
+            )
+            slope = (above - below) / (2.0 * step)
+            squares = max(float(slope @ slope), 1e-300)
+            error = LEVEL_95 * math.sqrt(noise_along(residual, slope)) / squares
+            change = -float(slope @ residual) / squares
+            half_width += float(np.clip(change, -2.0 * step, 2.0 * step))
+            step = float(np.clip(error, 1e-3 * half_width, 0.1 * half_width))
+        return half_width, error
 
     def with_friction(self, slips: Floats) -> list[HysteresisFit]:
         """Fit all models with friction inside the specimen, beside its elastic force.
@@ -327,13 +356,60 @@ def independent_values(residual: Floats) -> float:
     return n / max(1.0, 1.0 + 2.0 * float(np.sum(correlation[1:] ** 2 - 1.0 / n)))
 
 
-def minimum(profile: dict[float, float]) -> tuple[float, float]:
+def noise_along(residual: Floats, slope: Floats) -> float:
+    """Return the variance of the product of stationary noise with a vector.
+
+    The spectrum of the noise is the smoothed periodogram of the residual.
+    """
+    n = len(residual)
+    power = np.abs(np.fft.fft(residual)) ** 2 / n
+    width = min(2 * SPECTRAL_MEAN + 1, n)
+    around = np.concatenate([power[-(width // 2) :], power, power[: width // 2]])
+    power = np.convolve(around, np.ones(width) / width, "valid")[:n]
+    return float(np.abs(np.fft.fft(slope)) ** 2 @ power) / n
+
+
+def profile(found: list[HysteresisFit], like: HysteresisFit, n: float) -> dict[float, float]:
+    """Return the deviance n log(sum of squares) by the half width, for one shape and model.
+
+    A half width that was tried twice, apart from rounding, is contained once.
+    """
+    return {
+        float(f"{one.half_width:.9g}"): n
+        * math.log(max(float(one.residual @ one.residual), 1e-300))
+        for one in found
+        if (one.shape, one.model) == (like.shape, like.model)
+    }
+
+
+def other_models(
+    found: list[HysteresisFit], best: HysteresisFit, half_width: float, n: float
+) -> float:
+    """Return the standard deviation of d between the models [m], with their probabilities.
+
+    A model has the probability that its Bayesian information criterion gives (Raftery).
+    """
+    weights, squares = 1.0, 0.0
+    for kind in {(one.shape, one.model) for one in found}:
+        one = min(
+            (fit for fit in found if (fit.shape, fit.model) == kind),
+            key=lambda fit: fit.criterion(n),
+        )
+        if kind == (best.shape, best.model):
+            continue
+        weight = math.exp(-0.5 * max(one.criterion(n) - best.criterion(n), 0.0))
+        weights += weight
+        squares += weight * (minimum(profile(found, one, n))[0] - half_width) ** 2
+    return math.sqrt(squares / weights)
+
+
+def minimum(deviances: dict[float, float]) -> tuple[float, float]:
     """Return the half width with the smallest deviance, and the half width of its 95 % interval.
 
-    `profile` contains the deviance, n log(sum of squares), by the half width. It is interpolated by
+    `deviances` contains n log(sum of squares) by the half width. It is interpolated by
     a parabola through the smallest value and its neighbours.
     """
-    half_widths, deviance = np.array(sorted(profile.items())).T
+    half_widths, deviance = np.array(sorted(deviances.items())).T
     at = int(np.clip(np.argmin(deviance), 1, len(deviance) - 2))
     near = slice(at - 1, at + 2)
     centre = half_widths[at]

@@ -450,6 +450,9 @@ interpolation error of usual encoders."""
 LEAST_LOST_MOTION_COUNTS = 6.0
 """Smallest half width of a lost motion that is reported, as a multiple of the resolution of the
 position: the rounding of the position is a hysteresis of half a step."""
+LEAST_LOST_MOTION_SHARE = 0.01
+"""Smallest half width of a lost motion that is reported, as a fraction of the amplitude: it changes
+tan delta by 0.013, and relaxation that no model describes exactly can look like less."""
 WIDEST_LOST_MOTION = 0.7
 """Largest half width of a lost motion that is sought, as a fraction of the amplitude."""
 LOST_MOTION_BIC = 10.0
