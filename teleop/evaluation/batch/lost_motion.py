@@ -47,6 +47,7 @@ from teleop.evaluation.batch.thresholds import (
     LEAST_LOST_MOTION_COUNTS,
     LEAST_LOST_MOTION_SHARE,
     LOST_MOTION_BIC,
+    LOST_MOTION_LAG_ERROR,
     LOST_MOTION_PREDICTION,
     LOST_MOTION_RESIDUAL,
     NOISE_MARGIN,
@@ -165,7 +166,11 @@ def find_lost_motion(record: SmoothedRecord, phases: Phases) -> LostMotion | Non
         return None
     half_width, error = minimum(profile(found, best, n))
     half_width, error = regressors.refined(best, half_width, min(error, 0.1 * half_width))
-    error = math.hypot(error, LEVEL_95 * other_models(found, best, half_width, n))
+    # rounding is a hysteresis of half a step, and noise moves the extremes of the position
+    resolution = math.hypot(0.5 * record.count, LEVEL_95 * record.x_noise)
+    form = 0.0 if record.force_lag else LOST_MOTION_LAG_ERROR * half_width
+    models = LEVEL_95 * other_models(found, best, half_width, n)
+    error = math.hypot(error, models, resolution, form)
     if half_width - error <= 0.0 or half_width < least:
         return None
     chosen = LostMotion(half_width, error, best.shape, rows.scale)
