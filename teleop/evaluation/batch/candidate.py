@@ -109,6 +109,8 @@ class Candidate(NamedTuple):
     """Relaxing parts of the force, not smoothed at their sharp corners, each of shape (n,)."""
     residual: Floats
     """Residual of the fit [N], at the fitted samples."""
+    stiffening: float = 0.0
+    """Second derivative of P, with a knot, to the position, at the position of k [N/m^2]."""
     extensions: tuple[Extension, ...] = ()
     """Knot, damping that depends on depth, mass and friction in the model."""
     parts: tuple[FittedPart, ...] = ()
@@ -334,6 +336,7 @@ def fit_candidate(
         relaxing=relaxing,
         cornered=cornered,
         residual=fit.residual,
+        stiffening=curvature,
         extensions=extensions,
         parts=tuple(parts),
     )

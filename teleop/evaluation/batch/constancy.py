@@ -33,7 +33,9 @@ from teleop.evaluation.batch.thresholds import (
     CHANGE_ERRORS,
     CHANGE_SCATTER,
     CUMULATIVE_RANGE,
+    DEPTH_EXPLAINS,
     DRIFT_NOISE,
+    EQUAL_TRAVEL,
     FEWEST_COMPARED_CYCLES,
     FEWEST_CYCLE_SAMPLES,
     FEWEST_DEVIATING_CYCLES,
@@ -147,6 +149,8 @@ class Cycles(NamedTuple):
     """Damping: coefficient of the velocity [N s/m]."""
     travel: Floats
     """Travel in contact [m]."""
+    top: Floats
+    """Highest position [m]."""
     error: Floats
     """Standard deviation of `k`, from the residual in the cycle [N/m]; infinite if not known."""
 
@@ -175,12 +179,13 @@ def cycles_of(record: SmoothedRecord, phases: Phases) -> Cycles:
             (end - start) * record.period,
             *(slopes := slopes_in_cycle(record, part))[:2],
             moved,
+            float(record.x[start:end].max()),
             slopes[2],
         )
         for (start, end), part, moved in zip(pairwise(begins), parts, travel, strict=True)
         if len(part) >= FEWEST_CYCLE_SAMPLES and moved >= smallest
     ]
-    return Cycles(*np.array(found, dtype=np.float64).reshape(-1, 6).T)
+    return Cycles(*np.array(found, dtype=np.float64).reshape(-1, 7).T)
 
 
 def change_over_cycles(cycles: Cycles) -> Change | None:
@@ -195,6 +200,7 @@ def change_over_cycles(cycles: Cycles) -> Change | None:
     only a linear trend, and cycles that differ from equal ones, are found.
     """
     n = len(cycles.k)
+    cycles = cycles._replace(k=at_median_depth(cycles))
     frequency = 1.0 / cycles.seconds
     compared: list[tuple[NDArray[np.bool_], NDArray[np.bool_], tuple[int, int] | None]] = []
     deviation = 0.0
@@ -226,20 +232,44 @@ def change_over_cycles(cycles: Cycles) -> Change | None:
     return trend_over_cycles(cycles)
 
 
+def at_median_depth(cycles: Cycles) -> Floats:
+    """Return the stiffness of the cycles without its dependence on their depth, if it has one.
+
+    That of a nonlinear body depends on the highest position. The dependence is a straight line. It
+    is ignored if it explains less than `DEPTH_EXPLAINS` of the variance.
+    """
+    k, top = cycles.k, cycles.top
+    if len(k) < FEWEST_COMPARED_CYCLES or float(np.ptp(top)) < EQUAL_TRAVEL * cycles.travel.max():
+        return k
+    away = top - np.median(top)
+    without = k - float(np.polyfit(away, k, 1)[0]) * away
+    return without if float(np.var(without)) < (1.0 - DEPTH_EXPLAINS) * float(np.var(k)) else k
+
+
 def trend_over_cycles(cycles: Cycles) -> Change | None:
-    """Return a change of the stiffness in proportion to the time, at constant travel; or None."""
-    n = len(cycles.k)
-    travel = cycles.travel / max(float(np.median(cycles.travel)), 1e-300) if n else cycles.travel
-    if n < FEWEST_TREND_CYCLES or float(np.abs(travel - 1.0).max()) > SAME_TRAVEL:
+    """Return a change of the stiffness from each cycle to the next; None if there is none.
+
+    The stiffness is either proportional to the time, for cycles of equal travel, or it increases,
+    or decreases, by more than its errors in all cycles.
+    """
+    k, n = cycles.k, len(cycles.k)
+    if n < FEWEST_TREND_CYCLES:
         return None
-    since = np.linspace(-0.5, 0.5, n)
-    rise, mean = (float(one) for one in np.polyfit(since, cycles.k, 1))
-    rest = cycles.k - mean - rise * since
-    error = float(np.sqrt(rest @ rest / (n - 2) / (since @ since)))
-    first, last = mean - 0.5 * rise, mean + 0.5 * rise
-    least = max(CHANGE_SCATTER, float(stdtrit(n - 2, TREND_PROBABILITY))) * error
-    if abs(rise) < max(LEAST_CHANGE * min(abs(first), abs(last)), least):
-        return None
+    steps = np.diff(k)
+    first, last = float(k[0]), float(k[-1])
+    monotone = n >= FEWEST_COMPARED_CYCLES and (bool((steps > 0.0).all() or (steps < 0.0).all()))
+    least = max(PAIR_CHANGE * min(abs(first), abs(last)), CHANGE_ERRORS * float(cycles.error.max()))
+    if not (monotone and abs(last - first) > least):
+        if float(np.ptp(cycles.travel)) > EQUAL_TRAVEL * float(cycles.travel.max()):
+            return None
+        since = np.linspace(-0.5, 0.5, n)
+        rise, mean = (float(one) for one in np.polyfit(since, k, 1))
+        rest = k - mean - rise * since
+        error = float(np.sqrt(rest @ rest / (n - 2) / (since @ since)))
+        first, last = mean - 0.5 * rise, mean + 0.5 * rise
+        certain = max(CHANGE_SCATTER, float(stdtrit(n - 2, TREND_PROBABILITY))) * error
+        if abs(rise) < max(LEAST_CHANGE * min(abs(first), abs(last)), certain):
+            return None
     frequency = 1.0 / cycles.seconds
     return Change((first, last), (float(frequency[0]), float(frequency[-1])))
 
@@ -281,7 +311,8 @@ def isolated_cycles(cycles: Cycles) -> tuple[int, int] | None:
     alike = np.abs(k - k[:, None]) < SAME_STIFFNESS * np.abs(k[:, None])
     group = alike[int(np.argmax(alike.sum(axis=1)))]
     centre = float(np.median(k[group]))
-    same_travel = np.abs(travel / np.median(travel[group]) - 1.0) < SAME_TRAVEL
+    limit = SAME_TRAVEL if len(k) >= FEWEST_COMPARED_CYCLES else EQUAL_TRAVEL
+    same_travel = np.abs(travel / np.median(travel[group]) - 1.0) < limit
     best = (0, 0)
     for sign in (-1.0, 1.0):
         apart = same_travel & (sign * (k - centre) > LEAST_CHANGE * abs(centre))

@@ -111,7 +111,8 @@ def extended(
     kept: list[Candidate] = []
     best = min(found, key=lambda one: one.bic)
     size = math.sqrt(float(np.mean(rows.fits.rest**2)))
-    if best.rms < LEAST_MISFIT * size:
+    rounding = abs(best.k) * rows.record.count / math.sqrt(12.0)
+    if best.rms < max(LEAST_MISFIT * size, rounding):
         return kept
     bases = base_models(best)
     for _ in range(MOST_EXTENSIONS):

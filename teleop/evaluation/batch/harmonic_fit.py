@@ -214,8 +214,7 @@ def blockwise(signals: Signals, frequency: float, force_lag: float) -> Cycles:
     most = (int(min(np.diff(bounds))) // 2 - 2) // 2
     orders = resolved_orders(frequency, period, each)[: max(most, 1)]
     if not orders or most < 1:
-        nothing = np.empty(0)
-        return Cycles(nothing, nothing, nothing, nothing, nothing, nothing)
+        return Cycles(*(np.empty(0) for _ in Cycles._fields))
     x, f = (
         fit_channel(t, values, bounds, frequency, orders, 0.0).fundamental
         for values in (signals.x, signals.f)
@@ -225,7 +224,8 @@ def blockwise(signals: Signals, frequency: float, force_lag: float) -> Cycles:
     starts = signals.t[0] + each * np.arange(number)
     seconds = np.full(number, 1.0 / frequency)
     unknown = np.full(number, np.inf)
-    return Cycles(starts, seconds, ratios.real, ratios.imag / omega, 2.0 * np.abs(x), unknown)
+    travel = 2.0 * np.abs(x)
+    return Cycles(starts, seconds, ratios.real, ratios.imag / omega, travel, travel, unknown)
 
 
 def frequency_of(t: Floats, x: Floats, period: float) -> float | None:

@@ -63,9 +63,9 @@ DEGREES, DAMPINGS = 5, 3
 """Largest degree of the polynomial P(x) in the models, and largest number of damping terms."""
 TIMES = 4
 """Number of relaxing parts in the models that contain relaxation."""
-LEAST_SLIP, SLIPS = 0.002, 1.7
-"""Least slip of friction in the specimen, as a fraction of the amplitude, and largest ratio of a
-refined slip to the best one."""
+LEAST_SLIP, SLIP_RATIOS = 0.002, (1.7, 1.15, 1.03)
+"""Least slip of friction in the specimen, as a fraction of the amplitude, and largest ratios of the
+refined slips to the best one."""
 NEWTON_STEPS = 3
 """Number of steps that improve the half width of the best model."""
 SPECTRAL_MEAN = 10
@@ -157,8 +157,9 @@ def find_lost_motion(record: SmoothedRecord, phases: Phases) -> LostMotion | Non
         return None
     rubbing = regressors.with_friction(np.geomspace(LEAST_SLIP * rows.scale, widest, WIDTHS))
     if rubbing:
-        near = min(rubbing, key=lambda one: one.criterion(n)).half_width
-        rubbing += regressors.with_friction(np.geomspace(near / SLIPS, near * SLIPS, 2 * REFINED))
+        for ratio in SLIP_RATIOS:
+            near = min(rubbing, key=lambda one: one.criterion(n)).half_width
+            rubbing += regressors.with_friction(np.geomspace(near / ratio, near * ratio, REFINED))
         friction = min(rubbing, key=lambda one: one.criterion(n))
         if friction.criterion(n) - best.criterion(n) < LOST_MOTION_BIC:
             return None

@@ -62,7 +62,8 @@ class Point(NamedTuple):
     force: float
     position: float
     difference: float = 0.0
-    """Difference of k from the slopes of the cycles there, beyond its own interval [N/m]."""
+    """Half width of an interval about k for its differences from the slopes of the cycles there,
+    beyond its own interval, and for different forces of the passes at this position [N/m]."""
 
 
 class Slope(NamedTuple):
@@ -179,7 +180,10 @@ def measured_point(
         return Point(float(force), float(position))
     points = [one.point for one in slopes]
     nearest = min(points, key=lambda point: abs(point.position - stated.position))
-    return nearest._replace(difference=difference + half if difference > least else 0.0)
+    forces = np.array([point.force for point in points])
+    spread = LEVEL_95 * float(np.std(forces)) * abs(local.best.stiffening / local.k)
+    beyond = difference + half if difference > least else 0.0
+    return Point(float(np.median(forces)), nearest.position, max(beyond, spread))
 
 
 def gap_at(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> Reason | None:
@@ -261,5 +265,7 @@ def loading_point(record: SmoothedRecord, phases: Phases, local: LocalStiffness)
     if np.min(distance) >= POINT_DISTANCE + spacing:
         return None
     near = away_x < POINT_DISTANCE + spacing
-    force = float(np.median(f[near] - local.k * (x[near] - stated.position)))
-    return Point(force, stated.position)
+    forces = f[near] - local.k * (x[near] - stated.position)
+    # passes of different speed have different forces there, and k depends on the force
+    spread = LEVEL_95 * float(np.std(forces)) * abs(local.best.stiffening / local.k)
+    return Point(float(np.median(forces)), stated.position, spread)

@@ -158,6 +158,8 @@ def creep_force(record: SmoothedRecord, phases: Phases) -> float | None:
     decreasing speed.
     """
     f, noise = record.f, record.f_noise_smoothed
+    if float(np.ptp(f)) < LEAST_STOP_FORCE * noise:
+        return None
     level = float(np.median(f[len(f) // 2 :]))
     width = max(LEVEL_WIDTH_NOISE * noise, LEAST_LEVEL_WIDTH * float(np.ptp(f)))
     for start, end in runs((np.abs(f - level) < width) & phases.contact):

@@ -288,7 +288,7 @@ def stiffness_result(
         found.append(unknown)
     elif half_b > abs(local.b):
         found.append(Reason(DAMPING_NOT_RESOLVED))
-    elif not record.force_lag and 1e-3 * local.k > NOTABLE_LAG * abs(local.b):
+    if not unknown and not record.force_lag and 1e-3 * local.k > NOTABLE_LAG * abs(local.b):
         found.append(
             Reason(
                 f"a lag of the force is not known: each millisecond of it makes b smaller by "

@@ -309,7 +309,7 @@ LEAST_CREEP = 0.1
 record."""
 LARGEST_ZERO_FORCE = 0.1
 """Largest magnitude of the highest force that counts as zero, as a fraction of the force range."""
-OUT_OF_CONTACT_TRAVEL = 0.1
+OUT_OF_CONTACT_TRAVEL = 0.05
 """Fraction of the travel, from the lowest position, that is assumed to be out of contact."""
 CONSTANT_FREE_FORCE = 0.02
 """Largest standard deviation of the force out of contact, as a fraction of the force range."""
@@ -379,6 +379,9 @@ TREMOR_TRAVEL = 0.25
 LEAST_CHANGE = 0.1
 """Smallest relative change of the stiffness that is reported. In 260 records of 13 kinds with a
 constant stiffness, limits of 0.08 and 0.15 give the same number of false alarms (none)."""
+DEPTH_EXPLAINS = 0.8
+"""Smallest share of the variance of the stiffness of the cycles that a dependence on the depth of
+the cycle explains."""
 CUMULATIVE_RANGE = 2.0
 """Smallest significant range of the cumulative sum of the slopes of the cycles, in standard
 deviations of a slope times the square root of the number of cycles. For independent slopes, one of
@@ -478,7 +481,7 @@ Friction that builds up gradually (Dahl's model) is corrected only in part: by 6
 error of b in most records.
 """
 
-NOTABLE_INERTIA = 0.02
+NOTABLE_INERTIA = 0.005
 """Smallest decrease of k by 100 g beyond the force sensor that is a remark, as a fraction of k."""
 
 NOTABLE_LAG = 0.05
@@ -512,9 +515,9 @@ SAME_STIFFNESS, FEWEST_SAME_CYCLES = 0.015, 3
 """Largest relative difference of cycles with the same stiffness, and their smallest number."""
 FEWEST_ISOLATED_CYCLES = 2
 """Smallest number of successive cycles that differ from the cycles with the same stiffness."""
-SAME_TRAVEL = 0.1
-"""Largest relative difference of the travel of compared cycles: the stiffness of a nonlinear body
-depends on the travel."""
+SAME_TRAVEL, EQUAL_TRAVEL = 0.1, 0.03
+"""Largest relative differences of the travel of many and of few compared cycles: the stiffness of a
+nonlinear body depends on the travel."""
 CUBIC_PHASE = 0.3
 """Largest part of a third harmonic across the phase of the cube of the position, for an elastic
 force; damping adds such a part."""
