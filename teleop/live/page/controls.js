@@ -118,7 +118,7 @@ export class Controls {
     const control = byId("control");
     const mine = Boolean(state && state.control === "you");
     control.disabled = !state || state.control === "other";
-    control.hidden = mine && state.clients < 2;
-    control.textContent = mine ? "Release control" : control.disabled && state ? "Another page has control" : "Take control";
+    control.textContent = mine ? "Release control" : "Take control";
+    control.title = control.disabled && state ? "Another page has control" : "";
   }
 }

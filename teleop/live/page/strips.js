@@ -59,8 +59,9 @@ export class Strips {
     plot.append(canvas);
     this.parent.append(plot);
     const strip = new Strip(canvas, this.store, chart, this.timing);
-    fit(canvas, () => strip.invalidate());
-    return { chart, strip, markers: [] };
+    const row = { chart, strip, markers: [] };
+    fit(canvas, () => this.#redraw(row));
+    return row;
   }
 
   #row(chart) {
@@ -93,9 +94,20 @@ export class Strips {
     const row = { chart, strip, notes, value, ticks, plot, markers, canvas };
     fit(canvas, () => {
       chart.scale.reset();
-      strip.invalidate();
+      this.#scale(row, performance.now());
+      this.#label(row);
+      this.#redraw(row);
     });
     return row;
+  }
+
+  #redraw(row) {
+    row.strip.invalidate();
+    this.#draw(row);
+  }
+
+  #draw(row) {
+    if (row.strip.draw(this.store.last("time")) && row.markers.length) this.#mark(row);
   }
 
   invalidate() {
@@ -104,11 +116,7 @@ export class Strips {
 
   // Draw the chart with the target in each frame, and the other charts in every second frame.
   draw(frame) {
-    const time = this.store.last("time");
-    for (const row of this.rows) {
-      if (!(row.chart.preview || frame % 2)) continue;
-      if (row.strip.draw(time) && row.markers.length) this.#mark(row);
-    }
+    for (const row of this.rows) if (row.chart.preview || frame % 2) this.#draw(row);
   }
 
   #mark(row) {
@@ -134,15 +142,16 @@ export class Strips {
 
   // Adapt the ranges of the charts to the data.
   scale(now) {
-    if (!this.store.count) return;
-    for (const row of this.rows) {
-      if (row.chart.axis) continue;
-      const [low, high] = row.chart.robust ? this.#robust(row.chart) : this.#extremes(row.chart);
-      const most = Math.max(1.5, row.canvas.clientHeight / 22);
-      if (row.chart.scale.cover(low, high, most, now)) {
-        row.strip.invalidate();
-        this.#label(row);
-      }
+    for (const row of this.rows) this.#scale(row, now);
+  }
+
+  #scale(row, now) {
+    if (row.chart.axis || !this.store.count) return;
+    const [low, high] = row.chart.robust ? this.#robust(row.chart) : this.#extremes(row.chart);
+    const most = Math.max(1.5, row.canvas.clientHeight / 22);
+    if (row.chart.scale.cover(low, high, most, now)) {
+      row.strip.invalidate();
+      this.#label(row);
     }
   }
 

@@ -17,7 +17,10 @@ export class Tool {
     this.deepest = 0.02;
     this.softForce = NaN;
     this.drawn = "";
-    fit(canvas, () => this.invalidate());
+    fit(canvas, () => {
+      this.invalidate();
+      this.draw();
+    });
     onTheme(() => this.invalidate());
   }
 

@@ -96,7 +96,7 @@ def test_a_page_without_control_can_stop_but_not_arm(trial_feed, serve, open_pag
     wait_for(second, "teleop.state().control === 'other'")
     assert second.get_by_role("button", name="Unlock").is_disabled()
     assert second.get_by_role("button", name="Start").is_disabled()
-    assert second.get_by_role("button", name="Another page has control").is_disabled()
+    assert second.get_by_role("button", name="Take control").is_disabled()
     press_stop(second, "button")
     wait_for(first, FAULT)
     wait_for(second, FAULT)

@@ -1,0 +1,119 @@
+"""The layout of the page does not change during a trial, and no canvas is black."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from estimation.registry import BUILT_IN
+
+from .conftest import wait_for
+
+pytestmark = pytest.mark.real_time
+
+SIZES = [(1024, 768), (1280, 720), (1366, 768), (1920, 1080), (390, 844)]
+TARGET = {"frequency": 1.0, "depth": 0.016, "low": 0.0016, "count_in": 3.0}
+CASES = [("free", ""), ("mimic", ""), ("autonomous", ""), ("mimic", "operator")]
+"""Condition of the trial, and view of the page."""
+WATCH = """() => {
+  window.shifts = [];
+  window.black = [];
+  const name = (node) =>
+    node && (node.id || node.className || `${node.nodeName} of ${node.parentElement?.className}`);
+  new PerformanceObserver((list) => {
+    for (const { sources } of list.getEntries())
+      window.shifts.push(sources.map((one) => name(one.node)).join(", "));
+  }).observe({ type: "layout-shift" });
+  const sample = new OffscreenCanvas(4, 4).getContext("2d", { willReadFrequently: true });
+  const isBlack = (canvas) => {
+    sample.drawImage(canvas, 0, 0, 4, 4);
+    return sample.getImageData(0, 0, 4, 4).data.every((value, i) => i % 4 === 3 || value < 5);
+  };
+  const painted = new MessageChannel(); // its messages arrive after the frame has been painted
+  window.frames = 0;
+  painted.port1.onmessage = () => {
+    window.frames += 1;
+    const canvases = [...document.querySelectorAll("canvas")];
+    const shown = canvases.filter((one) => one.clientWidth && one.clientHeight);
+    window.black.push(...shown.filter(isBlack).map(name));
+  };
+  const frame = () => {
+    painted.port2.postMessage(0);
+    requestAnimationFrame(frame);
+  };
+  requestAnimationFrame(frame);
+}"""
+"""Note each change of the layout, and each canvas that is black when a frame is shown."""
+
+
+def varied(feed):
+    """Let all numbers and texts of a feed change from row to row, by many orders of magnitude."""
+    rng, row = np.random.default_rng(0), feed.row
+    numbers = [i for i, name in enumerate(feed.names) if name.endswith(("_k", "_b", "_std"))]
+    shares = [i for i, name in enumerate(feed.names) if name.endswith("_misfit")]
+    held = [i for i, name in enumerate(feed.names) if name.endswith("_held")]
+    forces = [feed.names.index(name) for name in ("contact_force", "slave_velocity", "excitation")]
+    of_the_period = {}
+
+    def vary(t):
+        values = row(t)
+        period = int(5.0 * t)  # the numbers are legible: they change five times per second
+        if period not in of_the_period:
+            of_the_period[period] = rng.normal(0.0, 1.0, len(values)) * 10 ** rng.uniform(-2, 7)
+            feed.lateness = 10 ** rng.uniform(-6, -2)
+            feed.text = period % 3 * "a text of the supervisor, "
+        for i in numbers:
+            values[i] = of_the_period[period][i]
+        for i in shares:
+            values[i] = abs(values[i - 1] * 1e-3)
+        for i in held:
+            values[i] = float(period % 2)
+        for i in forces:
+            values[i] = 1e-2 * of_the_period[period][i] * math.sin(t)
+        return values
+
+    feed.row = vary
+
+
+def run_trial(page, feed):
+    """Go through the modes of a trial, in which the mouse rests with its button pressed."""
+    feed.mode, feed.requests = "ready", []
+    wait_for(page, "teleop.state().mode === 'ready'")
+    page.wait_for_timeout(100)
+    page.evaluate("shifts.length = 0")
+    feed.mode = "active"
+    wait_for(page, "teleop.state().mode === 'active'")
+    box = page.locator("#tool, #pursuit").bounding_box()
+    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.6 * box["height"])
+    page.mouse.down()
+    page.wait_for_timeout(400)
+    page.mouse.up()
+    feed.news.append({"type": "summary", "estimates": {}, "recording": {"path": "a/path"}})
+    for feed.mode in ("stopping", "ended"):
+        wait_for(page, f"teleop.state().mode === '{feed.mode}'")
+    page.wait_for_timeout(50)
+
+
+@pytest.mark.parametrize(("condition", "view"), CASES)
+def test_nothing_moves_and_nothing_is_black_from_arming_to_the_end(
+    condition, view, trial_feed, serve, open_page
+):
+    target = TARGET if condition == "mimic" else None
+    feed = trial_feed("ready", tuple(BUILT_IN), target=target, condition=condition)
+    feed.welcome["pointer"] = condition != "autonomous"
+    varied(feed)
+    page = open_page(serve(feed).url(view), size=SIZES[0])
+    wait_for(page, "teleop.rows() > 50")
+    page.evaluate(WATCH)
+    for width, height in SIZES:
+        page.set_viewport_size({"width": width, "height": height})
+        wait_for(page, f"innerWidth === {width}")
+        run_trial(page, feed)
+        assert page.evaluate("shifts") == [], (width, height)
+        assert page.evaluate("black") == [], (width, height)
+        depths = [one["depth"] for one in feed.requests if one["type"] == "pointer"]
+        assert len(depths) > 10 or condition == "autonomous" or view
+        assert np.ptp(depths or [0.0]) <= 1e-4
+    assert page.evaluate("frames") > 100
