@@ -9,6 +9,8 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from teleop.control.channel import ChannelSettings
+from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.recording.columns import COLUMNS, DROPPED, POINTER
 from teleop.recording.recording import Recording
 from teleop.settings.trial_settings import TrialSettings
@@ -78,9 +80,28 @@ def trial_document(
         }
         if target
         else None,
-        "feedback": None,
+        "feedback": feedback_document(settings),
         "operator": settings.operator,
         "series": {"position": position, "of": of} if of else None,
+    }
+
+
+def feedback_document(settings: TrialSettings) -> dict[str, Any] | None:
+    """Return the feedback law and the channel of a trial; None if the trial has neither.
+
+    `prior` is the stiffness that the hand feels before the specimen is estimated [N/m]; None if the
+    law does not display such a stiffness.
+    """
+    if not settings.has_link:
+        return None
+    law, channel = settings.feedback, settings.channel or ChannelSettings()
+    prior = law.gain * settings.coupling.scale * STIFF_PRIOR
+    return {
+        "law": law.law,
+        "prior": prior if law.law_type.displays_prior else None,
+        "delay": channel.delay,
+        "jitter": channel.jitter,
+        "loss": channel.loss,
     }
 
 

@@ -4,6 +4,7 @@ import { Connection } from "./connection.js";
 import { Controls } from "./controls.js";
 import { CueText } from "./cue.js";
 import { Estimates } from "./estimates.js";
+import { Feedback } from "./feedback.js";
 import { ForceDisplacement } from "./force_displacement.js";
 import { Frames } from "./frames.js";
 import { HELP, Pointer } from "./pointer.js";
@@ -38,6 +39,7 @@ const strips = new Strips(byId("strips"), store);
 const estimates = new Estimates(byId("estimates").tBodies[0], store);
 const plane = new ForceDisplacement(byId("xy"), byId("xy-caption"), store);
 const cue = new CueText(byId("cue-error"), byId("cue-rms"), byId("count-in"));
+const feedback = new Feedback(byId, store);
 let welcome = null;
 let trial = null;
 
@@ -58,6 +60,7 @@ function build() {
   plane.build(welcome);
   tool.build(trial);
   byId("cue-panel").hidden = !strips.preview;
+  feedback.build(welcome, trial);
   document.body.classList.toggle("has-pointer", Boolean(welcome.pointer));
 }
 
@@ -106,6 +109,7 @@ frames.add((now) => {
   strips.write();
   estimates.update();
   status.update();
+  feedback.update();
   if (strips.preview) cue.update(store, strips.preview);
   const text = hint();
   if (byId("tool-hint").textContent !== text) byId("tool-hint").textContent = text;

@@ -17,7 +17,7 @@ from teleop.live.feed import Feed, estimator_indices, shown_columns
 from teleop.live.history import History
 from teleop.live.security import Gate
 from teleop.live.server import Server, read_pages
-from teleop.recording.columns import COLUMNS
+from teleop.recording.columns import COLUMNS, DROPPED, FEEDBACK_COLUMNS, POINTER
 
 TOKEN = "0123456789abcdef" * 2
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
@@ -178,7 +178,7 @@ class TrialFeed(Feed):
 
     def __init__(self, mode="active", estimators=("rls", "me"), further=(), values=None, **trial):
         self.estimators, self.values = estimators, values or {}
-        known = [column.name for column in COLUMNS] + ["dropped", "pointer_depth", "pointer_grip"]
+        known = [column.name for column in (*COLUMNS, DROPPED, *POINTER, *FEEDBACK_COLUMNS)]
         parts = ("k", "b", "k_std", "b_std", "held", "misfit")
         known += [f"{name}_{part}" for name in self.estimators for part in (*parts, *further)]
         self.names = shown_columns(known, self.estimators)

@@ -107,6 +107,25 @@ def test_limits_true_values_held_and_misfit_are_shown_as_text(trial_feed, serve,
     assert row.locator(".cell-misfit").inner_text() == "▲ 12 %"
 
 
+def test_the_feedback_its_channel_and_what_the_hand_feels_are_shown(trial_feed, serve, open_page):
+    feedback = {"law": "model-mediated", "prior": 2e4, "delay": 0.05, "jitter": 0.02, "loss": 0.1}
+    feed = trial_feed(feedback=feedback)
+    feed.values = {"displayed_force": 2.84, "model_stiffness": 2e4, "report_age": 0.062}
+    page = open_page(serve(feed).url())
+    wait_for(page, "document.getElementById('feedback-felt').textContent.includes('2.8 N')")
+    panel = page.locator("#feedback-panel")
+    for part in ("model-mediated", "delay 50 ms, jitter 20 ms, loss 10 %", "a stiff spring"):
+        assert part in panel.inner_text()
+    feed.values["model_stiffness"] = 2034.4
+    wait_for(page, "document.getElementById('feedback-felt').textContent.includes('2034 N/m')")
+    feed.news.append(
+        {**feed.trial, "feedback": {**feedback, "law": "position-force", "prior": None}}
+    )
+    wait_for(page, "document.getElementById('feedback-felt').textContent.includes('62 ms ago')")
+    feed.news.append({**feed.trial, "feedback": None})
+    wait_for(page, "document.getElementById('feedback-panel').hidden")
+
+
 def test_values_are_spoken_seldom_and_politely(trial_feed, serve, open_page):
     page = open_page(serve(trial_feed()).url(), fake_time=True)
     assert page.locator("#spoken").get_attribute("aria-live") == "polite"

@@ -15,6 +15,7 @@ pytestmark = pytest.mark.real_time
 
 SIZES = [(1024, 768), (1280, 720), (1366, 768), (1920, 1080), (390, 844)]
 TARGET = {"frequency": 1.0, "depth": 0.016, "low": 0.0016, "count_in": 3.0}
+FEEDBACK = {"law": "model-mediated", "prior": 2e4, "delay": 0.05, "jitter": 0.02, "loss": 0.05}
 CASES = [("free", ""), ("mimic", ""), ("autonomous", ""), ("mimic", "operator")]
 """Condition of the trial, and view of the page."""
 WATCH = """() => {
@@ -51,7 +52,8 @@ WATCH = """() => {
 def varied(feed):
     """Let all numbers and texts of a feed change from row to row, by many orders of magnitude."""
     rng, row = np.random.default_rng(0), feed.row
-    numbers = [i for i, name in enumerate(feed.names) if name.endswith(("_k", "_b", "_std"))]
+    ends = ("_k", "_b", "_std", "_stiffness", "_age")
+    numbers = [i for i, name in enumerate(feed.names) if name.endswith(ends)]
     shares = [i for i, name in enumerate(feed.names) if name.endswith("_misfit")]
     held = [i for i, name in enumerate(feed.names) if name.endswith("_held")]
     forces = [feed.names.index(name) for name in ("contact_force", "slave_velocity", "excitation")]
@@ -101,7 +103,9 @@ def test_nothing_moves_and_nothing_is_black_from_arming_to_the_end(
     condition, view, trial_feed, serve, open_page
 ):
     target = TARGET if condition == "mimic" else None
-    feed = trial_feed("ready", tuple(BUILT_IN), target=target, condition=condition)
+    feedback = FEEDBACK if condition == "mimic" else None
+    options = {"target": target, "condition": condition, "feedback": feedback}
+    feed = trial_feed("ready", tuple(BUILT_IN), **options)
     feed.welcome["pointer"] = condition != "autonomous"
     varied(feed)
     page = open_page(serve(feed).url(view), size=SIZES[0])
