@@ -97,7 +97,11 @@ class TrialFeed(Feed):
         self._describe([], [], 0.0)
 
     def receive(self, document: dict[str, Any]) -> None:
-        """Process a message: `begin` or `end` of a trial, its `summary`, or a `prompt`."""
+        """Process a message of the control process.
+
+        The messages are `begin` or `end` of a trial, its `summary`, a `prompt`, and `refused`: a
+        trial could not begin.
+        """
         kind = document["type"]
         if kind == "begin":
             self._begin_trial(document)
@@ -105,6 +109,8 @@ class TrialFeed(Feed):
             self.advance()
             self._running = False
             self._text = document["text"]
+        elif kind == "refused":
+            self._faults = []  # the fault of the trial before is no longer the present state
         elif kind == "prompt":
             self._text = document["text"]
             self._prompt = {name: document[name] for name in ("number", "answers")}

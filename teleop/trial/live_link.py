@@ -168,6 +168,10 @@ class LiveLink(Sink):
         """Send a message to the live process. Do not wait."""
         self._page.tell(document)
 
+    def refuse(self) -> None:
+        """Report to the live process that a trial could not begin. The question states why."""
+        self.tell({"type": "refused"})
+
     def ask(self, text: str, answers: Sequence[str]) -> None:
         """Show a question in the live page, which `wait_for_request` then waits to be answered.
 

@@ -31,8 +31,9 @@ connection.expecting = () => status.expecting();
 const controls = new Controls(byId, connection);
 new Replay(byId, connection, status);
 new Stop(byId("stop"), connection, {
-  tell: (text) => status.tell(text),
+  tell: (text, duration) => status.tell(text, duration),
   stopped: () => status.stopped(),
+  without: () => status.withoutTrial(),
   available: () => status.kind !== "replay",
 });
 const strips = new Strips(byId("strips"), store);

@@ -39,6 +39,13 @@ export class Status {
     return !this.state || !["active", "stopping"].includes(this.state.mode) || this.kind === "replay";
   }
 
+  // Return what STOP does while no trial runs; empty while it stops a trial.
+  withoutTrial() {
+    if (!this.state || !["idle", "ended"].includes(this.state.mode)) return "";
+    const next = this.state.armed_by === "terminal" ? "STOP stops the next trial." : "There is nothing to stop.";
+    return `No trial is running. ${next}`;
+  }
+
   // Show a notice instead of other messages for `duration` ms.
   tell(text, duration = 15000) {
     this.notice = text;
@@ -79,20 +86,20 @@ export class Status {
   #connection() {
     const { connection, state } = this;
     const parts = [connection.words];
-    if (connection.words === "connected") {
+    if (connection.isOpen) {
       if (Number.isFinite(connection.roundTrip)) parts.push(`round trip ${fixed(connection.roundTrip)} ms`);
       if (state && state.clients > 1) parts.push(`${state.clients} pages`);
       if (state && state.armed_by) parts.push(`drives armed from the ${state.armed_by}`);
     }
     this.byId("connection").textContent = parts.join(" · ");
-    document.body.classList.toggle("is-connected", connection.words === "connected");
+    document.body.classList.toggle("is-connected", connection.isOpen);
   }
 
   #fresh() {
     const { connection } = this;
-    const connected = connection.words === "connected";
+    const connected = connection.isOpen;
     const over = Boolean(this.state && this.state.mode === "ended" && this.state.loop === "gone");
-    if (over && !connected) this.byId("text").textContent = "The session has ended.";
+    if (over && !connected) this.byId("text").textContent = "The session has ended. Run the command again for another trial.";
     const stale = !over && !connection.fresh && (connected || this.state !== null || connection.words !== "connecting");
     let text = this.notice;
     if (!text && stale) {

@@ -59,6 +59,16 @@ def test_a_page_opened_after_a_trial_shows_whether_a_fault_ended_it(
     assert (page.locator("#mode").get_attribute("data-mode") == "fault") is is_faulted
 
 
+def test_stop_says_that_there_is_nothing_to_stop_if_no_trial_runs(trial_feed, serve, open_page):
+    feed = trial_feed(mode="ended")
+    feed.request = feed.requests.append
+    page = open_page(serve(feed).url())
+    press_stop(page, "button")
+    text = "document.getElementById('stale').textContent"
+    wait_for(page, f"{text} === 'No trial is running. There is nothing to stop.'")
+    assert feed.kinds() == ["stop"]  # it is sent in any case
+
+
 def test_space_stops_wherever_the_focus_is_and_presses_nothing(trial_feed, serve, open_page):
     feed = trial_feed(mode="ready")
     page = open_page(serve(feed).url())
