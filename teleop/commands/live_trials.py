@@ -83,10 +83,10 @@ def next_settings(
     `problem` is the reason why no trial began, or why its recording is not complete.
     """
     waiting = not problem and link.trial is not None and not link.trial.armed
-    why = f"{problem}; " if problem else ""
+    why = problem
     if link.trial and waiting:
-        why = f"{link.trial.ticks.events[-1]['text']}; "
-    link.ask(f"{why}NEXT prepares another trial", ("next", "repeat", "notes"))
+        why = link.trial.ticks.events[-1]["text"]
+    link.ask(why, ("next", "repeat", "notes"), "NEXT prepares another trial")
     while request := next_request(link):
         kind = request["type"]
         if kind == "choose":
@@ -131,7 +131,7 @@ class PageOfSeries:
         answers: dict[str, Answer] = {"next": "run", "skip": "skip"}
         if previous:
             answers["repeat"] = "repeat"
-        self._link.ask(f"{question.text}\n{choice}", (*answers, "notes"))
+        self._link.ask(question.text, (*answers, "notes"), choice)
         while request := next_request(self._link):
             if request["type"] in answers:
                 answer = answers[request["type"]]
@@ -145,7 +145,7 @@ class PageOfSeries:
 
     def ask_note(self, trial: PlannedTrial) -> str:
         """Ask for a note on a trial; empty if the person presses NEXT instead."""
-        text = f"Note on trial {trial.number}, {trial.label}; NEXT for no note."
-        self._link.ask(text, ("next", "notes"))
+        text = f"Note on trial {trial.number}, {trial.label}"
+        self._link.ask(text, ("next", "notes"), "NEXT for no note.")
         request = next_request(self._link)
         return str(request["text"]) if request and request["type"] == "notes" else ""

@@ -5,6 +5,8 @@ const ANSWERS = ["next", "repeat", "skip"]; // buttons that answer a question be
 // Time in which nobody can have read a new question [ms]. It is longer than a double click, whose second click would
 // otherwise answer the question that follows the first click.
 const READING = 700;
+// Button that has the focus after a button that can no longer be pressed.
+const AFTER = { start: "tool", end: "next", next: "unlock", repeat: "unlock", skip: "next" };
 const CHOICES = ["condition", "specimen", "duration"];
 
 export class Controls {
@@ -15,6 +17,7 @@ export class Controls {
     this.series = null;
     this.state = null;
     this.prompt = null; // number of the question
+    this.wanted = null; // id of the button that has the focus as soon as it can be pressed
     this.readable = 0; // time from which an answer is possible [ms]
     for (const type of ANSWERS) byId(type).addEventListener("click", () => this.#answer({ type }));
     for (const type of ["unlock", "start", "end"]) {
@@ -104,6 +107,7 @@ export class Controls {
       this.prompt = prompt.number;
       this.#wait();
     }
+    const focused = document.activeElement;
     const answers = allowed && performance.now() >= this.readable ? prompt.answers : [];
     byId("skip").hidden = !this.series;
     byId("next").hidden = byId("repeat").hidden = !this.series && Boolean(welcome && !welcome.may_arm);
@@ -120,5 +124,18 @@ export class Controls {
     control.disabled = !state || state.control === "other";
     control.textContent = mine ? "Release control" : "Take control";
     control.title = control.disabled && state ? "Another page has control" : "";
+    this.#moveFocus(focused);
+  }
+
+  // A button that can no longer be pressed loses the focus. Give it to the controls, and then to the button that is next.
+  #moveFocus(focused) {
+    const area = this.byId("controls");
+    if (focused.disabled && AFTER[focused.id]) {
+      this.wanted = AFTER[focused.id];
+      area.focus({ preventScroll: true });
+    }
+    if (!this.wanted) return;
+    if (![area, document.body].includes(document.activeElement)) this.wanted = null;
+    else if (!this.byId(this.wanted).disabled) this.byId(this.wanted).focus({ preventScroll: true });
   }
 }

@@ -107,7 +107,6 @@ frames.add((now) => plane.draw(now), 4, 1);
 frames.add((now) => {
   if (now - updated < TEXTS) return;
   updated = now;
-  strips.write();
   estimates.update();
   status.update();
   feedback.update();

@@ -98,11 +98,12 @@ async def test_after_end_or_stop_from_any_page_next_runs_another_trial_with_othe
         assert not client.latest["state"]["faulted"]
         await other.send("stop")
         await client.until(client.is_in("fault"))
-        assert client.latest["state"]["text"] == "emergency stop: live page"
+        assert client.latest["state"]["text"] == "stopped with STOP in the page"
         await client.until(client.is_in("ended"))
         assert client.latest["state"]["faulted"]
-        advice = "emergency stop: live page; NEXT prepares another trial"
-        await client.until(lambda: client.latest["state"]["text"] == advice)
+        assert client.latest["state"]["by_person"]
+        await client.until(lambda: "NEXT" in client.latest["state"]["advice"])
+        assert client.latest["state"]["text"] == "stopped with STOP in the page"
         await client.answer("repeat")
         await client.until(client.is_in("ready"))
         await client.send("choose", specimen="medium")  # the trial that waits begins again
@@ -407,7 +408,7 @@ async def test_a_start_that_is_refused_is_a_message_in_the_page_which_can_try_ag
             await client.until(lambda: client.prompt and client.prompt["number"] == question)  # noqa: B023
             state = client.latest["state"]
             assert "a tick takes" in state["text"]
-            assert state["text"].endswith("; NEXT prepares another trial")
+            assert state["advice"] == "NEXT prepares another trial"
             assert not state["faulted"]
             await client.answer("next")
     code, _, error = await command.end(signal.SIGTERM)

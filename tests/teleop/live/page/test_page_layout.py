@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import random
+from itertools import pairwise
+from statistics import median
 
 import pytest
 
@@ -97,7 +99,7 @@ def test_limits_true_values_held_and_misfit_are_shown_as_text(trial_feed, serve,
     page = open_page(serve(trial_feed()).url())
     wait_for(page, "document.querySelector('.strip-stiffness .level-truth') !== null")
     truth = page.locator(".strip-stiffness .level-truth")
-    assert truth.all_inner_texts() == ["true at full depth 2000", "true at the surface 2060"]
+    assert truth.all_inner_texts() == ["true at the surface 2060", "true at full depth 2000"]
     force = page.locator(".strip-force").inner_text()
     assert "soft limit 40" in force
     assert "hard limit 60" in force
@@ -169,24 +171,98 @@ def test_every_range_covers_its_values_and_has_at_least_two_labels(trial_feed, s
         assert 2 <= labels <= 12
 
 
-LABELS = """() => {
-  const labels = [...document.querySelectorAll('.strip-force .level-limit')];
-  return labels.length === 2 && labels.map((label) => {
-    const { left, right } = label.getBoundingClientRect();
-    return [label.textContent, left, right];
-  });
+TOPS = """async ([ys, line, height]) => {
+  const { labelTops } = await import('./strips.js');
+  return labelTops(ys, line, height);
 }"""
-"""Text and both ends of two labels at the same time, since new data replace the labels."""
 
 
-def test_labels_of_limits_that_are_close_do_not_overlap_and_have_a_decimal(
-    trial_feed, serve, open_page
-):
+def test_a_label_is_at_its_own_line_and_covers_no_other_line_or_label(trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed()).url())
+    assert page.evaluate(TOPS, [[50, 61], 14, 100]) == [36, 61]  # the picture of the defect
+    assert page.evaluate(TOPS, [[5, 60], 14, 100]) == [5, 46]
+    assert page.evaluate(TOPS, [[5, 12], 14, 100]) == [None, 12]
+    assert page.evaluate(TOPS, [[50, 53, 56], 14, 100]) == [36, None, 56]
+    rng = random.Random(0)
+    for _ in range(200):
+        height, line = rng.uniform(10, 120), rng.uniform(10, 20)
+        ys = sorted(rng.uniform(0, height) for _ in range(rng.randint(1, 4)))
+        boxes = []
+        for i, top in enumerate(page.evaluate(TOPS, [ys, line, height])):
+            if top is not None:
+                assert min(abs(ys[i] - top), abs(ys[i] - top - line)) < 1e-9
+                assert not any(top < other < top + line for other in ys[:i] + ys[i + 1 :])
+                boxes.append(top)
+        assert all(second - first >= line - 1e-9 for first, second in pairwise(boxes))
+
+
+def test_limits_that_are_close_are_both_named_with_a_decimal(trial_feed, serve, open_page):
     limits = {"soft_position": [-0.00045, 0.0127], "soft_force": 8.0, "hard_force": 9.0}
     page = open_page(serve(trial_feed(limits={**limits, "max_velocity": 0.2})).url())
-    (text, left, right), (other, start, end) = sorted(wait_for(page, LABELS))
-    assert (text, other) == ("hard limit 9.0", "soft limit 8.0")
-    assert right <= start or end <= left
+    for text in ("soft limit 8.0", "hard limit 9.0"):
+        shown = "(text) => document.querySelector('.strip-force').innerText.includes(text)"
+        wait_for(page, shown, text)
     for text in ("soft limit \u22120.5", "soft limit 13"):
         shown = "(text) => document.querySelector('.strip-position').innerText.includes(text)"
         wait_for(page, shown, text)
+
+
+TICKS = """() => [...document.querySelectorAll('.strip')].map((strip) => {
+  const boxes = [...strip.querySelectorAll('.tick')].map((one) => one.getBoundingClientRect());
+  return boxes.map(({ top, height }) => [top, height]).sort((one, other) => one[0] - other[0]);
+})"""
+LABELS = """() => [...document.querySelectorAll('.level')].map((label) => {
+  const plot = label.closest('.plot').getBoundingClientRect();
+  return (label.getBoundingClientRect().right - plot.left) / plot.width;
+})"""
+
+
+APART = """async ([ticks, height, line]) => {
+  const { apart } = await import('./strips.js');
+  return apart(ticks, (tick) => height * (1 - tick), line);
+}"""
+
+
+def test_a_tick_that_would_overprint_the_tick_before_is_left_out(trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed()).url())
+    ticks = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
+    assert page.evaluate(APART, [ticks, 100, 12]) == ticks
+    assert page.evaluate(APART, [ticks, 24, 12]) == [0.0, 0.6]
+    assert page.evaluate(APART, [ticks, 8, 12]) == [0.0]
+
+
+@pytest.mark.parametrize("size", [(1024, 768), (1280, 720), (390, 844)])
+def test_ticks_do_not_overprint_and_labels_leave_the_newest_data_free(
+    size, trial_feed, serve, open_page
+):
+    page = open_page(serve(trial_feed(values={"excitation": 0.6})).url(), size=size)
+    wait_for(page, "teleop.rows() > 300")
+    for ticks in page.evaluate(TICKS):
+        assert len(ticks) >= 2
+        for (top, height), (below, _) in pairwise(ticks):
+            assert below - top >= 0.75 * height  # the digits are smaller than the box
+    labels = page.evaluate(LABELS)
+    assert labels
+    assert max(labels) < 0.9
+
+
+def test_the_number_of_a_strip_is_that_of_the_picture_in_every_frame(trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed()).url())
+    wait_for(page, "teleop.rows() > 50")
+    differences = page.evaluate(DIFFERENCES)
+    assert len(differences) == 20
+    assert median(differences) < 0.7  # mm; in 200 ms, the tool moves by 6 mm
+
+
+DIFFERENCES = """() => new Promise((resolve) => {
+  const found = [];
+  const channel = new MessageChannel();
+  channel.port1.onmessage = () => {
+    const shown = document.querySelector('.strip-position .strip-value').textContent;
+    const drawn = 1e3 * teleop.last('slave_position');
+    found.push(Math.abs(Number(shown.replace('\u2212', '-')) - drawn));
+    if (found.length === 20) resolve(found);
+    else requestAnimationFrame(() => channel.port2.postMessage(0));
+  };
+  channel.port2.postMessage(0);
+})"""
