@@ -46,7 +46,10 @@ def meaning(name: str) -> str:
 def trial_document(
     settings: TrialSettings, number: int = 1, position: int = 0, of: int = 0
 ) -> dict[str, Any]:
-    """Return the message `trial`, which the live page receives when a trial starts."""
+    """Return the message `trial`, which the live page receives when a trial starts.
+
+    `glued` is whether the specimen is glued to the slave's plate; None if this is not known.
+    """
     limits, target = settings.limits, settings.target
     true = truth(settings, settings.setup.depth) if settings.is_simulated else None
     return {
@@ -80,6 +83,7 @@ def trial_document(
         }
         if target
         else None,
+        "glued": settings.setup.cube.glued if settings.is_simulated else settings.feedback.glued,
         "feedback": feedback_document(settings),
         "operator": settings.operator,
         "series": {"position": position, "of": of} if of else None,

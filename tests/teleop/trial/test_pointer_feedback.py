@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -95,3 +96,10 @@ def test_the_page_receives_the_law_and_the_channel():
     }
     assert trial_document(settings)["feedback"] == expected
     assert trial_document(TrialSettings(channel=CHANNEL))["feedback"]["prior"] is None
+
+
+def test_the_page_knows_whether_the_specimen_is_glued_to_the_tool():
+    settings = TrialSettings()
+    assert trial_document(settings)["glued"] is True
+    loose = replace(settings.setup, cube=replace(settings.setup.cube, glued=False))
+    assert trial_document(replace(settings, custom_setup=loose))["glued"] is False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from itertools import pairwise
 from statistics import median
@@ -215,6 +216,39 @@ LABELS = """() => [...document.querySelectorAll('.level')].map((label) => {
   const plot = label.closest('.plot').getBoundingClientRect();
   return (label.getBoundingClientRect().right - plot.left) / plot.width;
 })"""
+
+
+BELOW_THE_TOOL = """() => {
+  const canvas = document.getElementById('tool');
+  const depth = teleop.last('slave_position');
+  const y = ((depth / 0.02 + 0.45) / 1.45) * canvas.height + 4; // soft limit 20 mm
+  const found = [...canvas.getContext('2d').getImageData(canvas.width / 2, y, 1, 1).data];
+  const style = getComputedStyle(document.documentElement);
+  const isLike = (name) => {
+    const digits = style.getPropertyValue(name).trim().slice(1).match(/../g);
+    return digits.every((part, i) => Math.abs(parseInt(part, 16) - found[i]) < 3);
+  };
+  return ['--tissue', '--ground'].filter(isLike);
+}"""
+
+
+@pytest.mark.parametrize(
+    ("glued", "force", "below"),
+    [
+        (True, -12.0, ["--tissue"]),
+        (False, 0.0, ["--ground"]),
+        (None, -12.0, ["--tissue"]),
+        (None, 0.0, ["--ground"]),
+    ],
+)
+def test_a_specimen_that_pulls_is_drawn_at_the_tool(
+    glued, force, below, trial_feed, serve, open_page
+):
+    values = {"slave_position": -0.006, "contact_force": force, "target": math.nan}
+    page = open_page(serve(trial_feed(glued=glued, values=values)).url())
+    wait_for(page, "teleop.rows() > 20")
+    page.wait_for_timeout(100)
+    assert page.evaluate(BELOW_THE_TOOL) == below
 
 
 APART = """async ([ticks, height, line]) => {
