@@ -33,6 +33,10 @@ STOPS = {"live page": "stopped with STOP in the page", "key": "stopped at the te
 """Description of an emergency stop by a person, by its source."""
 
 
+TOLD = {"idle": "introduction", "ready": "introduction", "active": "instruction"}
+"""Field of the message `trial` that is shown in a mode."""
+
+
 class Health:
     """Counts overruns, skipped periods and dropped ticks of a trial."""
 
@@ -154,8 +158,7 @@ class TrialFeed(Feed):
             mode = "idle" if self._mode < READY else self._mode.name.lower()
         by_page = self._begin.get("by_page", False)
         texts = [*self._faults[:1], self._text]
-        if mode == "active":
-            texts.append(self._valid.get("trial", {}).get("instruction", ""))
+        texts.append(self._valid.get("trial", {}).get(TOLD.get(mode, ""), ""))
         return {
             "mode": mode,
             "faulted": bool(self._faults),

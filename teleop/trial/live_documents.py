@@ -6,9 +6,10 @@ A message is a dictionary, which is sent as JSON.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from estimation.registry import BUILT_IN
 from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.recording.columns import COLUMNS, DROPPED, POINTER
@@ -16,6 +17,14 @@ from teleop.recording.recording import Recording
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.recorded_trial import recorded_truth, trial_settings, truth
 
+PLAIN = {
+    "rls": "Recursive least squares: the k and b that fit the newest samples best.",
+    "ai": "Adaptive identification: k and b change in proportion to the error of their force.",
+    "me": "Multi-estimator: of 7913 pairs of k and b, the pair that has predicted the force best.",
+}
+"""Explanations of the estimators of the paper for a person who does not know them, by name."""
+MOST_NAMED = 3
+"""Largest number of estimators that the introduction names."""
 MEANINGS = {column.name: column.meaning for column in (*COLUMNS, DROPPED, *POINTER)}
 OF_ESTIMATOR = {
     "b": "damping",
@@ -57,6 +66,8 @@ def trial_document(
         "number": number,
         "condition": settings.condition_name,
         "instruction": settings.condition_type.instruction,
+        "introduction": introduction(settings),
+        "explanations": explanations(settings.estimation_preset.estimators),
         "specimen": settings.palpated,
         "duration": settings.duration,
         "choice": {
@@ -88,6 +99,39 @@ def trial_document(
         "operator": settings.operator,
         "series": {"position": position, "of": of} if of else None,
     }
+
+
+def introduction(settings: TrialSettings) -> str:
+    """Return a sentence that states what happens in a trial, for a person who sees it first."""
+    specimen = f"the simulated {settings.palpated}" if settings.is_simulated else settings.palpated
+    names = settings.estimation_preset.estimators
+    count = len(names)
+    listed = " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+    methods = listed if count <= MOST_NAMED else f"{count} methods"
+    estimated = f"while {methods} estimate{'s' * (count == 1)} its stiffness k and damping b"
+    if settings.custom_condition or settings.named_condition.moved_by != "hand":
+        return f"the controller moves the tool on {specimen}, {estimated}"
+    if settings.operator == "pointer":
+        who, verbs = "you", ("press", "follow")
+    else:
+        simulated = settings.is_simulated
+        who = "a simulated operator" if simulated else "the operator"
+        verbs = ("presses", "follows")
+    if settings.target:
+        return f"{who} {verbs[1]} a moving target with the tool on {specimen}, {estimated}"
+    return f"{who} {verbs[0]} the tool on {specimen}, {estimated}"
+
+
+def explanations(names: Sequence[str]) -> dict[str, str]:
+    """Return an explanation of each estimator of this package, by its name."""
+    texts = {}
+    for name in names:
+        if name in PLAIN:
+            texts[name] = PLAIN[name]
+        elif name in BUILT_IN:
+            method = getattr(BUILT_IN[name], "__self__", None)
+            texts[name] = (method.__doc__ or "").strip().partition("\n")[0]
+    return texts
 
 
 def feedback_document(settings: TrialSettings) -> dict[str, Any] | None:

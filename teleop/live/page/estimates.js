@@ -6,13 +6,16 @@ const LARGE_MISFIT = 0.05; // a larger misfit has a mark
 const LARGEST_MISFIT = 9.99; // the digits of a larger misfit do not fit into the column
 
 export class Estimates {
-  constructor(body, store) {
+  // `explain` explains an element with a text.
+  constructor(body, store, explain) {
     this.body = body;
     this.store = store;
+    this.explain = explain;
     this.rows = [];
   }
 
-  build(welcome) {
+  build(welcome, trial) {
+    const texts = (trial && trial.explanations) || {};
     const name = (index) => (index === null || index === undefined ? "" : welcome.columns[index].name);
     this.rows = welcome.estimators.map((estimator, index) => {
       const row = document.createElement("tr");
@@ -21,10 +24,13 @@ export class Estimates {
       const swatch = document.createElement("i");
       swatch.className = `swatch swatch-${index % 5}`;
       const [first, ...others] = estimator.name.split(/(?<=_)/);
-      const start = document.createElement("span");
-      start.append(swatch, first);
+      const term = document.createElement(estimator.name in texts ? "button" : "span");
+      term.className = estimator.name in texts ? "term" : "";
+      if (term.type) term.type = "button";
       // A long name breaks after an underscore.
-      head.append(start, ...others.flatMap((part) => [document.createElement("wbr"), part]));
+      term.append(first, ...others.flatMap((part) => [document.createElement("wbr"), part]));
+      this.explain(term, texts[estimator.name]);
+      head.append(swatch, term);
       const cells = {};
       for (const key of ["k", "b", "held", "misfit"]) {
         const cell = document.createElement("td");

@@ -5,6 +5,7 @@ import { Controls } from "./controls.js";
 import { CueText } from "./cue.js";
 import { Estimates } from "./estimates.js";
 import { Feedback } from "./feedback.js";
+import { Explanation } from "./explanation.js";
 import { ForceDisplacement } from "./force_displacement.js";
 import { Frames } from "./frames.js";
 import { HELP, Pointer } from "./pointer.js";
@@ -20,6 +21,8 @@ import { startTheme } from "./theme.js";
 import { Tool } from "./tool.js";
 
 const TEXTS = 200; // time between two updates of the texts [ms]
+const HELD = "The estimate is held constant, because the present sample contains no information.";
+const MISFIT = "Part of the force that neither the estimate nor noise explains, divided by the force.";
 const RANGES = 80; // time between two updates of the ranges of the plots [ms]
 
 const byId = (id) => document.getElementById(id);
@@ -37,7 +40,11 @@ new Stop(byId("stop"), connection, {
   available: () => status.kind !== "replay",
 });
 const strips = new Strips(byId("strips"), store);
-const estimates = new Estimates(byId("estimates").tBodies[0], store);
+const explanation = new Explanation(byId("explanation"));
+const explain = (element, text) => explanation.add(element, text);
+const estimates = new Estimates(byId("estimates").tBodies[0], store, explain);
+explain(byId("held-term"), HELD);
+explain(byId("misfit-term"), MISFIT);
 const plane = new ForceDisplacement(byId("xy"), byId("xy-caption"), store);
 const cue = new CueText(byId("cue-error"), byId("cue-rms"), byId("count-in"));
 const feedback = new Feedback(byId, store);
@@ -55,7 +62,7 @@ byId("tool-help").textContent = HELP;
 function build() {
   if (!welcome) return;
   strips.build(welcome, trial);
-  estimates.build(welcome);
+  estimates.build(welcome, trial);
   for (const [symbol, { unit }] of Object.entries(welcome.quantities))
     for (const place of document.querySelectorAll(`[data-unit="${symbol}"]`)) place.textContent = `[${unit}]`;
   plane.build(welcome);

@@ -57,7 +57,9 @@ def trial():
 
 def test_the_page_asks_to_press_and_hold_only_while_nobody_holds(trial):
     feed, report = trial
-    assert report(READY, "ready")["advice"].startswith("UNLOCK")
+    state = report(READY, "ready")
+    assert state["text"].startswith("you press the tool on the simulated soft cube, while rls,")
+    assert state["advice"].startswith("UNLOCK")
     state = report(ACTIVE, "active")
     assert state["text"] == "palpate freely"
     assert state["advice"].startswith("press and hold")

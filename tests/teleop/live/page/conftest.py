@@ -223,6 +223,7 @@ class TrialFeed(Feed):
             "truth": {"k_surface": 2060.0, "k": 2000.0, "b": 3.0},
             "target": None,
             "feedback": None,
+            "explanations": {name: f"what {name} is" for name in self.estimators},
             "operator": "",
             "series": None,
             **trial,

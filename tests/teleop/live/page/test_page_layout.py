@@ -146,6 +146,7 @@ def test_the_time_of_the_trial_begins_when_the_drives_are_armed(trial_feed, serv
     page = open_page(serve(feed).url())
     wait_for(page, "teleop.last('time') > 1.5")
     assert page.locator("#clock").inner_text() == ""
+    assert page.locator("#count-in").text_content() == ""
     feed.mode, feed.armed_at = "active", page.evaluate("teleop.last('time')")
     wait_for(page, "document.getElementById('clock').textContent.startsWith('0.')")
     assert page.locator("#count-in").inner_text() == "starts in 60 s"
@@ -300,3 +301,44 @@ DIFFERENCES = """() => new Promise((resolve) => {
   };
   channel.port2.postMessage(0);
 })"""
+
+
+def explained(page, text):
+    """Wait until the box shows a text; None until it is hidden."""
+    shown = "document.getElementById('explanation')"
+    if text is None:
+        wait_for(page, f"{shown}.hidden")
+    else:
+        wait_for(page, "(text) => explanation.innerText === text && !explanation.hidden", text)
+
+
+def test_the_names_of_the_estimators_are_explained_on_hover_focus_and_tap(
+    trial_feed, serve, open_page
+):
+    page = open_page(serve(trial_feed()).url(), size=(390, 844))
+    name = page.get_by_role("button", name="me", exact=True)
+    name.hover()
+    explained(page, "what me is")
+    page.mouse.move(0, 0)
+    explained(page, None)
+    name.focus()
+    explained(page, "what me is")
+    page.focus("#misfit-term")
+    explained(page, MISFIT)
+    box = page.locator("#explanation").bounding_box()
+    assert box["x"] >= 0
+    assert box["x"] + box["width"] <= 390
+    page.focus("#stop")
+    explained(page, None)
+    name.dispatch_event("click")
+    explained(page, "what me is")
+
+
+MISFIT = "Part of the force that neither the estimate nor noise explains, divided by the force."
+
+
+def test_an_estimator_without_an_explanation_is_a_plain_name(trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed(explanations={})).url())
+    wait_for(page, "document.querySelectorAll('#estimates tbody tr').length === 2")
+    assert page.locator("#estimates tbody button").count() == 0
+    assert page.locator("#estimates tbody th").all_inner_texts() == ["rls", "me"]
