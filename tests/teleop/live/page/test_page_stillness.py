@@ -9,7 +9,7 @@ import pytest
 
 from estimation.registry import BUILT_IN
 
-from .conftest import wait_for
+from .conftest import WATCH, wait_for
 
 pytestmark = pytest.mark.real_time
 
@@ -18,35 +18,6 @@ TARGET = {"frequency": 1.0, "depth": 0.016, "low": 0.0016, "count_in": 3.0}
 FEEDBACK = {"law": "model-mediated", "prior": 2e4, "delay": 0.05, "jitter": 0.02, "loss": 0.05}
 CASES = [("free", ""), ("mimic", ""), ("autonomous", ""), ("mimic", "operator")]
 """Condition of the trial, and view of the page."""
-WATCH = """() => {
-  window.shifts = [];
-  window.black = [];
-  const name = (node) =>
-    node && (node.id || node.className || `${node.nodeName} of ${node.parentElement?.className}`);
-  new PerformanceObserver((list) => {
-    for (const { sources } of list.getEntries())
-      window.shifts.push(sources.map((one) => name(one.node)).join(", "));
-  }).observe({ type: "layout-shift" });
-  const sample = new OffscreenCanvas(4, 4).getContext("2d", { willReadFrequently: true });
-  const isBlack = (canvas) => {
-    sample.drawImage(canvas, 0, 0, 4, 4);
-    return sample.getImageData(0, 0, 4, 4).data.every((value, i) => i % 4 === 3 || value < 5);
-  };
-  const painted = new MessageChannel(); // its messages arrive after the frame has been painted
-  window.frames = 0;
-  painted.port1.onmessage = () => {
-    window.frames += 1;
-    const canvases = [...document.querySelectorAll("canvas")];
-    const shown = canvases.filter((one) => one.clientWidth && one.clientHeight);
-    window.black.push(...shown.filter(isBlack).map(name));
-  };
-  const frame = () => {
-    painted.port2.postMessage(0);
-    requestAnimationFrame(frame);
-  };
-  requestAnimationFrame(frame);
-}"""
-"""Note each change of the layout, and each canvas that is black when a frame is shown."""
 
 
 def varied(feed):
