@@ -93,9 +93,9 @@ byId("operator-link").hash = location.hash;
 
 function hint() {
   if (!welcome || !welcome.pointer || !status.state) return "";
-  if (status.state.mode === "ready") return "Press Unlock, then Start. Then press here, hold, and move down.";
-  if (status.state.mode !== "active") return "";
+  if (!["ready", "active"].includes(status.state.mode)) return "";
   if (status.state.control === "other") return "Another page has control.";
+  if (status.state.mode === "ready") return "Press Unlock, then Start. Then press here, hold, and move down.";
   return pointer.hand.grip ? "Move down to press, up to lift. Release to let go of the handle." : "Press here and hold to take the handle. Or hold G and use the arrow keys.";
 }
 

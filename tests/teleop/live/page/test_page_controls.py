@@ -259,6 +259,9 @@ def test_only_a_page_that_can_press_the_buttons_names_them(trial_feed, serve, op
     first.get_by_role("button", name="Take control").click()
     wait_for(second, f"{text} === 'A text. Another page has control.'")
     assert first.evaluate(text) == "A text. UNLOCK, then START."
+    hint = "document.getElementById('tool-hint').textContent"
+    wait_for(second, f"{hint} === 'Another page has control.'")
+    assert first.evaluate(hint).startswith("Press Unlock")
     second.goto(server.url("operator"))
     wait_for(second, f"{text} === 'A text. The main view has the buttons for this.'")
 
