@@ -5,8 +5,8 @@ const ANSWERS = ["next", "repeat", "skip"]; // buttons that answer a question be
 // Time in which nobody can have read a new question [ms]. It is longer than a double click, whose second click would
 // otherwise answer the question that follows the first click.
 const READING = 700;
-// Button that has the focus after a button that can no longer be pressed.
-const AFTER = { start: "tool", end: "next", next: "unlock", repeat: "unlock", skip: "next" };
+// Buttons that lose the focus when they can no longer be pressed.
+const BUTTONS = ["unlock", "start", "end", ...ANSWERS];
 const CHOICES = ["condition", "specimen", "duration"];
 
 export class Controls {
@@ -17,7 +17,7 @@ export class Controls {
     this.series = null;
     this.state = null;
     this.prompt = null; // number of the question
-    this.wanted = null; // id of the button that has the focus as soon as it can be pressed
+    this.seeks = false; // whether a button lost the focus, and the next one cannot be pressed yet
     this.readable = 0; // time from which an answer is possible [ms]
     for (const type of ANSWERS) byId(type).addEventListener("click", () => this.#answer({ type }));
     for (const type of ["unlock", "start", "end"]) {
@@ -124,18 +124,20 @@ export class Controls {
     control.disabled = !state || state.control === "other";
     control.textContent = mine ? "Release control" : "Take control";
     control.title = control.disabled && state ? "Another page has control" : "";
-    this.#moveFocus(focused);
+    this.#moveFocus(focused, mode);
   }
 
-  // A button that can no longer be pressed loses the focus. Give it to the controls, and then to the button that is next.
-  #moveFocus(focused) {
+  // A button that can no longer be pressed loses the focus. Give it to the controls, and then to the element that a
+  // person uses next: the picture of the tool during a trial, else UNLOCK or NEXT.
+  #moveFocus(focused, mode) {
     const area = this.byId("controls");
-    if (focused.disabled && AFTER[focused.id]) {
-      this.wanted = AFTER[focused.id];
+    if (focused.disabled && BUTTONS.includes(focused.id)) {
+      this.seeks = true;
       area.focus({ preventScroll: true });
     }
-    if (!this.wanted) return;
-    if (![area, document.body].includes(document.activeElement)) this.wanted = null;
-    else if (!this.byId(this.wanted).disabled) this.byId(this.wanted).focus({ preventScroll: true });
+    if (!this.seeks) return;
+    const next = this.byId({ active: "tool", ready: "unlock" }[mode] || "next");
+    this.seeks = [area, document.body].includes(document.activeElement) && next.disabled;
+    if (document.activeElement === area && !next.disabled) next.focus({ preventScroll: true });
   }
 }

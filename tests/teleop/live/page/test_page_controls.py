@@ -284,6 +284,10 @@ def test_the_focus_goes_to_the_next_button_after_next_and_start(trial_feed, serv
     page.keyboard.press("Enter")
     wait_for(page, "!document.getElementById('start').disabled")
     page.focus("#start")
+    wait_for(page, "document.activeElement.id === 'unlock'")  # the time for START is over
+    page.keyboard.press("Enter")
+    wait_for(page, "!document.getElementById('start').disabled")
+    page.focus("#start")
     page.keyboard.press("Enter")
     wait_for(page, "document.activeElement.id === 'tool'")
     page.focus("#end")
