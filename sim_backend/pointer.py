@@ -1,9 +1,9 @@
 """An operator whose hand follows a pointer, such as the mouse in the live page.
 
 The pointer gives the wanted position of the hand, and whether the hand holds the handle. The wanted
-position changes in steps. From the wanted position, a critically damped filter of second order
-computes a smooth intended motion. The impedance of the arm then gives the force on the handle, as
-for the other operators.
+position changes in steps. Its speed is limited, whatever the pointer sends. From the limited
+position, a critically damped filter of second order computes a smooth intended motion. The
+impedance of the arm then gives the force on the handle, as for the other operators.
 """
 
 from __future__ import annotations
@@ -16,6 +16,10 @@ from sim_backend.plant import Intention
 
 BANDWIDTH = 10.0
 """Natural frequency of the filter [Hz]."""
+MOST_SPEED = 0.2
+"""Largest speed of the wanted position while the hand holds the handle [m/s]. A person who palpates
+moves the hand more slowly: the fastest target of the condition `mimic` moves at 0.05 m/s. A jump of
+the pointer, which no hand can make, then does not become a blow."""
 Pointer = Callable[[], tuple[float, bool]]
 """Function that returns two values: the wanted position of the hand [m], and whether the hand holds
 the handle."""
@@ -24,8 +28,9 @@ the handle."""
 class PointerOperator(Hand):
     """Operator whose hand follows a pointer, such as a mouse.
 
-    When the hand grips the handle, the intended motion begins at the position and with the velocity
-    of the handle, so that the force begins at zero.
+    When the hand grips the handle, the wanted position and the intended motion begin at the
+    position of the handle, and the intended motion has the velocity of the handle, so that the
+    force begins at zero.
 
     Attributes
     ----------
@@ -33,7 +38,8 @@ class PointerOperator(Hand):
         Time at which the pointer was last read, since the drives were enabled [s]. Before the
         first reading, the value is NaN.
     depth
-        Position of the pointer at `time` [m]. This is the wanted position of the hand.
+        Wanted position of the hand at `time` [m]. This is the position of the pointer, or, if the
+        pointer is faster than `MOST_SPEED`, the position that it can reach with this speed.
     grip
         Whether the hand held the handle at `time`.
     """
@@ -50,7 +56,7 @@ class PointerOperator(Hand):
         The intended motion is the filtered motion of the pointer. The result is None if the hand
         does not hold the handle.
         """
-        held, last = self.grip, self.time
+        held, last, before = self.grip, self.time, self.depth
         self.time = t
         self.depth, self.grip = self._pointer()
         if not self.grip:
@@ -58,7 +64,10 @@ class PointerOperator(Hand):
         if not held or t < last:
             handle = self.handle
             self._position, self._velocity = (handle.x, handle.v) if handle else (0.0, 0.0)
+            self.depth = self._position
         else:
+            reach = MOST_SPEED * (t - last)
+            self.depth = min(max(self.depth, before - reach), before + reach)
             self._follow(self.depth, t - last)
         return Intention(self._position, self._velocity)
 

@@ -24,6 +24,13 @@ POINTER = "pointer"
 """Value of --operator with which the mouse or a finger in the live page moves the handle."""
 FOXGLOVE_PORT = 8765
 """Port at which Foxglove and similar viewers look for a server by default."""
+FIRM_ARM = 1500.0
+"""Stiffness of the hand that follows the pointer [N/m], if the hand first feels a stiff spring, as
+with the feedback law model-mediated. A person presses a stiff body with a firm hand. With the usual
+400 N/m, a pointer 7 mm deep moves the tool by 0.14 mm. Because of the lost motion, the contact
+force is then below the 0.2 N that the law needs to estimate the specimen, and the hand feels the
+stiff spring for the whole trial. With 1500 N/m, 4 mm suffice on each cube, with and without a
+channel."""
 DURATIONS = (5.0, 10.0, 20.0, 30.0, 60.0)
 """Durations of a trial that the live page offers [s]."""
 
@@ -132,6 +139,23 @@ class LiveOptions:
             yield link
         finally:
             link.end()
+
+
+def for_pointer(settings: TrialSettings) -> TrialSettings:
+    """The settings, with the arm and the count-in that a person with the pointer needs by default.
+
+    The settings of other operators are not changed.
+    """
+    from sim_backend.operators import ARM
+    from teleop.settings.ranges import COUNT_IN
+
+    if settings.operator != POINTER:
+        return settings
+    model = settings.operator_model
+    if settings.feedback.law_type.displays_prior and model.arm_stiffness == ARM.stiffness:
+        model = replace(model, arm_stiffness=FIRM_ARM)
+    count_in = COUNT_IN if settings.count_in is None else settings.count_in
+    return replace(settings, operator_model=model, count_in=count_in)
 
 
 NOT_LIVE = LiveOptions()

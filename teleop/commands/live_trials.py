@@ -34,12 +34,19 @@ def run_from_page(link: LiveLink, settings: TrialSettings, runner: TrialRunner, 
 
     The function returns after a trial that a signal has ended, when the process that serves the
     page has ended, or, with `once`, after the first trial in which the drives were armed.
-    SafetyStop is raised only with `once`; otherwise the page can start another trial.
+    SafetyStop is raised only with `once`; otherwise the page can start another trial. A trial that
+    cannot begin now, for example because the machine is busy, does not end the session: the page
+    shows the reason, and a person can try again. Settings with which the first trial can never
+    begin raise their InputError.
     """
-    from teleop.errors import SafetyStop
+    from drivers import RigError
+    from teleop.errors import InputError, SafetyStop
     from teleop.printable import print_error
+    from teleop.trial.rehearsal import TooSlowError
 
     while True:
+        problem = ""
+        begun = link.trials
         try:
             code = runner.run(settings)
         except SafetyStop as error:
@@ -47,26 +54,39 @@ def run_from_page(link: LiveLink, settings: TrialSettings, runner: TrialRunner, 
                 raise
             print_error(str(error))
             code = 3
+        except (InputError, RigError) as error:
+            ran = link.trials > begun
+            if (once and ran) or not (link.trials or isinstance(error, TooSlowError)):
+                raise
+            problem, code = str(error), 2
+            print_error(problem)
+            if not ran:
+                link.refuse()
         if runner.interrupted:
             return code or 130
         if once and link.trial and link.trial.armed:
             return code
-        following = next_settings(link, settings)
+        following = next_settings(link, settings, problem)
         if following is None:
             print_error(LOST)
             return code
         settings = following
 
 
-def next_settings(link: LiveLink, settings: TrialSettings) -> TrialSettings | None:
+def next_settings(
+    link: LiveLink, settings: TrialSettings, problem: str = ""
+) -> TrialSettings | None:
     """Wait until NEXT or REPEAT is pressed in the page, and return the settings to run.
 
     If the last trial ended before a person had started it, a changed setting is returned at once,
     so that the page shows the trial that START would run. None if the live process has ended.
+    `problem` is the reason why no trial began, or why its recording is not complete.
     """
-    waiting = link.trial is not None and not link.trial.armed
-    why = f"{link.trial.ticks.events[-1]['text']}; " if link.trial and waiting else ""
-    link.ask(f"{why}NEXT prepares another trial", ("next", "repeat", "notes"))
+    waiting = not problem and link.trial is not None and not link.trial.armed
+    why = problem
+    if link.trial and waiting:
+        why = link.trial.ticks.events[-1]["text"]
+    link.ask(why, ("next", "repeat", "notes"), "NEXT prepares another trial")
     while request := next_request(link):
         kind = request["type"]
         if kind == "choose":
@@ -111,7 +131,7 @@ class PageOfSeries:
         answers: dict[str, Answer] = {"next": "run", "skip": "skip"}
         if previous:
             answers["repeat"] = "repeat"
-        self._link.ask(f"{question.text}\n{choice}", (*answers, "notes"))
+        self._link.ask(question.text, (*answers, "notes"), choice)
         while request := next_request(self._link):
             if request["type"] in answers:
                 answer = answers[request["type"]]
@@ -125,7 +145,7 @@ class PageOfSeries:
 
     def ask_note(self, trial: PlannedTrial) -> str:
         """Ask for a note on a trial; empty if the person presses NEXT instead."""
-        text = f"Note on trial {trial.number}, {trial.label}; NEXT for no note."
-        self._link.ask(text, ("next", "notes"))
+        text = f"Note on trial {trial.number}, {trial.label}"
+        self._link.ask(text, ("next", "notes"), "NEXT for no note.")
         request = next_request(self._link)
         return str(request["text"]) if request and request["type"] == "notes" else ""

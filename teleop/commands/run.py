@@ -39,6 +39,7 @@ def run(
         collection, and a processor for the loop only. require: fail if a setting is refused. try:
         apply the settings that the system allows. off: apply none.
     """
+    from teleop.commands.live_options import for_pointer
     from teleop.commands.live_trials import run_from_page
     from teleop.commands.one_trial import TrialRunner
     from teleop.printable import print_error
@@ -46,7 +47,7 @@ def run(
     from teleop.trial.arming import arming_text, check_stated, is_armed
 
     with live.starting() as page:
-        settings = trial.settings(estimation.given())
+        settings = for_pointer(trial.settings(estimation.given()))
         check_stated(settings)
         if warning := check_feedback(settings):
             print_error(warning)

@@ -157,13 +157,14 @@ class SeriesRunner:
 
         Ctrl-C ends the trial only, unless the drives were not armed in this trial.
         """
+        from teleop.commands.live_options import for_pointer
         from teleop.trial.run import run_trial
         from teleop.trial.stop_switch import StopSwitch
 
         real: RealtimeName = "try" if settings.clock == "real" else "off"
         with StopSwitch(key=True, explained=self.explained and bool(settings.rig)) as switch:
             trial = run_trial(
-                settings,
+                for_pointer(settings),
                 path,
                 sys.stderr.isatty(),
                 switch,

@@ -32,6 +32,9 @@ NAMES = (
     "dropped",
     "pointer_depth",
     "pointer_grip",
+    "displayed_force",
+    "model_stiffness",
+    "report_age",
 )
 """Columns of a tick that are sent to the live page, in addition to those of the estimators."""
 PARTS = ("k", "b", "k_std", "b_std", "held", "misfit")

@@ -17,7 +17,7 @@ from teleop.live.feed import Feed, estimator_indices, shown_columns
 from teleop.live.history import History, decimated, decimation
 from teleop.live.requests import ANSWERS, BadRequest
 from teleop.live.ring import RingReader
-from teleop.safety.events import ACTIVE, READY, Mode
+from teleop.safety.events import ACTIVE, READY, Fault, Mode
 
 RECENT = 1.0
 """Length of the time window [s]. The live page shows the largest lateness within this window."""
@@ -27,6 +27,14 @@ DEEPEST = 0.1
 """Largest magnitude of the depth that the pointer of the live page can request [m]."""
 SENT = {"name": "sent", "unit": "s", "meaning": "time at which the loop wrote the tick"}
 """Description of a column that is not recorded. It is the last column of each row for the page."""
+
+
+STOPS = {"live page": "stopped with STOP in the page", "key": "stopped at the terminal"}
+"""Description of an emergency stop by a person, by its source."""
+
+
+TOLD = {"idle": "introduction", "ready": "introduction", "active": "instruction"}
+"""Field of the message `trial` that is shown in a mode."""
 
 
 class Health:
@@ -85,19 +93,27 @@ class TrialFeed(Feed):
         self._step = 1
         self._indices: list[int] = []
         self._mode, self._running, self._gone = Mode.IDLE, False, False
-        self._text = ""
+        self._text = self._advice = ""
+        self._grips = False
+        """Whether the hand that follows the pointer holds the handle."""
         self._prompt: dict[str, Any] | None = None
         """Number of the question that the control process asks, and its possible answers."""
         self._chosen: dict[str, Any] = {}
         """Settings that a person has chosen in the page since the latest trial began."""
         self._faults: list[str] = []
+        self._by_person = False
+        """Whether a person caused the first fault, with an emergency stop."""
         self._latest = 0.0
         self._offset = 0
         self._column: dict[str, int] = {}
         self._describe([], [], 0.0)
 
     def receive(self, document: dict[str, Any]) -> None:
-        """Process a message: `begin` or `end` of a trial, its `summary`, or a `prompt`."""
+        """Process a message of the control process.
+
+        The messages are `begin` or `end` of a trial, its `summary`, a `prompt`, and `refused`: a
+        trial could not begin.
+        """
         kind = document["type"]
         if kind == "begin":
             self._begin_trial(document)
@@ -105,8 +121,13 @@ class TrialFeed(Feed):
             self.advance()
             self._running = False
             self._text = document["text"]
+        elif kind == "refused":
+            self._faults, self._by_person = (
+                [],
+                False,
+            )  # the fault of the trial before is no longer the present state
         elif kind == "prompt":
-            self._text = document["text"]
+            self._text, self._advice = document["text"], document["advice"]
             self._prompt = {name: document[name] for name in ("number", "answers")}
         else:
             self._publish(document)
@@ -137,10 +158,13 @@ class TrialFeed(Feed):
             mode = "idle" if self._mode < READY else self._mode.name.lower()
         by_page = self._begin.get("by_page", False)
         texts = [*self._faults[:1], self._text]
+        texts.append(self._valid.get("trial", {}).get(TOLD.get(mode, ""), ""))
         return {
             "mode": mode,
             "faulted": bool(self._faults),
-            "text": "; ".join(dict.fromkeys(filter(None, texts))) or self._advice(mode, by_page),
+            "by_person": self._by_person,
+            "text": "; ".join(dict.fromkeys(filter(None, texts))),
+            "advice": self._advice_in(mode, by_page),
             "prompt": self._prompt,
             "armed_by": ("page" if by_page else "terminal") if self._begin else None,
             "armed_at": self._armed_at,
@@ -163,7 +187,8 @@ class TrialFeed(Feed):
             if not self._session["pointer"]:
                 raise BadRequest("pointer: expected teleop run --operator pointer")
             depth = min(max(float(request["depth"]), -DEEPEST), DEEPEST)
-            self._cells.point(depth, request["grip"])
+            self._grips = request["grip"]
+            self._cells.point(depth, self._grips)
         elif kind == "choose":
             self._choose(request, active)
         elif kind in ANSWERS:
@@ -180,6 +205,7 @@ class TrialFeed(Feed):
 
         If the page has armed the drives, the loop stops the trial when it receives no heartbeats.
         """
+        self._grips = False
         self._cells.point(0.0, False)
 
     def _start(self) -> None:
@@ -225,7 +251,8 @@ class TrialFeed(Feed):
         self._sent, self._health, self._armed_at = self._read, Health(), None
         self._offset = begin["offset"]
         self._column = {name: place for place, name in enumerate(names)}
-        self._mode, self._running, self._text, self._faults = Mode.IDLE, True, "", []
+        self._mode, self._running, self._faults, self._by_person = Mode.IDLE, True, [], False
+        self._text = self._advice = ""
         self._prompt = None
         self._latest = time.monotonic()
         shown = shown_columns(names, begin["estimators"])
@@ -288,18 +315,21 @@ class TrialFeed(Feed):
         found, slots = self._events.read(range(first, end))
         for slot in slots:
             event = loads(slot["message"][: slot["length"]].tobytes())
+            text = event["text"]
             if event["fault"]:
-                self._faults.append(event["text"])
+                if event["fault"] == Fault.EMERGENCY_STOP:
+                    self._by_person |= not self._faults
+                    text = STOPS.get(event["source"], text)
+                self._faults.append(text)
             if event["mode"] == "active":
                 self._armed_at = event["time"]
-            self._text = event["text"] if event["mode"] in ("idle", "stopping") else ""
+            self._text = text if event["mode"] in ("idle", "stopping") else ""
         self._read_events = found[-1] if found else self._read_events
 
-    def _advice(self, mode: str, by_page: bool) -> str:
-        """Return an instruction for the operator; empty if there is none."""
+    def _advice_in(self, mode: str, by_page: bool) -> str:
+        """Return what the person in control can do next; empty if nothing can be done."""
         if mode == "ready" and by_page:
             return "UNLOCK, then START within 2 s, arms the drives"
-        if mode == "active" and self._session["pointer"]:
+        if mode == "active" and self._session["pointer"] and not self._grips:
             return "press and hold in the picture of the tool to palpate"
-        instruction: str = self._valid.get("trial", {}).get("instruction", "")
-        return instruction if mode == "active" else ""
+        return "" if self._running else self._advice

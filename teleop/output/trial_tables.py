@@ -70,7 +70,8 @@ def print_results(console: Console, summary: Mapping[str, Any]) -> None:
     excitation = summary["excitation"]["mean"]
     console.print(f"  excitation: {excitation:.2f} (0 at rest, 1 for a sine of 1 Hz about zero)")
     if summary["contact"] < 1.0:
-        console.print(f"  no contact in {1.0 - summary['contact']:.0%} of the samples")
+        rest = f"{1.0 - summary['contact']:.0%} of the samples"
+        console.print(f"  contact force near zero, and estimates held, in {rest}")
 
 
 def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:

@@ -137,7 +137,9 @@ FEEDBACK_COLUMNS = (
 `teleop.control.bilateral.LinkValues`."""
 POINTER = (
     Column(
-        "pointer_depth", "m", "where the pointer wants the hand; NaN before the drives are armed"
+        "pointer_depth",
+        "m",
+        "where the pointer wants the hand, with limited speed; NaN before the drives are armed",
     ),
     Column("pointer_grip", "-", "1 while the pointer holds the handle"),
     Column("pointer_clock", "s", "time of the measurement on the clock of the loop"),

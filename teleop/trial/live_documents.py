@@ -6,14 +6,25 @@ A message is a dictionary, which is sent as JSON.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from estimation.registry import BUILT_IN
+from teleop.control.channel import ChannelSettings
+from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.recording.columns import COLUMNS, DROPPED, POINTER
 from teleop.recording.recording import Recording
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.recorded_trial import recorded_truth, trial_settings, truth
 
+PLAIN = {
+    "rls": "Recursive least squares: the k and b that fit the newest samples best.",
+    "ai": "Adaptive identification: k and b change in proportion to the error of their force.",
+    "me": "Multi-estimator: of 7913 pairs of k and b, the pair that has predicted the force best.",
+}
+"""Explanations of the estimators of the paper for a person who does not know them, by name."""
+MOST_NAMED = 3
+"""Largest number of estimators that the introduction names."""
 MEANINGS = {column.name: column.meaning for column in (*COLUMNS, DROPPED, *POINTER)}
 OF_ESTIMATOR = {
     "b": "damping",
@@ -44,7 +55,10 @@ def meaning(name: str) -> str:
 def trial_document(
     settings: TrialSettings, number: int = 1, position: int = 0, of: int = 0
 ) -> dict[str, Any]:
-    """Return the message `trial`, which the live page receives when a trial starts."""
+    """Return the message `trial`, which the live page receives when a trial starts.
+
+    `glued` is whether the specimen is glued to the slave's plate; None if this is not known.
+    """
     limits, target = settings.limits, settings.target
     true = truth(settings, settings.setup.depth) if settings.is_simulated else None
     return {
@@ -52,6 +66,8 @@ def trial_document(
         "number": number,
         "condition": settings.condition_name,
         "instruction": settings.condition_type.instruction,
+        "introduction": introduction(settings),
+        "explanations": explanations(settings.estimation_preset.estimators),
         "specimen": settings.palpated,
         "duration": settings.duration,
         "choice": {
@@ -78,9 +94,62 @@ def trial_document(
         }
         if target
         else None,
-        "feedback": None,
+        "glued": settings.setup.cube.glued if settings.is_simulated else settings.feedback.glued,
+        "feedback": feedback_document(settings),
         "operator": settings.operator,
         "series": {"position": position, "of": of} if of else None,
+    }
+
+
+def introduction(settings: TrialSettings) -> str:
+    """Return a sentence that states what happens in a trial, for a person who sees it first."""
+    specimen = f"the simulated {settings.palpated}" if settings.is_simulated else settings.palpated
+    names = settings.estimation_preset.estimators
+    count = len(names)
+    listed = " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+    methods = listed if count <= MOST_NAMED else f"{count} methods"
+    estimated = f"while {methods} estimate{'s' * (count == 1)} its stiffness k and damping b"
+    if settings.custom_condition or settings.named_condition.moved_by != "hand":
+        return f"the controller moves the tool on {specimen}, {estimated}"
+    if settings.operator == "pointer":
+        who, verbs = "you", ("press", "follow")
+    else:
+        simulated = settings.is_simulated
+        who = "a simulated operator" if simulated else "the operator"
+        verbs = ("presses", "follows")
+    if settings.target:
+        return f"{who} {verbs[1]} a moving target with the tool on {specimen}, {estimated}"
+    return f"{who} {verbs[0]} the tool on {specimen}, {estimated}"
+
+
+def explanations(names: Sequence[str]) -> dict[str, str]:
+    """Return an explanation of each estimator of this package, by its name."""
+    texts = {}
+    for name in names:
+        if name in PLAIN:
+            texts[name] = PLAIN[name]
+        elif name in BUILT_IN:
+            method = getattr(BUILT_IN[name], "__self__", None)
+            texts[name] = (method.__doc__ or "").strip().partition("\n")[0]
+    return texts
+
+
+def feedback_document(settings: TrialSettings) -> dict[str, Any] | None:
+    """Return the feedback law and the channel of a trial; None if the trial has neither.
+
+    `prior` is the stiffness that the hand feels before the specimen is estimated [N/m]; None if the
+    law does not display such a stiffness.
+    """
+    if not settings.has_link:
+        return None
+    law, channel = settings.feedback, settings.channel or ChannelSettings()
+    prior = law.gain * settings.coupling.scale * STIFF_PRIOR
+    return {
+        "law": law.law,
+        "prior": prior if law.law_type.displays_prior else None,
+        "delay": channel.delay,
+        "jitter": channel.jitter,
+        "loss": channel.loss,
     }
 
 

@@ -168,14 +168,21 @@ class LiveLink(Sink):
         """Send a message to the live process. Do not wait."""
         self._page.tell(document)
 
-    def ask(self, text: str, answers: Sequence[str]) -> None:
+    def refuse(self) -> None:
+        """Report to the live process that a trial could not begin. The question states why."""
+        self.tell({"type": "refused"})
+
+    def ask(self, text: str, answers: Sequence[str], advice: str) -> None:
         """Show a question in the live page, which `wait_for_request` then waits to be answered.
+
+        `advice` states what the buttons do. Only a page that can press them shows it.
 
         The question gets a new number. An answer contains the number of its question, so that an
         answer to an earlier question, such as the second press of a button, has no effect.
         """
         self._prompt += 1
-        self.tell({"type": "prompt", "number": self._prompt, "text": text, "answers": [*answers]})
+        prompt = {"number": self._prompt, "text": text, "answers": [*answers], "advice": advice}
+        self.tell({"type": "prompt", **prompt})
 
     def wait_for_request(self, timeout: float) -> dict[str, Any] | None:
         """Wait for the next request that a person makes in the live page, and return it.

@@ -33,6 +33,10 @@ SHARE = 0.9
 """Largest fraction of a period of the loop that a tick may take."""
 
 
+class TooSlowError(InputError):
+    """The machine, with the programs that run now, cannot run the loop at its rate."""
+
+
 def tick_cost(settings: TrialSettings) -> float:
     """Measure how long a tick takes on this machine.
 
@@ -93,7 +97,7 @@ def check_rate(settings: TrialSettings) -> float:
         if cost <= SHARE / settings.loop_rate:
             return cost
     other = "" if settings.rig else ", or --clock virtual"
-    raise InputError(f"{too_slow(settings.loop_rate, cost)}{other}")
+    raise TooSlowError(f"{too_slow(settings.loop_rate, cost)}{other}")
 
 
 def check_wire(rig: Rig, clock: Clock, cost: float) -> None:
@@ -112,7 +116,7 @@ def check_wire(rig: Rig, clock: Clock, cost: float) -> None:
     reading = float(np.percentile(wire, 90.0))
     if cost + reading > SHARE * clock.period:
         part = f" ({reading * 1e6:.0f} us of it to read the devices)"
-        raise InputError(too_slow(clock.rate, cost + reading, part))
+        raise TooSlowError(too_slow(clock.rate, cost + reading, part))
 
 
 def too_slow(rate: float, cost: float, part: str = "") -> str:

@@ -10,7 +10,7 @@ from scipy.signal import lsim
 
 from drivers import Command
 from sim_backend import CUBES, PointerOperator, SimulatedRig
-from sim_backend.pointer import BANDWIDTH
+from sim_backend.pointer import BANDWIDTH, MOST_SPEED
 
 
 class Script:
@@ -23,7 +23,19 @@ class Script:
         return self.depth, self.grip
 
 
-def test_the_motion_is_that_of_a_critically_damped_filter():
+def limited(t, u):
+    """Return the positions of a pointer at the times t, followed at most with `MOST_SPEED`."""
+    found, position, before = [], 0.0, 0.0
+    for now, wanted in zip(t, u, strict=True):
+        position += np.clip(
+            wanted - position, -MOST_SPEED * (now - before), MOST_SPEED * (now - before)
+        )
+        found.append(position)
+        before = now
+    return np.array(found)
+
+
+def test_the_motion_is_that_of_a_critically_damped_filter_of_the_limited_position():
     script = Script()
     operator = PointerOperator(script)
     script.grip = True
@@ -31,6 +43,7 @@ def test_the_motion_is_that_of_a_critically_damped_filter():
     rng = np.random.default_rng(0)
     t = np.cumsum(rng.uniform(0.2e-3, 3e-3, 300))
     u = np.repeat(rng.uniform(0.0, 0.01, 30), 10)
+    followed = limited(t, u)
     w = 2.0 * math.pi * BANDWIDTH
     system = ([w**2], [1.0, 2.0 * w, w**2])
     found, last = [], 0.0
@@ -39,9 +52,25 @@ def test_the_motion_is_that_of_a_critically_damped_filter():
         found.append(operator.intention(now).position)
         last = now
     fine = np.arange(0.0, last, 1e-5)
-    held = u[np.minimum(np.searchsorted(t, fine), len(u) - 1)]
+    held = followed[np.minimum(np.searchsorted(t, fine), len(u) - 1)]
     _, expected, _ = lsim(system, held, fine)
     assert found == pytest.approx(np.interp(t, fine, expected), abs=2e-6)
+
+
+def test_a_pointer_that_jumps_moves_the_hand_with_a_limited_speed(held):
+    rig, script, step = held
+    operator = script.operator
+    script.depth, script.grip = rig.plant.handle.x, True
+    step(2)
+    start, script.depth = operator.depth, 1.0
+    wanted = []
+    for _ in range(100):
+        step(1)
+        wanted.append(operator.depth)
+    assert np.diff([start, *wanted]) == pytest.approx(MOST_SPEED * 1e-3)
+    script.depth = -1.0
+    step(1)
+    assert operator.depth == pytest.approx(wanted[-1] - MOST_SPEED * 1e-3)
 
 
 @pytest.mark.parametrize("last", [0.01, 20.0])
@@ -60,7 +89,8 @@ def held():
     """A rig in operation whose handle is at 5 mm, its pointer, and a function for a step."""
     script = Script()
     now = [0.0]
-    rig = SimulatedRig(CUBES["soft"], lambda: now[0], operator=PointerOperator(script))
+    script.operator = PointerOperator(script)
+    rig = SimulatedRig(CUBES["soft"], lambda: now[0], operator=script.operator)
     rig.open()
     rig.enable()
 
@@ -78,7 +108,7 @@ def held():
 def test_the_force_begins_at_zero_when_the_hand_takes_hold_anywhere(held):
     rig, script, step = held
     script.depth, script.grip = 0.02, True
-    forces = [step(1).master_force for _ in range(100)]
+    forces = [step(1).master_force for _ in range(200)]
     assert abs(forces[0]) < 0.2
     assert np.abs(np.diff(forces)).max() < 0.8  # w^2 times distance and damping; unfiltered 6 N
     assert forces[-1] == pytest.approx(400.0 * (0.02 - rig.plant.handle.x), rel=0.1)

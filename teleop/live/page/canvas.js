@@ -5,9 +5,9 @@ const sizes = new ResizeObserver((entries) => {
   for (const entry of entries) entry.target.resized();
 });
 
-// Adapt the number of pixels of a canvas to its box, now and after each change of the box. The function `changed` is
-// called after each change of the number of pixels.
-export function fit(canvas, changed) {
+// Adapt the number of pixels of a canvas to its box, now and after each change of the box. A change of the number of
+// pixels makes the canvas black. Therefore the function `draw` is called at once, before the browser shows the canvas.
+export function fit(canvas, draw) {
   canvas.resized = () => {
     const { clientWidth, clientHeight } = canvas;
     if (!clientWidth || !clientHeight) return;
@@ -19,7 +19,7 @@ export function fit(canvas, changed) {
     canvas.width = width;
     canvas.height = height;
     canvas.ratio = (ratio * rem()) / 16; // scale of lines and text, proportional to the size of the page's text
-    changed();
+    draw();
   };
   sizes.observe(canvas);
   canvas.resized();

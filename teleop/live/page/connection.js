@@ -7,6 +7,7 @@ const BEAT = 50; // shortest time between two heartbeats [ms]
 const SILENCE = 350; // time without data after which data are reported as missing [ms]
 const OLD = 500; // age from which data are reported as old [ms]
 const CHECK = 50; // time between two checks for missing and old data [ms]
+const CONNECTED = "connected"; // state of a connection that the server has accepted
 const DO_NOT_RETRY = 1008; // code with which the server closes a connection that it refuses
 
 export class Connection {
@@ -40,6 +41,11 @@ export class Connection {
     if (!this.socket || this.socket.readyState !== WebSocket.OPEN) return false;
     this.socket.send(JSON.stringify(message));
     return true;
+  }
+
+  // Whether the page is connected to a live process that has accepted it.
+  get isOpen() {
+    return this.words === CONNECTED;
   }
 
   // Upper limit of the age of the newest received data [ms]: the server sent them after it had received the newest
@@ -94,7 +100,7 @@ export class Connection {
       this.isReplay = message.kind === "replay";
       this.store.setColumns(message.columns.map((column) => column.name));
       this.delay = 500;
-      this.#say("connected");
+      this.#say(CONNECTED);
     }
     this.#emit(message.type, message);
   }

@@ -5,6 +5,8 @@ const ANSWERS = ["next", "repeat", "skip"]; // buttons that answer a question be
 // Time in which nobody can have read a new question [ms]. It is longer than a double click, whose second click would
 // otherwise answer the question that follows the first click.
 const READING = 700;
+// Buttons that lose the focus when they can no longer be pressed.
+const BUTTONS = ["unlock", "start", "end", ...ANSWERS];
 const CHOICES = ["condition", "specimen", "duration"];
 
 export class Controls {
@@ -15,6 +17,7 @@ export class Controls {
     this.series = null;
     this.state = null;
     this.prompt = null; // number of the question
+    this.seeks = false; // whether a button lost the focus, and the next one cannot be pressed yet
     this.readable = 0; // time from which an answer is possible [ms]
     for (const type of ANSWERS) byId(type).addEventListener("click", () => this.#answer({ type }));
     for (const type of ["unlock", "start", "end"]) {
@@ -104,6 +107,7 @@ export class Controls {
       this.prompt = prompt.number;
       this.#wait();
     }
+    const focused = document.activeElement;
     const answers = allowed && performance.now() >= this.readable ? prompt.answers : [];
     byId("skip").hidden = !this.series;
     byId("next").hidden = byId("repeat").hidden = !this.series && Boolean(welcome && !welcome.may_arm);
@@ -118,7 +122,22 @@ export class Controls {
     const control = byId("control");
     const mine = Boolean(state && state.control === "you");
     control.disabled = !state || state.control === "other";
-    control.hidden = mine && state.clients < 2;
-    control.textContent = mine ? "Release control" : control.disabled && state ? "Another page has control" : "Take control";
+    control.textContent = mine ? "Release control" : "Take control";
+    control.title = control.disabled && state ? "Another page has control" : "";
+    this.#moveFocus(focused, mode);
+  }
+
+  // A button that can no longer be pressed loses the focus. Give it to the controls, and then to the element that a
+  // person uses next: the picture of the tool during a trial, else UNLOCK or NEXT.
+  #moveFocus(focused, mode) {
+    const area = this.byId("controls");
+    if (focused.disabled && BUTTONS.includes(focused.id)) {
+      this.seeks = true;
+      area.focus({ preventScroll: true });
+    }
+    if (!this.seeks) return;
+    const next = this.byId({ active: "tool", ready: "unlock" }[mode] || "next");
+    this.seeks = [area, document.body].includes(document.activeElement) && next.disabled;
+    if (document.activeElement === area && !next.disabled) next.focus({ preventScroll: true });
   }
 }

@@ -38,7 +38,8 @@ export class CueText {
     const signed = (found.error > 0 ? "+" : "") + fixed(1e3 * found.error, 1);
     this.error.textContent = Number.isFinite(found.error) ? `${signed} mm` : "–";
     this.rms.textContent = Number.isFinite(found.rms) ? `${fixed(1e3 * found.rms, 1)} mm` : "–";
-    const left = secondsLeft(preview, store.trialTime(store.last("time")));
+    const time = store.trialTime(store.last("time"));
+    const left = Number.isFinite(time) ? secondsLeft(preview, time) : 0;
     const text = left ? `starts in ${left} s` : "";
     if (this.count.textContent !== text) this.count.textContent = text;
   }

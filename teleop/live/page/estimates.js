@@ -3,15 +3,19 @@
 import { percent, withInterval } from "./format.js";
 
 const LARGE_MISFIT = 0.05; // a larger misfit has a mark
+const LARGEST_MISFIT = 9.99; // the digits of a larger misfit do not fit into the column
 
 export class Estimates {
-  constructor(body, store) {
+  // `explain` explains an element with a text.
+  constructor(body, store, explain) {
     this.body = body;
     this.store = store;
+    this.explain = explain;
     this.rows = [];
   }
 
-  build(welcome) {
+  build(welcome, trial) {
+    const texts = (trial && trial.explanations) || {};
     const name = (index) => (index === null || index === undefined ? "" : welcome.columns[index].name);
     this.rows = welcome.estimators.map((estimator, index) => {
       const row = document.createElement("tr");
@@ -20,16 +24,22 @@ export class Estimates {
       const swatch = document.createElement("i");
       swatch.className = `swatch swatch-${index % 5}`;
       const [first, ...others] = estimator.name.split(/(?<=_)/);
-      const start = document.createElement("span");
-      start.append(swatch, first);
+      const term = document.createElement(estimator.name in texts ? "button" : "span");
+      term.className = estimator.name in texts ? "term" : "";
+      if (term.type) term.type = "button";
       // A long name breaks after an underscore.
-      head.append(start, ...others.flatMap((part) => [document.createElement("wbr"), part]));
-      const cells = ["k", "b", "held", "misfit"].map((key) => {
+      term.append(first, ...others.flatMap((part) => [document.createElement("wbr"), part]));
+      this.explain(term, texts[estimator.name]);
+      head.append(swatch, term);
+      const cells = {};
+      for (const key of ["k", "b", "held", "misfit"]) {
         const cell = document.createElement("td");
         cell.className = `cell-${key}`;
         row.append(cell);
-        return cell;
-      });
+        cells[key] = cell;
+      }
+      // The interval is below the value, so that the height of a row does not depend on the width of the numbers.
+      for (const key of ["k", "b"]) cells[key].append(document.createElement("b"), " ", document.createElement("span"));
       row.prepend(head);
       const columns = {};
       for (const key of ["k", "b", "k_std", "b_std", "held", "misfit"]) columns[key] = name(estimator[key]);
@@ -44,19 +54,17 @@ export class Estimates {
     for (const { row, cells, columns } of this.rows) {
       const newest = store.newest(columns.k);
       const last = (key) => (newest >= 0 && columns[key] ? store.column(columns[key]).at(newest) : NaN);
-      for (const [i, key] of ["k", "b"].entries()) {
+      for (const key of ["k", "b"]) {
         const [value, half] = withInterval(last(key), 1.96 * last(`${key}_std`), this.quantities[key]);
-        const strong = document.createElement("b");
-        strong.textContent = value;
-        const interval = document.createElement("span");
-        interval.textContent = half;
-        cells[i].replaceChildren(strong, " ", interval);
+        cells[key].firstChild.textContent = value;
+        cells[key].lastChild.textContent = half;
       }
       const held = last("held") === 1;
-      cells[2].textContent = held ? "held" : "–";
+      cells.held.textContent = held ? "held" : "–";
       row.classList.toggle("held", held || newest < store.count - 1);
       const misfit = last("misfit");
-      cells[3].textContent = misfit > LARGE_MISFIT ? `▲ ${percent(misfit)}` : percent(misfit);
+      const share = misfit > LARGEST_MISFIT ? `>${percent(LARGEST_MISFIT)}` : percent(misfit);
+      cells.misfit.textContent = misfit > LARGE_MISFIT ? `▲ ${share}` : share;
     }
   }
 

@@ -11,7 +11,10 @@ export class ForceBar {
     this.store = store;
     this.limits = {};
     this.drawn = "";
-    fit(canvas, () => (this.drawn = ""));
+    fit(canvas, () => {
+      this.drawn = "";
+      this.draw();
+    });
     onTheme(() => (this.drawn = ""));
   }
 

@@ -20,7 +20,10 @@ export class ForceDisplacement {
     this.fits = [];
     this.scales = { x: new Scale(2), f: new Scale(2) };
     this.drawn = NaN;
-    fit(canvas, () => this.invalidate());
+    fit(canvas, () => {
+      this.invalidate();
+      this.draw(performance.now());
+    });
     onTheme(() => this.invalidate());
   }
 

@@ -4,6 +4,8 @@ import { Connection } from "./connection.js";
 import { Controls } from "./controls.js";
 import { CueText } from "./cue.js";
 import { Estimates } from "./estimates.js";
+import { Feedback } from "./feedback.js";
+import { Explanation } from "./explanation.js";
 import { ForceDisplacement } from "./force_displacement.js";
 import { Frames } from "./frames.js";
 import { HELP, Pointer } from "./pointer.js";
@@ -19,6 +21,8 @@ import { startTheme } from "./theme.js";
 import { Tool } from "./tool.js";
 
 const TEXTS = 200; // time between two updates of the texts [ms]
+const HELD = "The estimate is held constant, because the present sample contains no information.";
+const MISFIT = "Part of the force that neither the estimate nor noise explains, divided by the force.";
 const RANGES = 80; // time between two updates of the ranges of the plots [ms]
 
 const byId = (id) => document.getElementById(id);
@@ -30,14 +34,20 @@ connection.expecting = () => status.expecting();
 const controls = new Controls(byId, connection);
 new Replay(byId, connection, status);
 new Stop(byId("stop"), connection, {
-  tell: (text) => status.tell(text),
+  tell: (text, duration) => status.tell(text, duration),
   stopped: () => status.stopped(),
+  without: () => status.withoutTrial(),
   available: () => status.kind !== "replay",
 });
 const strips = new Strips(byId("strips"), store);
-const estimates = new Estimates(byId("estimates").tBodies[0], store);
+const explanation = new Explanation(byId("explanation"));
+const explain = (element, text) => explanation.add(element, text);
+const estimates = new Estimates(byId("estimates").tBodies[0], store, explain);
+explain(byId("held-term"), HELD);
+explain(byId("misfit-term"), MISFIT);
 const plane = new ForceDisplacement(byId("xy"), byId("xy-caption"), store);
 const cue = new CueText(byId("cue-error"), byId("cue-rms"), byId("count-in"));
+const feedback = new Feedback(byId, store);
 let welcome = null;
 let trial = null;
 
@@ -52,12 +62,13 @@ byId("tool-help").textContent = HELP;
 function build() {
   if (!welcome) return;
   strips.build(welcome, trial);
-  estimates.build(welcome);
+  estimates.build(welcome, trial);
   for (const [symbol, { unit }] of Object.entries(welcome.quantities))
     for (const place of document.querySelectorAll(`[data-unit="${symbol}"]`)) place.textContent = `[${unit}]`;
   plane.build(welcome);
   tool.build(trial);
   byId("cue-panel").hidden = !strips.preview;
+  feedback.build(welcome, trial);
   document.body.classList.toggle("has-pointer", Boolean(welcome.pointer));
 }
 
@@ -82,9 +93,9 @@ byId("operator-link").hash = location.hash;
 
 function hint() {
   if (!welcome || !welcome.pointer || !status.state) return "";
-  if (status.state.mode === "ready") return "Press Unlock, then Start. Then press here, hold, and move down.";
-  if (status.state.mode !== "active") return "";
+  if (!["ready", "active"].includes(status.state.mode)) return "";
   if (status.state.control === "other") return "Another page has control.";
+  if (status.state.mode === "ready") return "Press Unlock, then Start. Then press here, hold, and move down.";
   return pointer.hand.grip ? "Move down to press, up to lift. Release to let go of the handle." : "Press here and hold to take the handle. Or hold G and use the arrow keys.";
 }
 
@@ -103,9 +114,9 @@ frames.add((now) => plane.draw(now), 4, 1);
 frames.add((now) => {
   if (now - updated < TEXTS) return;
   updated = now;
-  strips.write();
   estimates.update();
   status.update();
+  feedback.update();
   if (strips.preview) cue.update(store, strips.preview);
   const text = hint();
   if (byId("tool-hint").textContent !== text) byId("tool-hint").textContent = text;

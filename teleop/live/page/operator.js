@@ -23,8 +23,9 @@ const connection = new Connection("operator", store);
 const status = new Status(byId, store, connection);
 connection.expecting = () => status.expecting();
 new Stop(byId("stop"), connection, {
-  tell: (text) => status.tell(text),
+  tell: (text, duration) => status.tell(text, duration),
   stopped: () => status.stopped(),
+  without: () => status.withoutTrial(),
   available: () => status.kind !== "replay",
 });
 const pursuit = new Pursuit(byId("pursuit"), store);

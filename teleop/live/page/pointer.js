@@ -25,6 +25,7 @@ export class Pointer {
     this.arrows = new Set();
     this.key = null; // key of the keyboard that holds the grip
     this.before = NaN;
+    this.box = null; // box of the canvas when the mouse gripped the handle
     canvas.addEventListener("pointerdown", (event) => this.#down(event));
     canvas.addEventListener("pointermove", (event) => this.#move(event));
     for (const type of ["pointerup", "pointercancel", "lostpointercapture"]) {
@@ -83,13 +84,16 @@ export class Pointer {
     this.hand.depth = Math.min(Math.max(this.hand.depth, this.depthAt(0)), this.depthAt(1));
   }
 
+  // Return the depth at the mouse. While the mouse holds the handle, the mapping does not change, so that a mouse at
+  // rest does not move the hand, even if the layout of the page changes.
   #depthOf(event) {
-    const box = this.canvas.getBoundingClientRect();
-    return this.depthAt((event.clientY - box.top) / box.height);
+    return this.depthAt((event.clientY - this.box.top) / this.box.height);
   }
 
   #down(event) {
-    if (event.button !== 0 || !this.#grip("mouse", this.#depthOf(event))) return;
+    if (event.button !== 0 || this.hand.grip) return;
+    this.box = this.canvas.getBoundingClientRect();
+    if (!this.#grip("mouse", this.#depthOf(event))) return;
     this.canvas.setPointerCapture(event.pointerId);
     this.pointerId = event.pointerId;
     event.preventDefault();

@@ -16,7 +16,11 @@ export class Pursuit {
     this.store = store;
     this.preview = null;
     this.drawn = NaN;
-    fit(canvas, () => (this.drawn = NaN));
+    this.build(null, null);
+    fit(canvas, () => {
+      this.drawn = NaN;
+      this.draw();
+    });
     onTheme(() => (this.drawn = NaN));
   }
 

@@ -5,6 +5,7 @@ import { fixed } from "./format.js";
 const RUNNING = ["ready", "active", "stopping"]; // modes in which ticks arrive
 // Names of the values of the column "mode".
 const MODES = ["disconnected", "idle", "ready", "active", "stopping", "fault"];
+const ACTIVE = MODES.indexOf("active");
 
 export class Status {
   constructor(byId, store, connection) {
@@ -39,6 +40,13 @@ export class Status {
     return !this.state || !["active", "stopping"].includes(this.state.mode) || this.kind === "replay";
   }
 
+  // Return what STOP does while no trial runs; empty while it stops a trial.
+  withoutTrial() {
+    if (!this.state || !["idle", "ended"].includes(this.state.mode)) return "";
+    const next = this.state.armed_by === "terminal" ? "STOP stops the next trial." : "There is nothing to stop.";
+    return `No trial is running. ${next}`;
+  }
+
   // Show a notice instead of other messages for `duration` ms.
   tell(text, duration = 15000) {
     this.notice = text;
@@ -64,35 +72,43 @@ export class Status {
     this.state = message;
     if (message.armed_at !== undefined) this.store.setOrigin(message.armed_at);
     const mode = this.byId("mode");
-    const failed = message.faulted && message.mode === "ended";
+    const [label, kind] = shownMode(message);
     if (this.kind !== "replay") {
-      mode.textContent = failed ? "ended by a fault" : message.mode;
-      mode.dataset.mode = document.body.dataset.mode = failed ? "fault" : message.mode;
+      mode.textContent = label;
+      mode.dataset.mode = document.body.dataset.mode = kind;
     }
-    const text = sentence(message.text);
+    const text = [sentence(message.text), this.#advice(message)].filter(Boolean).join(" ");
     if (this.byId("text").textContent !== text) this.byId("text").textContent = text;
     document.title = `${mode.textContent} · teleop`;
     this.#connection();
     this.#fresh();
   }
 
+  // Return what the person at this page can do next. Only a page that can press the buttons names them.
+  #advice({ advice, mode, control }) {
+    if (!advice) return "";
+    if (this.connection.view === "main" && control !== "other") return sentence(advice);
+    if (mode === "active") return "";
+    return this.connection.view === "main" ? "Another page has control." : "The main view has the buttons for this.";
+  }
+
   #connection() {
     const { connection, state } = this;
     const parts = [connection.words];
-    if (connection.words === "connected") {
+    if (connection.isOpen) {
       if (Number.isFinite(connection.roundTrip)) parts.push(`round trip ${fixed(connection.roundTrip)} ms`);
       if (state && state.clients > 1) parts.push(`${state.clients} pages`);
       if (state && state.armed_by) parts.push(`drives armed from the ${state.armed_by}`);
     }
     this.byId("connection").textContent = parts.join(" · ");
-    document.body.classList.toggle("is-connected", connection.words === "connected");
+    document.body.classList.toggle("is-connected", connection.isOpen);
   }
 
   #fresh() {
     const { connection } = this;
-    const connected = connection.words === "connected";
+    const connected = connection.isOpen;
     const over = Boolean(this.state && this.state.mode === "ended" && this.state.loop === "gone");
-    if (over && !connected) this.byId("text").textContent = "The session has ended.";
+    if (over && !connected) this.byId("text").textContent = "The session has ended. Run the command again for another trial.";
     const stale = !over && !connection.fresh && (connected || this.state !== null || connection.words !== "connecting");
     let text = this.notice;
     if (!text && stale) {
@@ -109,7 +125,7 @@ export class Status {
 
   update() {
     const { store, trial, byId } = this;
-    const time = store.trialTime(store.last("time"));
+    const time = store.trialTime(this.kind === "replay" ? store.last("time") : this.#end());
     const duration = trial ? trial.duration : NaN;
     if (this.kind === "replay") {
       const shown = MODES[store.last("mode")];
@@ -124,6 +140,15 @@ export class Status {
     this.#fresh();
   }
 
+  // Return the time of the newest row, or the time at which the drives were no longer active. After a stop, rows
+  // arrive for a second more.
+  #end() {
+    const { store, state } = this;
+    if (!state || !["fault", "ended"].includes(state.mode)) return store.last("time");
+    const row = store.newestWith("mode", ACTIVE);
+    return row < 0 ? store.last("time") : store.column("time").at(row);
+  }
+
   #health() {
     const health = this.state && this.state.health;
     if (!health) return "";
@@ -133,6 +158,13 @@ export class Status {
       `skipped periods ${count(health.skipped)}, dropped ticks ${count(health.dropped)}`
     );
   }
+}
+
+// Return the text of a mode, and the kind that selects its colour. A stop by a person is no fault.
+function shownMode({ mode, faulted, by_person: byPerson }) {
+  const stopped = faulted && ["fault", "ended"].includes(mode);
+  if (stopped && byPerson) return ["stopped", "stopped"];
+  return stopped && mode === "ended" ? ["ended by a fault", "fault"] : [mode, mode];
 }
 
 function sentence(words) {

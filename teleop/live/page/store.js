@@ -76,6 +76,14 @@ export class Store {
     return -1;
   }
 
+  // Return the index of the newest row in which a column has a value; -1 if there is no such row.
+  newestWith(name, value) {
+    const column = this.column(name);
+    let row = this.count - 1;
+    while (column && row >= this.first && column.at(row) !== value) row -= 1;
+    return column && row >= this.first ? row : -1;
+  }
+
   // Return the index of the first row whose time is at least t.
   rowAt(t) {
     const time = this.data[this.index.get("time")];

@@ -11,6 +11,8 @@ import { previewOf } from "./target.js";
 export const SPAN = 10; // past time that the charts show [s]
 export const PREVIEW = 1.2; // future time for which the charts show the target [s]
 const MOST_NAMED = 5; // a chart with more traces has no legend; the table of estimates shows the line styles
+const LABEL = 0.95; // height of a label, relative to the size of the text of the page
+const TICK = 0.8; // shortest distance of two ticks, relative to the height of a label
 const SAMPLED = 8; // every eighth row is used to compute the range of the estimates
 const room = new Float64Array(4096 * 8); // estimates in the first half, half widths of intervals in the second
 
@@ -33,6 +35,31 @@ function legend(trace) {
   const one = element("span", "legend", trace.label);
   one.prepend(element("i", `swatch swatch-${trace.swatch}`));
   return one;
+}
+
+// Return the ticks whose numbers do not overlap, from the first one on.
+export function apart(ticks, place, line) {
+  let before = Infinity;
+  return ticks.filter((tick) => {
+    const isApart = Math.abs(place(tick) - before) >= line;
+    if (isApart) before = place(tick);
+    return isApart;
+  });
+}
+
+// Return the upper edge of the label of each level, whose places `ys` increase. A label stands directly above or below
+// its own line, so that nobody reads it at another line. It covers no other line and no other label. If there is no
+// such place, the result is null.
+export function labelTops(ys, line, height) {
+  let end = 0; // lower edge of the label before
+  return ys.map((y, i) => {
+    const others = ys.filter((_, j) => j !== i);
+    const free = (top) => top >= end && top + line <= height && !others.some((other) => other > top && other < top + line);
+    const top = [y - line, y].find(free);
+    if (top === undefined) return null;
+    end = top + line;
+    return top;
+  });
 }
 
 export class Strips {
@@ -59,8 +86,9 @@ export class Strips {
     plot.append(canvas);
     this.parent.append(plot);
     const strip = new Strip(canvas, this.store, chart, this.timing);
-    fit(canvas, () => strip.invalidate());
-    return { chart, strip, markers: [] };
+    const row = { chart, strip, markers: [] };
+    fit(canvas, () => this.#redraw(row));
+    return row;
   }
 
   #row(chart) {
@@ -93,9 +121,22 @@ export class Strips {
     const row = { chart, strip, notes, value, ticks, plot, markers, canvas };
     fit(canvas, () => {
       chart.scale.reset();
-      strip.invalidate();
+      this.#scale(row, performance.now());
+      this.#label(row);
+      this.#redraw(row);
     });
     return row;
+  }
+
+  #redraw(row) {
+    row.strip.invalidate();
+    this.#draw(row);
+  }
+
+  #draw(row) {
+    if (!row.strip.draw(this.store.last("time"))) return;
+    if (row.markers.length) this.#mark(row);
+    this.#write(row);
   }
 
   invalidate() {
@@ -104,11 +145,7 @@ export class Strips {
 
   // Draw the chart with the target in each frame, and the other charts in every second frame.
   draw(frame) {
-    const time = this.store.last("time");
-    for (const row of this.rows) {
-      if (!(row.chart.preview || frame % 2)) continue;
-      if (row.strip.draw(time) && row.markers.length) this.#mark(row);
-    }
+    for (const row of this.rows) if (row.chart.preview || frame % 2) this.#draw(row);
   }
 
   #mark(row) {
@@ -123,57 +160,53 @@ export class Strips {
     });
   }
 
-  // Write the present values as text.
-  write() {
-    for (const { chart, value } of this.rows) {
-      if (chart.axis || chart.robust) continue;
-      const text = fixed(this.store.last(chart.traces.at(-1).name) * chart.factor, chart.digits);
-      if (value.textContent !== text) value.textContent = text;
-    }
+  // Write the present value as text, in the frame in which it is drawn.
+  #write({ chart, value }) {
+    if (chart.axis || chart.robust) return;
+    const text = fixed(this.store.last(chart.traces.at(-1).name) * chart.factor, chart.digits);
+    if (value.textContent !== text) value.textContent = text;
   }
 
   // Adapt the ranges of the charts to the data.
   scale(now) {
-    if (!this.store.count) return;
-    for (const row of this.rows) {
-      if (row.chart.axis) continue;
-      const [low, high] = row.chart.robust ? this.#robust(row.chart) : this.#extremes(row.chart);
-      const most = Math.max(1.5, row.canvas.clientHeight / 22);
-      if (row.chart.scale.cover(low, high, most, now)) {
-        row.strip.invalidate();
-        this.#label(row);
-      }
+    for (const row of this.rows) this.#scale(row, now);
+  }
+
+  #scale(row, now) {
+    if (row.chart.axis || !this.store.count) return;
+    const [low, high] = row.chart.robust ? this.#robust(row.chart) : this.#extremes(row.chart);
+    const most = Math.max(1.5, row.canvas.clientHeight / 22);
+    if (row.chart.scale.cover(low, high, most, now)) {
+      row.strip.invalidate();
+      this.#label(row);
     }
   }
 
   #label(row) {
     const { scale, levels, factor } = row.chart;
-    const place = (value) => `${scale.place(value, 100, 0)}%`;
-    row.ticks.replaceChildren(
-      ...scale.ticks.map((tick) => {
-        const label = element("span", "tick", fixed(tick, scale.digits()));
-        label.style.top = place(tick);
-        return label;
-      }),
-    );
+    const height = row.plot.clientHeight;
+    const line = LABEL * parseFloat(getComputedStyle(row.plot).fontSize); // height of a label [px]
+    const place = (value) => scale.place(value, height, 0);
+    const put = (parent, name, text, y) => {
+      const label = element("span", name, text);
+      label.style.top = `${y}px`;
+      parent.append(label);
+    };
+    row.ticks.replaceChildren();
+    for (const tick of apart(scale.ticks, place, TICK * line)) put(row.ticks, "tick", fixed(tick, scale.digits()), place(tick));
     for (const old of row.plot.querySelectorAll(".level")) old.remove();
-    const outside = [];
-    let below = -Infinity; // value of the last level (limit or true value) that has a label
-    for (const level of levels.toSorted((one, other) => one.value - other.value)) {
-      const value = level.value * factor;
-      const text = `${level.text} ${fixed(value, Math.abs(value) < 10 ? 1 : 0)}`;
-      if (value > scale.low && value < scale.high) {
-        const label = element("span", `level level-${level.colour}`, text);
-        label.style.top = place(value);
-        label.classList.toggle("below", value > scale.high - 0.25 * (scale.high - scale.low));
-        label.classList.toggle("beside", value - below < 0.3 * (scale.high - scale.low));
-        below = value;
-        row.plot.append(label);
-      } else if (value >= scale.high) {
-        outside.push(`${text} ↑`);
-      }
-    }
-    row.notes.textContent = outside.join("  ");
+    const named = levels.map(({ value, text, colour }) => {
+      const shown = value * factor;
+      return { y: place(shown), text: `${text} ${fixed(shown, Math.abs(shown) < 10 ? 1 : 0)}`, colour };
+    });
+    const inside = named.filter(({ y }) => y > 0 && y < height).sort((one, other) => one.y - other.y);
+    const beside = named.filter(({ y }) => y <= 0).map(({ text }) => `${text} ↑`);
+    const tops = labelTops(inside.map(({ y }) => y), line, height);
+    inside.forEach(({ text, colour }, i) => {
+      if (tops[i] === null) beside.push(text);
+      else put(row.plot, `level level-${colour}`, text, tops[i]);
+    });
+    row.notes.textContent = beside.join("  ");
   }
 
   #extremes(chart) {

@@ -29,7 +29,8 @@ function paragraph(text) {
 export function summaryParts(summary, { k, b }) {
   const parts = [];
   const fault = summary.safety && summary.safety.fault;
-  if (fault) parts.push(paragraph(`Stopped by a fault: ${fault.text || fault}`));
+  const cause = fault && fault.fault === "emergency stop" ? "a person" : "a fault";
+  if (fault) parts.push(paragraph(`Stopped by ${cause}: ${fault.text || fault}`));
   const estimates = Object.entries(summary.estimates || {});
   if (estimates.length) {
     const rows = estimates.map(([name, e]) => [

@@ -6,6 +6,8 @@ import { clear, fit } from "./canvas.js";
 import { fixed } from "./format.js";
 import { colours, font, onTheme } from "./theme.js";
 
+const PULL = 0.5; // force with which the specimen must pull, so that it is drawn at the tool if nobody knows whether it is glued [N]
+const COMPRESSION = 0.8; // part of the bar of the force that shows compression; the rest shows tension
 const ABOVE = 0.45; // height above the surface, as a fraction of the largest depth in the picture
 
 export class Tool {
@@ -16,8 +18,12 @@ export class Tool {
     this.hand = hand; // {depth, grip}, see pointer.js
     this.deepest = 0.02;
     this.softForce = NaN;
+    this.glued = null; // whether the specimen is glued to the tool; null if this is not known
     this.drawn = "";
-    fit(canvas, () => this.invalidate());
+    fit(canvas, () => {
+      this.invalidate();
+      this.draw();
+    });
     onTheme(() => this.invalidate());
   }
 
@@ -25,6 +31,7 @@ export class Tool {
     const limits = (trial && trial.limits) || {};
     this.deepest = (limits.soft_position && limits.soft_position[1]) || 0.02;
     this.softForce = limits.soft_force || NaN;
+    this.glued = trial ? trial.glued : null;
     this.invalidate();
   }
 
@@ -50,18 +57,23 @@ export class Tool {
     const key = `${fixed(this.#y(depth), 1)} ${fixed(force, 1)} ${fixed(this.#y(target), 0)} ${hand.grip} ${fixed(this.#y(hand.depth), 0)}`;
     if (key === this.drawn) return;
     this.drawn = key;
-    this.#scene(depth, target);
+    this.#scene(depth, target, this.#dent(depth, force));
     if (hand.grip) this.#ring(depth);
     this.#force(force, depth);
   }
 
-  #scene(depth, target) {
+  // Return the displacement of the surface at the tool [m]. A specimen that is glued to the tool is pulled up with it.
+  #dent(depth, force) {
+    const pulls = this.glued ?? force < -PULL;
+    return pulls ? depth : Math.max(depth, 0);
+  }
+
+  #scene(depth, target, dent) {
     const { context, canvas } = this;
     const { width, height, ratio } = canvas;
     const middle = width / 2;
     const half = Math.min(width / 9, 26 * ratio);
-    const dent = Math.max(depth, 0);
-    const spread = half * 1.6 + 0.9 * (this.#y(dent) - this.#y(0));
+    const spread = half * 1.6 + 0.9 * Math.abs(this.#y(dent) - this.#y(0));
     clear(context, colours.ground);
     // Draw the surface and lines below it. Deeper lines are less indented.
     const surface = (below, share) => {
@@ -124,11 +136,14 @@ export class Tool {
     const size = 15 * ratio;
     const bar = 12 * ratio;
     const full = height - 2 * size;
-    const share = Math.min(Math.max(force / (this.softForce || 60), 0), 1);
+    const zero = size + COMPRESSION * full;
+    const end = zero - (COMPRESSION * full * force) / (this.softForce || 60);
     context.fillStyle = colours.grid;
     context.fillRect(width - 1.6 * bar, size, bar, full);
     context.fillStyle = colours.force;
-    context.fillRect(width - 1.6 * bar, size + full * (1 - share), bar, full * share);
+    context.fillRect(width - 1.6 * bar, zero, bar, Math.min(Math.max(end, size), size + full) - zero);
+    context.fillStyle = colours.text;
+    context.fillRect(width - 1.8 * bar, zero - ratio, 1.4 * bar, 2 * ratio);
     context.font = font(size, "600");
     context.textAlign = "right";
     context.fillStyle = colours.text;

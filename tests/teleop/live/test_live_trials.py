@@ -98,11 +98,12 @@ async def test_after_end_or_stop_from_any_page_next_runs_another_trial_with_othe
         assert not client.latest["state"]["faulted"]
         await other.send("stop")
         await client.until(client.is_in("fault"))
-        assert client.latest["state"]["text"] == "emergency stop: live page"
+        assert client.latest["state"]["text"] == "stopped with STOP in the page"
         await client.until(client.is_in("ended"))
         assert client.latest["state"]["faulted"]
-        advice = "emergency stop: live page; NEXT prepares another trial"
-        await client.until(lambda: client.latest["state"]["text"] == advice)
+        assert client.latest["state"]["by_person"]
+        await client.until(lambda: "NEXT" in client.latest["state"]["advice"])
+        assert client.latest["state"]["text"] == "stopped with STOP in the page"
         await client.answer("repeat")
         await client.until(client.is_in("ready"))
         await client.send("choose", specimen="medium")  # the trial that waits begins again
@@ -398,3 +399,18 @@ async def test_a_signal_ends_a_series_and_its_live_process_in_a_trial(command):
 async def test_one_ctrl_c_ends_the_trial_of_a_series_and_another_one_ends_the_series(command):
     err = await signal_series(command, "trial", signal.SIGINT)
     assert "interrupted; the same trial is next" in err
+
+
+@command_case("run", "--live", "--no-record", "--rate", "100000")
+async def test_a_start_that_is_refused_is_a_message_in_the_page_which_can_try_again(command):
+    async with controlled(command) as client:
+        for question in (1, 2):
+            await client.until(lambda: client.prompt and client.prompt["number"] == question)  # noqa: B023
+            state = client.latest["state"]
+            assert "a tick takes" in state["text"]
+            assert state["advice"] == "NEXT prepares another trial"
+            assert not state["faulted"]
+            await client.answer("next")
+    code, _, error = await command.end(signal.SIGTERM)
+    assert code == 130
+    assert error.count("a tick takes") >= 2

@@ -17,11 +17,42 @@ from teleop.live.feed import Feed, estimator_indices, shown_columns
 from teleop.live.history import History
 from teleop.live.security import Gate
 from teleop.live.server import Server, read_pages
-from teleop.recording.columns import COLUMNS
+from teleop.recording.columns import COLUMNS, DROPPED, FEEDBACK_COLUMNS, POINTER
 
 TOKEN = "0123456789abcdef" * 2
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
 RATE = 250.0
+
+
+WATCH = """() => {
+  window.shifts = [];
+  window.black = [];
+  const name = (node) =>
+    node && (node.id || node.className || `${node.nodeName} of ${node.parentElement?.className}`);
+  new PerformanceObserver((list) => {
+    for (const { sources } of list.getEntries())
+      window.shifts.push(sources.map((one) => name(one.node)).join(", "));
+  }).observe({ type: "layout-shift" });
+  const sample = new OffscreenCanvas(4, 4).getContext("2d", { willReadFrequently: true });
+  const isBlack = (canvas) => {
+    sample.drawImage(canvas, 0, 0, 4, 4);
+    return sample.getImageData(0, 0, 4, 4).data.every((value, i) => i % 4 === 3 || value < 5);
+  };
+  const painted = new MessageChannel(); // its messages arrive after the frame has been painted
+  window.frames = 0;
+  painted.port1.onmessage = () => {
+    window.frames += 1;
+    const canvases = [...document.querySelectorAll("canvas")];
+    const shown = canvases.filter((one) => one.clientWidth && one.clientHeight);
+    window.black.push(...shown.filter(isBlack).map(name));
+  };
+  const frame = () => {
+    painted.port2.postMessage(0);
+    requestAnimationFrame(frame);
+  };
+  requestAnimationFrame(frame);
+}"""
+"""Note each change of the layout, and each canvas that is black when a frame is shown."""
 
 
 def wait_for(page, expression, argument=None, timeout=10.0):
@@ -178,7 +209,7 @@ class TrialFeed(Feed):
 
     def __init__(self, mode="active", estimators=("rls", "me"), further=(), values=None, **trial):
         self.estimators, self.values = estimators, values or {}
-        known = [column.name for column in COLUMNS] + ["dropped", "pointer_depth", "pointer_grip"]
+        known = [column.name for column in (*COLUMNS, DROPPED, *POINTER, *FEEDBACK_COLUMNS)]
         parts = ("k", "b", "k_std", "b_std", "held", "misfit")
         known += [f"{name}_{part}" for name in self.estimators for part in (*parts, *further)]
         self.names = shown_columns(known, self.estimators)
@@ -223,6 +254,7 @@ class TrialFeed(Feed):
             "truth": {"k_surface": 2060.0, "k": 2000.0, "b": 3.0},
             "target": None,
             "feedback": None,
+            "explanations": {name: f"what {name} is" for name in self.estimators},
             "operator": "",
             "series": None,
             **trial,

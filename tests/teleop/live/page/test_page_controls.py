@@ -59,6 +59,16 @@ def test_a_page_opened_after_a_trial_shows_whether_a_fault_ended_it(
     assert (page.locator("#mode").get_attribute("data-mode") == "fault") is is_faulted
 
 
+def test_stop_says_that_there_is_nothing_to_stop_if_no_trial_runs(trial_feed, serve, open_page):
+    feed = trial_feed(mode="ended")
+    feed.request = feed.requests.append
+    page = open_page(serve(feed).url())
+    press_stop(page, "button")
+    text = "document.getElementById('stale').textContent"
+    wait_for(page, f"{text} === 'No trial is running. There is nothing to stop.'")
+    assert feed.kinds() == ["stop"]  # it is sent in any case
+
+
 def test_space_stops_wherever_the_focus_is_and_presses_nothing(trial_feed, serve, open_page):
     feed = trial_feed(mode="ready")
     page = open_page(serve(feed).url())
@@ -96,7 +106,7 @@ def test_a_page_without_control_can_stop_but_not_arm(trial_feed, serve, open_pag
     wait_for(second, "teleop.state().control === 'other'")
     assert second.get_by_role("button", name="Unlock").is_disabled()
     assert second.get_by_role("button", name="Start").is_disabled()
-    assert second.get_by_role("button", name="Another page has control").is_disabled()
+    assert second.get_by_role("button", name="Take control").is_disabled()
     press_stop(second, "button")
     wait_for(first, FAULT)
     wait_for(second, FAULT)
@@ -205,3 +215,82 @@ def test_the_health_of_the_loop_is_shown(trial_feed, serve, open_page):
     assert "overruns 2, skipped periods 1, dropped ticks 0" in text
     feed.lateness = None  # no tick in the last second
     wait_for(page, "document.getElementById('health').textContent.includes('lateness \u2013 µs')")
+
+
+def test_a_stop_by_a_person_is_no_fault(trial_feed, serve, open_page):
+    feed = trial_feed(mode="fault")
+    state = feed.state
+    feed.state = lambda: {**state(), "by_person": True}
+    feed.is_faulted, feed.text = True, "stopped with STOP in the page"
+    page = open_page(serve(feed).url())
+    for feed.mode in ("fault", "ended"):
+        wait_for(page, f"teleop.state().mode === '{feed.mode}'")
+        assert page.locator("#mode").inner_text() == "stopped"
+        assert page.locator("#mode").get_attribute("data-mode") == "stopped"
+        assert page.locator("#text").inner_text() == "Stopped with STOP in the page."
+
+
+def test_the_time_of_the_trial_ends_at_the_stop(trial_feed, serve, open_page):
+    feed = trial_feed()
+    page = open_page(serve(feed).url())
+    wait_for(page, "teleop.last('time') > 0.5")
+    feed.values["mode"] = 5.0
+    feed.mode = "fault"
+    wait_for(page, "teleop.last('mode') === 5")
+    times = "[...teleop.series('mode')].map((mode, i) => mode === 3 ? teleop.series('time')[i] : 0)"
+    end = page.evaluate(f"Math.max(...{times})")
+    wait_for(page, "(end) => teleop.last('time') > end + 0.6", end)
+    expected = f"{end:.1f} of 10 s"
+    assert page.locator("#clock").inner_text() == expected
+    feed.mode, feed.is_sending = "ended", False
+    wait_for(page, "teleop.state().mode === 'ended'")
+    page.wait_for_timeout(300)
+    assert page.locator("#clock").inner_text() == expected
+
+
+def test_only_a_page_that_can_press_the_buttons_names_them(trial_feed, serve, open_page):
+    feed = trial_feed(mode="ready")
+    state = feed.state
+    feed.state = lambda: {**state(), "advice": "UNLOCK, then START"}
+    server = serve(feed)
+    first, second = open_page(server.url()), open_page(server.url())
+    text = "document.getElementById('text').textContent"
+    wait_for(first, f"{text} === 'A text. UNLOCK, then START.'")
+    first.get_by_role("button", name="Take control").click()
+    wait_for(second, f"{text} === 'A text. Another page has control.'")
+    assert first.evaluate(text) == "A text. UNLOCK, then START."
+    hint = "document.getElementById('tool-hint').textContent"
+    wait_for(second, f"{hint} === 'Another page has control.'")
+    assert first.evaluate(hint).startswith("Press Unlock")
+    second.goto(server.url("operator"))
+    wait_for(second, f"{text} === 'A text. The main view has the buttons for this.'")
+
+
+def test_the_focus_goes_to_the_next_button_after_next_and_start(trial_feed, serve, open_page):
+    feed = trial_feed(mode="ended")
+    request = feed.request
+
+    def carry_out(one):
+        request(one)
+        if one["type"] == "next":
+            feed.mode, feed.prompt = "ready", None
+
+    feed.request = carry_out
+    page = open_page(serve(feed).url())
+    wait_for(page, "!document.getElementById('next').disabled")
+    page.focus("#next")
+    page.keyboard.press("Enter")
+    wait_for(page, "document.activeElement.id === 'unlock'")
+    page.keyboard.press("Enter")
+    wait_for(page, "!document.getElementById('start').disabled")
+    page.focus("#start")
+    wait_for(page, "document.activeElement.id === 'unlock'")  # the time for START is over
+    page.keyboard.press("Enter")
+    wait_for(page, "!document.getElementById('start').disabled")
+    page.focus("#start")
+    page.keyboard.press("Enter")
+    wait_for(page, "document.activeElement.id === 'tool'")
+    page.focus("#end")
+    page.keyboard.press("Enter")
+    feed.prompt = {"number": 2, "answers": ["next"]}
+    wait_for(page, "document.activeElement.id === 'next'")

@@ -9,6 +9,12 @@ from .delay import Delay
 
 pytestmark = pytest.mark.real_time
 
+GREY = """() => {
+  const colour = getComputedStyle(document.getElementById('stop')).backgroundColor;
+  const [red, green, blue] = colour.match(/\\d+/g).map(Number);
+  return Math.max(red, green, blue) - Math.min(red, green, blue) < 40;
+}"""
+"""Whether STOP has no colour."""
 IS_STALE = "document.body.classList.contains('is-stale')"
 
 
@@ -38,11 +44,14 @@ def test_a_lost_connection_is_reported_and_stop_says_that_it_was_not_sent(
     server = serve(feed)
     page = open_page(server.url())
     wait_for(page, "teleop.fresh()")
+    assert not page.evaluate(GREY)
     server.close()
     wait_for(page, IS_STALE)
     assert "no connection" in page.locator("#connection").inner_text()
     page.get_by_role("button", name="STOP").click()
     assert "STOP was NOT sent" in page.locator("#stale").inner_text()
+    assert "cannot be sent: no connection" in page.locator("#stop").inner_text()
+    assert page.evaluate(GREY)
     assert feed.kinds() == []
 
 
@@ -73,7 +82,9 @@ def test_the_end_of_the_session_is_no_alarm(trial_feed, serve, open_page):
     feed.mode, feed.is_sending, feed.is_over = "ended", False, True
     wait_for(page, "teleop.state().loop === 'gone'")
     server.close()
-    wait_for(page, "document.getElementById('text').textContent === 'The session has ended.'")
+    wait_for(
+        page, "document.getElementById('text').textContent.startsWith('The session has ended.')"
+    )
     assert not page.evaluate(IS_STALE)
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import random
+from itertools import pairwise
+from statistics import median
 
 import pytest
 
@@ -97,7 +100,7 @@ def test_limits_true_values_held_and_misfit_are_shown_as_text(trial_feed, serve,
     page = open_page(serve(trial_feed()).url())
     wait_for(page, "document.querySelector('.strip-stiffness .level-truth') !== null")
     truth = page.locator(".strip-stiffness .level-truth")
-    assert truth.all_inner_texts() == ["true at full depth 2000", "true at the surface 2060"]
+    assert truth.all_inner_texts() == ["true at the surface 2060", "true at full depth 2000"]
     force = page.locator(".strip-force").inner_text()
     assert "soft limit 40" in force
     assert "hard limit 60" in force
@@ -105,6 +108,25 @@ def test_limits_true_values_held_and_misfit_are_shown_as_text(trial_feed, serve,
     row = page.locator("#estimates tbody tr").nth(1)
     assert row.locator(".cell-held").inner_text() == "held"
     assert row.locator(".cell-misfit").inner_text() == "▲ 12 %"
+
+
+def test_the_feedback_its_channel_and_what_the_hand_feels_are_shown(trial_feed, serve, open_page):
+    feedback = {"law": "model-mediated", "prior": 2e4, "delay": 0.05, "jitter": 0.02, "loss": 0.1}
+    feed = trial_feed(feedback=feedback)
+    feed.values = {"displayed_force": 2.84, "model_stiffness": 2e4, "report_age": 0.062}
+    page = open_page(serve(feed).url())
+    wait_for(page, "document.getElementById('feedback-felt').textContent.includes('2.8 N')")
+    panel = page.locator("#feedback-panel")
+    for part in ("model-mediated", "delay 50 ms, jitter 20 ms, loss 10 %", "a stiff spring"):
+        assert part in panel.inner_text()
+    feed.values["model_stiffness"] = 2034.4
+    wait_for(page, "document.getElementById('feedback-felt').textContent.includes('2034 N/m')")
+    feed.news.append(
+        {**feed.trial, "feedback": {**feedback, "law": "position-force", "prior": None}}
+    )
+    wait_for(page, "document.getElementById('feedback-felt').textContent.includes('62 ms ago')")
+    feed.news.append({**feed.trial, "feedback": None})
+    wait_for(page, "document.getElementById('feedback-panel').hidden")
 
 
 def test_values_are_spoken_seldom_and_politely(trial_feed, serve, open_page):
@@ -124,6 +146,7 @@ def test_the_time_of_the_trial_begins_when_the_drives_are_armed(trial_feed, serv
     page = open_page(serve(feed).url())
     wait_for(page, "teleop.last('time') > 1.5")
     assert page.locator("#clock").inner_text() == ""
+    assert page.locator("#count-in").text_content() == ""
     feed.mode, feed.armed_at = "active", page.evaluate("teleop.last('time')")
     wait_for(page, "document.getElementById('clock').textContent.startsWith('0.')")
     assert page.locator("#count-in").inner_text() == "starts in 60 s"
@@ -150,24 +173,172 @@ def test_every_range_covers_its_values_and_has_at_least_two_labels(trial_feed, s
         assert 2 <= labels <= 12
 
 
-LABELS = """() => {
-  const labels = [...document.querySelectorAll('.strip-force .level-limit')];
-  return labels.length === 2 && labels.map((label) => {
-    const { left, right } = label.getBoundingClientRect();
-    return [label.textContent, left, right];
-  });
+TOPS = """async ([ys, line, height]) => {
+  const { labelTops } = await import('./strips.js');
+  return labelTops(ys, line, height);
 }"""
-"""Text and both ends of two labels at the same time, since new data replace the labels."""
 
 
-def test_labels_of_limits_that_are_close_do_not_overlap_and_have_a_decimal(
-    trial_feed, serve, open_page
-):
+def test_a_label_is_at_its_own_line_and_covers_no_other_line_or_label(trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed()).url())
+    assert page.evaluate(TOPS, [[50, 61], 14, 100]) == [36, 61]  # the picture of the defect
+    assert page.evaluate(TOPS, [[5, 60], 14, 100]) == [5, 46]
+    assert page.evaluate(TOPS, [[5, 12], 14, 100]) == [None, 12]
+    assert page.evaluate(TOPS, [[50, 53, 56], 14, 100]) == [36, None, 56]
+    rng = random.Random(0)
+    for _ in range(50):
+        height, line = rng.uniform(10, 120), rng.uniform(10, 20)
+        ys = sorted(rng.uniform(0, height) for _ in range(rng.randint(1, 4)))
+        boxes = []
+        for i, top in enumerate(page.evaluate(TOPS, [ys, line, height])):
+            if top is not None:
+                assert min(abs(ys[i] - top), abs(ys[i] - top - line)) < 1e-9
+                assert not any(top < other < top + line for other in ys[:i] + ys[i + 1 :])
+                boxes.append(top)
+        assert all(second - first >= line - 1e-9 for first, second in pairwise(boxes))
+
+
+def test_limits_that_are_close_are_both_named_with_a_decimal(trial_feed, serve, open_page):
     limits = {"soft_position": [-0.00045, 0.0127], "soft_force": 8.0, "hard_force": 9.0}
     page = open_page(serve(trial_feed(limits={**limits, "max_velocity": 0.2})).url())
-    (text, left, right), (other, start, end) = sorted(wait_for(page, LABELS))
-    assert (text, other) == ("hard limit 9.0", "soft limit 8.0")
-    assert right <= start or end <= left
+    for text in ("soft limit 8.0", "hard limit 9.0"):
+        shown = "(text) => document.querySelector('.strip-force').innerText.includes(text)"
+        wait_for(page, shown, text)
     for text in ("soft limit \u22120.5", "soft limit 13"):
         shown = "(text) => document.querySelector('.strip-position').innerText.includes(text)"
         wait_for(page, shown, text)
+
+
+TICKS = """() => [...document.querySelectorAll('.strip')].map((strip) => {
+  const boxes = [...strip.querySelectorAll('.tick')].map((one) => one.getBoundingClientRect());
+  return boxes.map(({ top, height }) => [top, height]).sort((one, other) => one[0] - other[0]);
+})"""
+LABELS = """() => [...document.querySelectorAll('.level')].map((label) => {
+  const plot = label.closest('.plot').getBoundingClientRect();
+  return (label.getBoundingClientRect().right - plot.left) / plot.width;
+})"""
+
+
+BELOW_THE_TOOL = """() => {
+  const canvas = document.getElementById('tool');
+  const depth = teleop.last('slave_position');
+  const y = ((depth / 0.02 + 0.45) / 1.45) * canvas.height + 4; // soft limit 20 mm
+  const found = [...canvas.getContext('2d').getImageData(canvas.width / 2, y, 1, 1).data];
+  const style = getComputedStyle(document.documentElement);
+  const isLike = (name) => {
+    const digits = style.getPropertyValue(name).trim().slice(1).match(/../g);
+    return digits.every((part, i) => Math.abs(parseInt(part, 16) - found[i]) < 3);
+  };
+  return ['--tissue', '--ground'].filter(isLike);
+}"""
+
+
+def test_a_specimen_that_pulls_is_drawn_at_the_tool(trial_feed, serve, open_page):
+    pulling = {"slave_position": -0.006, "contact_force": -12.0, "target": math.nan}
+    feed = trial_feed(values=pulling)
+    page = open_page(serve(feed).url())
+    for glued, force, below in (
+        (True, -12.0, "--tissue"),
+        (False, 0.0, "--ground"),
+        (None, -12.0, "--tissue"),
+        (None, 0.0, "--ground"),
+    ):
+        feed.values["contact_force"] = force
+        feed.news.append({**feed.trial, "glued": glued})
+        page.wait_for_timeout(100)  # the message removes the earlier rows
+        wait_for(page, f"teleop.rows() > 20 && teleop.last('contact_force') === {force}")
+        page.wait_for_timeout(100)
+        assert page.evaluate(BELOW_THE_TOOL) == [below], (glued, force)
+
+
+APART = """async ([ticks, height, line]) => {
+  const { apart } = await import('./strips.js');
+  return apart(ticks, (tick) => height * (1 - tick), line);
+}"""
+
+
+def test_a_tick_that_would_overprint_the_tick_before_is_left_out(trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed()).url())
+    ticks = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
+    assert page.evaluate(APART, [ticks, 100, 12]) == ticks
+    assert page.evaluate(APART, [ticks, 24, 12]) == [0.0, 0.6]
+    assert page.evaluate(APART, [ticks, 8, 12]) == [0.0]
+
+
+def test_ticks_do_not_overprint_and_labels_leave_the_newest_data_free(trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed(values={"excitation": 0.6})).url())
+    wait_for(page, "teleop.rows() > 200")
+    for width, height in ((1024, 768), (1280, 720), (390, 844)):
+        page.set_viewport_size({"width": width, "height": height})
+        wait_for(page, f"innerWidth === {width}")
+        page.wait_for_timeout(200)
+        for ticks in page.evaluate(TICKS):
+            assert len(ticks) >= 2
+            for (top, tall), (below, _) in pairwise(ticks):
+                assert below - top >= 0.75 * tall  # the digits are smaller than the box
+        labels = page.evaluate(LABELS)
+        assert labels
+        assert max(labels) < 0.9
+
+
+def test_the_number_of_a_strip_is_that_of_the_picture_in_every_frame(trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed()).url())
+    wait_for(page, "teleop.rows() > 50")
+    differences = page.evaluate(DIFFERENCES)
+    assert len(differences) == 20
+    assert median(differences) < 0.7  # mm; in 200 ms, the tool moves by 6 mm
+
+
+DIFFERENCES = """() => new Promise((resolve) => {
+  const found = [];
+  const channel = new MessageChannel();
+  channel.port1.onmessage = () => {
+    const shown = document.querySelector('.strip-position .strip-value').textContent;
+    const drawn = 1e3 * teleop.last('slave_position');
+    found.push(Math.abs(Number(shown.replace('\u2212', '-')) - drawn));
+    if (found.length === 20) resolve(found);
+    else requestAnimationFrame(() => channel.port2.postMessage(0));
+  };
+  channel.port2.postMessage(0);
+})"""
+
+
+def explained(page, text):
+    """Wait until the box shows a text; None until it is hidden."""
+    shown = "document.getElementById('explanation')"
+    if text is None:
+        wait_for(page, f"{shown}.hidden")
+    else:
+        wait_for(page, "(text) => explanation.innerText === text && !explanation.hidden", text)
+
+
+def test_the_names_of_the_estimators_are_explained_on_hover_focus_and_tap(
+    trial_feed, serve, open_page
+):
+    page = open_page(serve(trial_feed()).url(), size=(390, 844))
+    name = page.get_by_role("button", name="me", exact=True)
+    name.hover()
+    explained(page, "what me is")
+    page.mouse.move(0, 0)
+    explained(page, None)
+    name.focus()
+    explained(page, "what me is")
+    page.focus("#misfit-term")
+    explained(page, MISFIT)
+    box = page.locator("#explanation").bounding_box()
+    assert box["x"] >= 0
+    assert box["x"] + box["width"] <= 390
+    page.focus("#stop")
+    explained(page, None)
+    name.dispatch_event("click")
+    explained(page, "what me is")
+
+
+MISFIT = "Part of the force that neither the estimate nor noise explains, divided by the force."
+
+
+def test_an_estimator_without_an_explanation_is_a_plain_name(trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed(explanations={})).url())
+    wait_for(page, "document.querySelectorAll('#estimates tbody tr').length === 2")
+    assert page.locator("#estimates tbody button").count() == 0
+    assert page.locator("#estimates tbody th").all_inner_texts() == ["rls", "me"]

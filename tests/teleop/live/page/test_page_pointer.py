@@ -35,11 +35,13 @@ def wait_until(page, condition):
 
 
 def hold(page, share):
-    """Move the mouse to a share of the height of the picture, and press."""
+    """Press the mouse at a share of the height of the picture; return its place in the window."""
     wait_for(page, "document.getElementById('health').textContent")  # now the layout rests
     box = page.locator("#tool").bounding_box()
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + share * box["height"])
+    at = box["x"] + box["width"] / 2, box["y"] + share * box["height"]
+    page.mouse.move(*at)
     page.mouse.down()
+    return at
 
 
 def test_press_and_hold_grips_at_the_depth_of_the_mouse(page, feed):
@@ -87,6 +89,22 @@ def test_the_hand_lets_go_when_its_key_has_another_name_at_its_release(page, fee
     page.evaluate(f"dispatchEvent({released})")
     wait_until(page, lambda: last(feed)["grip"] is False)
     page.keyboard.up("g")
+
+
+def test_a_mouse_at_rest_keeps_its_depth_although_the_layout_changes(page, feed):
+    place = hold(page, 0.5)
+    wait_until(page, lambda: last(feed).get("grip"))
+    depth = last(feed)["depth"]
+    size = page.viewport_size
+    page.set_viewport_size({"width": size["width"], "height": size["height"] - 200})
+    wait_for(page, f"innerHeight === {size['height'] - 200}")
+    page.mouse.move(*place)  # as the browser does after a change of the layout
+    page.wait_for_timeout(100)
+    assert last(feed) == {"type": "pointer", "depth": depth, "grip": True}
+    page.mouse.up()
+    hold(page, 0.5)
+    wait_until(page, lambda: last(feed).get("grip"))
+    assert last(feed)["depth"] == pytest.approx(depth, abs=2e-4)  # at another place in the window
 
 
 def test_the_hand_repeats_its_position_while_it_rests(page, feed):

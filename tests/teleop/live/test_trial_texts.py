@@ -1,0 +1,99 @@
+"""The texts that the live page shows about a trial."""
+
+from __future__ import annotations
+
+import mmap
+
+import pytest
+
+from teleop.json_documents import dumps
+from teleop.live.cells import SIZE, CellWriter
+from teleop.live.ring import RingReader, RingWriter, ring_size
+from teleop.live.trial_feed import TrialFeed
+from teleop.recording.columns import Layout
+from teleop.recording.sinks import event_record
+from teleop.safety import Event, Fault
+from teleop.safety.events import ACTIVE, FAULT, READY
+from teleop.settings.trial_settings import TrialSettings
+from teleop.trial.live_documents import trial_document
+
+SESSION = {"may_arm": True, "pointer": True, "choices": {}}
+
+
+@pytest.fixture
+def trial():
+    """A feed in which a trial has begun, and a function that reports an event of the supervisor."""
+    ticks, events = (mmap.mmap(-1, ring_size(128, 4096)) for _ in range(2))
+    feed = TrialFeed(
+        RingReader(ticks, 128, 4096),
+        RingReader(events, 128, 4096),
+        CellWriter(mmap.mmap(-1, SIZE)),
+        SESSION,
+        lambda request: None,
+    )
+    layout, writer = Layout({}), RingWriter(events, 128, 4096)
+    feed.receive(
+        {
+            "type": "begin",
+            "first": 1,
+            "first_event": writer.newest + 1,
+            "offset": 0,
+            "columns": [column._asdict() for column in layout.columns],
+            "estimators": [],
+            "rate": 1000.0,
+            "trial": trial_document(TrialSettings(operator="pointer")),
+            "by_page": True,
+        }
+    )
+
+    def report(mode, text, fault=None, source=""):
+        writer.write(dumps(event_record(Event(1.0, mode, text, fault, source))).encode())
+        feed._mode = mode
+        feed.advance()
+        return feed.state()
+
+    return feed, report
+
+
+def test_the_page_asks_to_press_and_hold_only_while_nobody_holds(trial):
+    feed, report = trial
+    state = report(READY, "ready")
+    assert state["text"].startswith("you press the tool on the simulated soft cube, while rls,")
+    assert state["advice"].startswith("UNLOCK")
+    state = report(ACTIVE, "active")
+    assert state["text"] == "palpate freely"
+    assert state["advice"].startswith("press and hold")
+    feed.request({"type": "pointer", "depth": 0.0, "grip": True})
+    assert feed.state()["advice"] == ""
+    feed.lost()
+    assert feed.state()["advice"].startswith("press and hold")
+
+
+@pytest.mark.parametrize(
+    ("source", "text"),
+    [
+        ("live page", "stopped with STOP in the page"),
+        ("key", "stopped at the terminal"),
+        ("input", "emergency stop: input"),
+    ],
+)
+def test_an_emergency_stop_by_a_person_is_named_so(trial, source, text):
+    _, report = trial
+    state = report(FAULT, f"emergency stop: {source}", Fault.EMERGENCY_STOP, source)
+    assert (state["text"], state["by_person"]) == (text, True)
+
+
+def test_a_fault_before_the_stop_of_a_person_is_a_fault(trial):
+    _, report = trial
+    report(FAULT, "force limit: 70 N", Fault.FORCE_LIMIT, "contact_force")
+    state = report(FAULT, "emergency stop: key", Fault.EMERGENCY_STOP, "key")
+    assert (state["text"], state["by_person"]) == ("force limit: 70 N", False)
+
+
+def test_a_question_has_its_advice_apart(trial):
+    feed, _ = trial
+    feed.receive({"type": "end", "text": ""})
+    prompt = {"number": 1, "answers": ["next"], "text": "trial 1 of 3", "advice": "NEXT runs it"}
+    feed.receive({"type": "prompt", **prompt})
+    state = feed.state()
+    assert (state["text"], state["advice"]) == ("trial 1 of 3", "NEXT runs it")
