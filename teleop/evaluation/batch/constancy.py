@@ -270,8 +270,9 @@ def trend_over_cycles(cycles: Cycles) -> Change | None:
         certain = max(CHANGE_SCATTER, float(stdtrit(n - 2, TREND_PROBABILITY))) * error
         if abs(rise) < max(LEAST_CHANGE * min(abs(first), abs(last)), certain):
             return None
-    frequency = 1.0 / cycles.seconds
-    return Change((first, last), (float(frequency[0]), float(frequency[-1])))
+    halves = 1.0 / cycles.seconds[: n // 2], 1.0 / cycles.seconds[-(n // 2) :]
+    begin, end = (float(np.median(half)) for half in halves)
+    return Change((first, last), (begin, end))
 
 
 def deviating_cycles(k: Floats) -> tuple[int, int] | None:
