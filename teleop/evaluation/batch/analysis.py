@@ -326,7 +326,7 @@ def analyse(
     analysis = fitted(signals, force_lag, transmission, faults)
     if transmission.lost_motion or analysis.local is None:
         return analysis
-    found = find_lost_motion(analysis.record, analysis.phases)
+    found = find_lost_motion(analysis.record, analysis.phases, analysis.local.best)
     if found is None:
         return analysis
     tip = signals._replace(x=found.tip(signals.x), measured_step=signals.step)

@@ -119,9 +119,8 @@ class Candidate(NamedTuple):
     @property
     def parameters(self) -> int:
         """Number of fitted parameters."""
-        # The second column of a knot stands for its position.
-        widths = sum(len(one.values) for one in self.extensions if one.kind == FRICTION)
-        return len(self.theta) + len(self.times) + widths
+        # the second column of a knot or of friction stands for its position or slip
+        return len(self.theta) + len(self.times)
 
     @property
     def powers(self) -> Floats:

@@ -48,6 +48,7 @@ from teleop.evaluation.batch.friction import friction_forces
 from teleop.evaluation.batch.regression_rows import DEGREES, RegressionRows
 from teleop.evaluation.batch.thresholds import (
     BETTER_BIC,
+    FRICTION_EXPLAINS,
     FRICTION_SLIPS,
     KNOTS,
     LARGEST_KNOT,
@@ -80,6 +81,10 @@ WIDTH_FACTORS = (1.4, 1.19, 1.09)
 
 SLIP_FACTORS = (1.4, 1.19, 1.09, 1.04, 1.02)
 """Factors by which the best slip is changed, in both directions, one after another."""
+
+
+SLIP_STEP = 1.02
+"""Factor on the slip with which the derivative to it is computed."""
 
 
 class Base(NamedTuple):
@@ -128,6 +133,7 @@ def extended(
                 and is_physical(one)
                 and share_of_force(rows, one) > LEAST_PART
                 and gain(best, one) > BETTER_BIC
+                and (kind != FRICTION or explains_more(rows, best, one))
             ]
         if not new:
             break
@@ -186,6 +192,13 @@ def gain(one: Candidate, other: Candidate) -> float:
     n = effective_samples(other.residual) * (1.0 - 1.0 / PARTS_OF_RECORD)
     ratio = max(before, 1e-300) / max(after, 1e-300)
     return float(n * math.log(ratio) - (other.parameters - one.parameters) * math.log(n))
+
+
+def explains_more(rows: RegressionRows, one: Candidate, other: Candidate) -> bool:
+    """Return whether another candidate leaves clearly less of what noise does not explain."""
+    noise = rows.record.f_noise_smoothed
+    before, after = (math.sqrt(max(each.rms**2 - noise**2, 0.0)) for each in (one, other))
+    return after < FRICTION_EXPLAINS * before
 
 
 class Screening:
@@ -373,7 +386,7 @@ def refined_slip(rows: RegressionRows, base: Base, slip: float) -> float:
     further = [c for one in base.extensions for c in one.columns]
 
     def squares(tried: float) -> float:
-        columns = exact_columns(rows, FRICTION, (tried,))
+        columns = exact_columns(rows, FRICTION, (tried,))[:1]
         return float(
             np.sum(rows.fit(base.degree, base.relaxing, [*further, *columns]).residual ** 2)
         )
@@ -389,8 +402,9 @@ def refined_slip(rows: RegressionRows, base: Base, slip: float) -> float:
 def exact_columns(rows: RegressionRows, kind: str, values: tuple[float, ...]) -> tuple[Floats, ...]:
     """Return the columns of an extension at the fitted samples, smoothed like the force.
 
-    A knot has two columns. The second one is the derivative to the knot, except for its factor. Its
-    coefficient is zero at the best knot. With it, the errors of k contain that of the knot.
+    A knot and friction have two columns. The second one is the derivative to the knot, or to the
+    slip, except for its factor. Its coefficient is nearly zero at the best knot or slip. With it,
+    the errors of k and b contain that of the knot or slip.
     """
     record, index, s = rows.record, rows.index, rows.depth
     if kind == KNOT:
@@ -402,7 +416,10 @@ def exact_columns(rows: RegressionRows, kind: str, values: tuple[float, ...]) ->
         return tuple(rows.scale * derivative(rows, one)[index] for one in smoothed)
     if kind == MASS:
         return (acceleration(rows)[index],)
-    return tuple(record.smoothed(z)[index] for z in friction_forces(record, np.array(values)))
+    (slip,) = values
+    slips = slip * np.array([1.0, SLIP_STEP, 1.0 / SLIP_STEP])
+    z, above, below = (record.smoothed(z)[index] for z in friction_forces(record, slips))
+    return z, above - below
 
 
 def acceleration(rows: RegressionRows) -> Floats:

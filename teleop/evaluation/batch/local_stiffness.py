@@ -9,7 +9,9 @@ with the force f, the position x, the velocity v and the time constants tau_j.
 - P is a polynomial. Its degree is one of `DEGREES`.
 - The baseline is a constant. For a palpation of many cycles, it also contains cosines that are
   slower than the palpation.
-- z_j are the relaxing parts of the force (quasi-linear viscoelasticity). There are at most two.
+- z_j are the relaxing parts of the force (quasi-linear viscoelasticity). There are at most three.
+  Their coefficients c_j are positive. If the record begins in contact, the model also contains the
+  decays exp(-t / tau_j) of what arose before.
 - k is the slope of the elastic force P(x) + sum_j c_j z_j against the displacement, in loading and
   at half of the force range. For a Kelvin-Voigt body, k is the stiffness of the body. In a steady
   sine, k is the storage stiffness. k does not depend on the zero of position and force.

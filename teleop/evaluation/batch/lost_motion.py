@@ -37,6 +37,7 @@ from estimation.batch_models.relaxation import relaxing_part
 from estimation.estimator import LEVEL_95
 from estimation.smoothing import slope_kernel, smoothing_kernel
 from estimation.stiffening import Interval
+from teleop.evaluation.batch.candidate import Candidate
 from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.friction import friction_forces
 from teleop.evaluation.batch.regression_rows import RegressionRows
@@ -127,8 +128,13 @@ class HysteresisFit(NamedTuple):
         return n * math.log(squares) + self.parameters * math.log(n)
 
 
-def find_lost_motion(record: SmoothedRecord, phases: Phases) -> LostMotion | None:
-    """Return the lost motion in a record; None if there is no strong evidence for any."""
+def find_lost_motion(
+    record: SmoothedRecord, phases: Phases, rigid_best: Candidate
+) -> LostMotion | None:
+    """Return the lost motion in a record; None if there is no strong evidence for any.
+
+    `rigid_best` is the best model of the force without lost motion.
+    """
     rows = RegressionRows(record, phases)
     least = max(
         LEAST_LOST_MOTION_COUNTS * record.count,
@@ -153,7 +159,8 @@ def find_lost_motion(record: SmoothedRecord, phases: Phases) -> LostMotion | Non
     n = independent_values(min(found, key=lambda one: one.criterion(len(rows.index))).residual)
     best = min(found, key=lambda one: one.criterion(n))
     rigid = min(plain, key=lambda one: one.criterion(n))
-    if rigid.criterion(n) - best.criterion(n) < LOST_MOTION_BIC:
+    searched = HysteresisFit(0.0, "", rigid.model, rigid_best.parameters, rigid_best.residual)
+    if min(one.criterion(n) for one in (rigid, searched)) - best.criterion(n) < LOST_MOTION_BIC:
         return None
     rubbing = regressors.with_friction(np.geomspace(LEAST_SLIP * rows.scale, widest, WIDTHS))
     if rubbing:

@@ -158,9 +158,9 @@ def creep_force(record: SmoothedRecord, phases: Phases) -> float | None:
     decreasing speed.
     """
     f, noise = record.f, record.f_noise_smoothed
-    if float(np.ptp(f)) < LEAST_STOP_FORCE * noise:
-        return None
     level = float(np.median(f[len(f) // 2 :]))
+    if max(abs(level), float(np.ptp(f))) < LEAST_STOP_FORCE * noise:
+        return None
     width = max(LEVEL_WIDTH_NOISE * noise, LEAST_LEVEL_WIDTH * float(np.ptp(f)))
     for start, end in runs((np.abs(f - level) < width) & phases.contact):
         if end - start < SHORTEST_CREEP * len(f):
@@ -183,6 +183,8 @@ def puncture(record: SmoothedRecord) -> tuple[float, float, float] | None:
     f = median_filter(record.raw_f, SMOOTHED, mode="nearest")
     x, v = record.x, record.v
     inward = v > LOADING_SPEED * typical_speed(v)
+    gaps = np.array(record.starts[1:], dtype=np.intp)
+    inward[gaps] = False  # across a gap, the motion is not known
     least = max(PUNCTURE_FALL * float(np.ptp(f)), PUNCTURE_NOISE * record.f_noise)
     for start, end in runs(inward):
         if end - start < 4 * SMOOTHED:

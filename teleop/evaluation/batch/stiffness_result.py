@@ -268,7 +268,7 @@ def stiffness_result(
         where = Point(local.best.force, local.best.position)
     if against:
         return without_result([*against, *faults])
-    half_k = max(half_k, where.difference)
+    half_k = math.hypot(half_k, where.difference)
     if change:
         half_k = max(half_k, *(abs(local.k - k) for k in change.k))
     if line:

@@ -257,6 +257,9 @@ LARGEST_KNOT = 0.8
 """Largest distance of these positions from the middle, as a fraction of half of the travel."""
 FRICTION_SLIPS = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
 """Slips of the friction that are tried, as fractions of half of the travel."""
+FRICTION_EXPLAINS = 0.6
+"""Largest residual beyond the noise with friction, relative to that without it. Friction leaves
+less than 0.3 of it; a gap before the specimen that looks like friction leaves 0.7."""
 FRICTION_FORM_ERROR = 0.05
 """Standard deviation of the force of the friction, as a fraction of it, because its form is not
 known: Dahl's model gives 7 % more than the force of an elastoplastic element."""

@@ -156,3 +156,41 @@ def test_two_of_seven_cycles_with_another_stiffness_are_a_change(change):
 def test_seven_cycles_with_the_same_stiffness_are_no_change():
     found = seven_cycles(lambda t: np.full(len(t), 500.0))
     assert not any("changes" in reason for reason in found.reasons)
+
+
+def five_cycles(factor):
+    t = np.arange(0.0, 20.5, 5e-3)
+    x = 3e-3 - 1e-3 * np.cos(2.0 * np.pi * 0.25 * t)
+    return result(t, x, 800.0 * factor(t) * x, 5e-3)
+
+
+def test_a_stiffness_in_proportion_to_the_time_is_a_change_in_five_cycles():
+    reasons = five_cycles(lambda t: 1.0 - 0.015 * t).reasons
+    assert any("changes over the cycles" in reason for reason in reasons)
+    assert not any("changes over" in reason for reason in five_cycles(np.ones_like).reasons)
+
+
+def test_a_change_of_the_middle_cycles_is_found_in_five_cycles():
+    reasons = five_cycles(lambda t: np.where((t > 8.0) & (t < 15.5), 1.6, 1.0)).reasons
+    assert any("changes over the cycles" in reason for reason in reasons)
+
+
+def presses(depths, force):
+    t = np.arange(0.0, 2.0 * len(depths), 5e-3)
+    x = np.zeros(len(t))
+    for i, depth in enumerate(depths):
+        x += depth * np.where(np.floor(t / 2.0) == i, 0.5 - 0.5 * np.cos(np.pi * t), 0.0)
+    x -= 4e-4
+    return result(t, x, force(np.maximum(x, 0.0), t), 2e-3)
+
+
+def test_a_softening_in_presses_of_different_depth_is_a_change():
+    depths = 1e-3 * np.array([2.0, 2.6, 2.2, 2.5, 2.1, 2.4, 2.3])
+    found = presses(depths, lambda d, t: 500.0 * (0.6 + 0.4 * np.exp(-t / 5.0)) * d)
+    assert any("changes over the cycles" in reason for reason in found.reasons)
+
+
+def test_a_stiffness_that_depends_on_the_depth_of_the_presses_is_no_change():
+    depths = 1e-3 * np.array([2.2, 2.6, 2.4, 2.3, 2.5, 2.2, 2.6, 2.3, 2.5, 2.4])
+    found = presses(depths, lambda d, t: 200.0 * (np.exp(900.0 * d) - 1.0) / 900.0)
+    assert not any("changes over the cycles" in reason for reason in found.reasons)

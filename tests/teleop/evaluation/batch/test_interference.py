@@ -39,3 +39,33 @@ def test_hum_between_the_harmonics_is_a_remark(hum, seen):
 def test_a_body_that_stiffens_or_has_friction_has_no_interference(cubic, friction):
     reasons = result(97.0, 0.0, cubic=cubic, friction=friction).reasons
     assert not any("interference" in reason for reason in reasons)
+
+
+def slow_rate(hum, seconds=20.0, amplitude=0.3, cubic=0.0):
+    rng = np.random.default_rng(3)
+    t = np.arange(0.0, seconds, 1.0 / 48.0)
+    x = 2e-3 + 1e-3 * np.sin(2.0 * np.pi * t)
+    f = 800.0 * x + 24.0 * np.cos(2.0 * np.pi * t) * 1e-3 + cubic * x**3
+    f += amplitude * np.sin(2.0 * np.pi * hum * t + 0.4) + rng.normal(0.0, 5e-3, len(t))
+    return analyse(Signals(t, x, f, periods(t), "position")).result
+
+
+@pytest.mark.parametrize("seconds", [5.5, 20.0])
+def test_mains_that_aliasing_moves_to_twice_the_motion_give_no_stiffness(seconds):
+    found = slow_rate(50.0, seconds)  # appears at 2 Hz
+    assert found.k is None
+    assert "hum of 50 Hz appears at 2 Hz by aliasing, 2 times the frequency" in found.reasons[0]
+
+
+def test_mains_that_aliasing_moves_to_the_motion_are_a_remark():
+    t = np.arange(0.0, 20.0, 1.0 / 49.0)
+    x = 2e-3 + 1e-3 * np.sin(2.0 * np.pi * t)
+    found = analyse(Signals(t, x, 800.0 * x, periods(t), "position")).result
+    assert found.k == pytest.approx(800.0, rel=0.01)
+    assert any("hum of 50 Hz appears at 1 Hz" in reason for reason in found.reasons)
+
+
+def test_a_linear_body_without_hum_is_determined_at_a_rate_near_the_mains():
+    found = slow_rate(50.0, amplitude=0.0)
+    assert found.k_low <= 800.0 <= found.k_high
+    assert not any("interference" in reason for reason in found.reasons)

@@ -32,6 +32,14 @@ def result_and_truth(
     return analyse(Signals(t, x, f, periods(t), "position")).result, truth
 
 
+def loading_slope(t: np.ndarray, x: np.ndarray, f: np.ndarray, force: float) -> float:
+    v = np.gradient(x, t)
+    near = (v > 0.5 * v.max()) & (np.abs(f - force) < 0.03 * np.ptp(f))
+    begins = np.flatnonzero(np.diff(np.flatnonzero(near), prepend=-9) > 1)
+    passes = np.split(np.flatnonzero(near), begins[1:])
+    return float(np.median([np.polyfit(x[one], f[one], 1)[0] for one in passes if len(one) > 2]))
+
+
 def check(found: StiffnessResult, truth: float) -> None:
     assert found.k_low is not None
     assert found.k_high is not None
@@ -55,3 +63,27 @@ def test_a_slow_unloading_after_a_hold(time: float) -> None:
     levels = DEPTH * np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
     x = smooth_ramps(np.arange(times[-1] * RATE) / RATE, times, levels, 0.05)
     check(*result_and_truth(x, time))
+
+
+def test_a_record_that_begins_within_the_motion_has_no_stiffening():
+    t = np.arange(-60.0, 40.0, 1.0 / RATE)
+    x = 2.0 * DEPTH + triangle(t, 4.0)
+    f = K * x + RELAXING * (relaxed(x, RATE, 0.3) + relaxed(x, RATE, 15.0))
+    kept = t >= 0.0
+    rng = np.random.default_rng(5)
+    f = f + rng.normal(0.0, 1e-3 * DEPTH * K, len(f))
+    found = analyse(Signals(t[kept], x[kept], f[kept], periods(t[kept]), "position"))
+    assert not any("depends on depth" in reason for reason in found.result.reasons)
+    slope = loading_slope(t[kept], x[kept], f[kept], found.result.force)
+    assert found.result.k_low <= slope <= found.result.k_high
+
+
+def test_the_stated_force_is_measured_where_k_is_the_slope_of_the_record():
+    times = 4.0 * np.arange(1, 25) / 4.0
+    levels = DEPTH * np.tile([0.0, 1.0, 1.0, 0.0], 6)
+    t = np.arange(0.0, 24.0, 1.0 / RATE)
+    x = np.interp(t, times, levels)
+    f = K * x + 3.0 * K * relaxed(x, RATE, 0.08)  # mostly decayed within a ramp
+    rng = np.random.default_rng(6)
+    found = analyse(Signals(t, x, f + rng.normal(0.0, 2e-3, len(t)), periods(t), "position")).result
+    assert found.k == pytest.approx(loading_slope(t, x, f, found.force), rel=0.05)

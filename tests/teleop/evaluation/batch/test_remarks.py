@@ -110,3 +110,15 @@ def test_a_pull_at_release_is_called_adhesion(pull):
     f = 100.0 * np.maximum(x, 0.0) - pull * held * np.clip((t - 14.0) / 2.0, 0.0, 1.0)
     reasons = analyse(signals(t, x, f, 5e-4)).result.reasons
     assert any("adhesion" in reason for reason in reasons) is (pull > 0.0)
+
+
+def test_a_small_adhesion_with_a_short_retraction_does_not_change_the_stiffness():
+    t = np.arange(0.0, 40.0, 5e-3)
+    x = 3.0e-4 - 4.6e-4 * np.clip(1.3 * np.cos(0.25 * np.pi * t), -1.0, 1.0)
+    f, attached = np.zeros(len(t)), False
+    for i, depth in enumerate(x.tolist()):
+        attached = depth > 0.0 or (attached and depth > -9e-5)
+        f[i] = 3000.0 * depth * attached
+    found = analyse(signals(t, x, f, 4e-3)).result
+    assert found.k == pytest.approx(3000.0, rel=0.01)
+    assert any(reason.startswith("adhesion") for reason in found.reasons)

@@ -76,3 +76,20 @@ def test_a_peak_of_the_force_is_not_taken_for_saturation():
     x = 2e-2 + 2e-3 * np.sin(np.pi * t)
     f = 500.0 * (x - 5e-3 * np.abs(np.sin(0.25 * np.pi * t)))
     assert not any("saturated" in reason for reason in result(t, x, f, 0.01).reasons)
+
+
+def test_a_puncture_where_the_motion_becomes_slow_is_named():
+    t = np.arange(0.0, 16.0, 2e-3)
+    x = 2e-3 - 2.2e-3 * np.cos(np.pi * t / 2.0) * (0.8 + 0.2 * np.minimum(t, 10.0) / 10.0)
+    depth = np.maximum(x, 0.0)
+    broken = np.maximum.accumulate(depth) > 4.02e-3
+    reason = only_reason(result(t, x, np.where(broken, 0.3, 1.0) * 400.0 * depth))
+    assert "punctured" in reason
+
+
+def test_a_force_at_a_position_that_only_has_noise_is_a_rigid_stop():
+    t = np.arange(0.0, 12.0, 2e-3)
+    f = 5.0 + 4.0 * np.sin(2.0 * np.pi * t)
+    rng = np.random.default_rng(4)
+    x = 3e-3 + f / 1e9 + rng.normal(0.0, 4e-7, len(t))
+    assert "rigid stop" in only_reason(analyse(Signals(t, x, f, periods(t), "position")).result)
