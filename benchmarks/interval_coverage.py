@@ -225,7 +225,8 @@ def compared(case: Case, result: StiffnessResult) -> dict[str, Checked]:
 def true_stiffnesses(case: Case, result: StiffnessResult) -> list[float]:
     """Return the true stiffnesses of body and transmission in series."""
     truth, force = case.truth, result.force or 0.0
-    if isinstance(case.body, Linear) or (case.kind.steady and case.is_linear):
+    is_storage = result.storage_at_hz is not None
+    if isinstance(case.body, Linear) or (case.kind.steady and case.is_linear and is_storage):
         return case.stiffnesses(force)
     if not truth.body.min() <= force <= truth.body.max():
         return []
