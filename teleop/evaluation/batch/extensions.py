@@ -55,6 +55,7 @@ from teleop.evaluation.batch.thresholds import (
     LEAST_MISFIT,
     LEAST_PART,
     LEAST_SLIP_NOISE,
+    LONGEST_SLIP,
 )
 
 PARTS_OF_RECORD = 8
@@ -312,7 +313,7 @@ def friction_slips(rows: RegressionRows) -> list[float]:
     record = rows.record
     least = LEAST_SLIP_NOISE * max(record.x_noise * record.noise_gain, record.count)
     slips = [max(share * rows.scale, least) for share in FRICTION_SLIPS]
-    return [slip for slip in dict.fromkeys(slips) if slip < rows.scale]
+    return [slip for slip in dict.fromkeys(slips) if slip < LONGEST_SLIP * rows.scale]
 
 
 def fitted(rows: RegressionRows, trial: Trial, rms: float) -> Candidate | None:
@@ -391,9 +392,9 @@ def refined_slip(rows: RegressionRows, base: Base, slip: float) -> float:
             np.sum(rows.fit(base.degree, base.relaxing, [*further, *columns]).residual ** 2)
         )
 
-    least = squares(slip)
+    least, longest = squares(slip), LONGEST_SLIP * rows.scale
     for factor in SLIP_FACTORS:
-        for tried in (slip * factor, slip / factor):
+        for tried in (min(slip * factor, longest), slip / factor):
             if (own := squares(tried)) < least:
                 least, slip = own, tried
     return slip

@@ -47,6 +47,7 @@ from teleop.evaluation.batch.thresholds import (
     LEAST_LOST_MOTION,
     LEAST_LOST_MOTION_COUNTS,
     LEAST_LOST_MOTION_SHARE,
+    LONGEST_SLIP,
     LOST_MOTION_BIC,
     LOST_MOTION_LAG_ERROR,
     LOST_MOTION_PREDICTION,
@@ -162,11 +163,14 @@ def find_lost_motion(
     searched = HysteresisFit(0.0, "", rigid.model, rigid_best.parameters, rigid_best.residual)
     if min(one.criterion(n) for one in (rigid, searched)) - best.criterion(n) < LOST_MOTION_BIC:
         return None
-    rubbing = regressors.with_friction(np.geomspace(LEAST_SLIP * rows.scale, widest, WIDTHS))
+    longest = LONGEST_SLIP * rows.scale
+    rubbing = regressors.with_friction(np.geomspace(LEAST_SLIP * rows.scale, longest, WIDTHS))
     if rubbing:
         for ratio in SLIP_RATIOS:
             near = min(rubbing, key=lambda one: one.criterion(n)).half_width
-            rubbing += regressors.with_friction(np.geomspace(near / ratio, near * ratio, REFINED))
+            rubbing += regressors.with_friction(
+                np.geomspace(near / ratio, min(near * ratio, longest), REFINED)
+            )
         friction = min(rubbing, key=lambda one: one.criterion(n))
         if friction.criterion(n) - best.criterion(n) < LOST_MOTION_BIC:
             return None

@@ -255,8 +255,9 @@ KNOTS = 17
 """Number of positions that are tried for a knot, before the position is refined."""
 LARGEST_KNOT = 0.8
 """Largest distance of these positions from the middle, as a fraction of half of the travel."""
-FRICTION_SLIPS = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
-"""Slips of the friction that are tried, as fractions of half of the travel."""
+FRICTION_SLIPS, LONGEST_SLIP = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16), 0.25
+"""Slips of the friction that are tried, and the longest slip, as fractions of half of the travel.
+With a longer slip, friction and stiffness are hardly distinguished."""
 FRICTION_EXPLAINS = 0.6
 """Largest residual beyond the noise with friction, relative to that without it. Friction leaves
 less than 0.3 of it; a gap before the specimen that looks like friction leaves 0.7."""
@@ -487,7 +488,7 @@ error of b in most records.
 NOTABLE_INERTIA = 0.005
 """Smallest decrease of k by 100 g beyond the force sensor that is a remark, as a fraction of k."""
 
-NOTABLE_LAG = 0.05
+NOTABLE_LAG = 0.01
 """Smallest decrease of b by 1 ms of lag of the force that is a remark, as a fraction of b. Usual
 force sensors lag by 0.5 to 5 ms."""
 
