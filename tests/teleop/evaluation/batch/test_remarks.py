@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from estimation.transmission import TransmissionCalibration
 from teleop.evaluation.batch.analysis import analyse
 from teleop.evaluation.batch.local_stiffness import reported_times
 from teleop.evaluation.evaluate import evaluate
@@ -31,8 +32,12 @@ def sine(lag=0.0, k=1000.0, b=10.0):
 def test_the_change_of_b_for_a_lag_is_stated():
     prompt, late = (analyse(sine(lag)).result for lag in (0.0, 1e-3))
     assert prompt.b - late.b == pytest.approx(prompt.b_change_per_ms, rel=0.1)
-    lines = result_lines(evaluate(sine(), EstimateSettings()).batch_summary())
-    assert "1 ms of lag of the force changes b by 1 N s/m (0.1 times b)" in lines
+    line = "1 ms of lag of the force changes b by 1 N s/m (0.1 times b)"
+    unknown = EstimateSettings()
+    known = EstimateSettings(transmission=TransmissionCalibration(force_lag=1e-3))
+    for settings, lag, printed in ((unknown, 0.0, False), (known, 1e-3, True)):
+        found = result_lines(evaluate(sine(lag), settings).batch_summary())
+        assert (line in found) is printed
 
 
 def test_a_lag_that_is_not_known_is_a_remark_if_a_millisecond_of_it_matters():
