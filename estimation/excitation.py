@@ -13,6 +13,13 @@ from estimation.arrays import Floats
 from estimation.checks import checked_samples, is_valid, sample_error
 from estimation.compiled import looped
 
+LEAST_EXCITATION = 0.01
+"""If the excitation is below this limit, the program reports that k and b cannot be separated.
+
+Below this excitation, the standard deviation of b omega is more than ten times that of k. If k is
+known to 10 %, a loss tangent b omega / k below one can then not be measured.
+"""
+
 
 class Excitation:
     """Measure of persistent excitation over a sliding window, from 0 to 1.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from difflib import get_close_matches
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, NamedTuple
@@ -184,7 +185,10 @@ def named_estimators(names: str | Sequence[str]) -> tuple[str, ...]:
         if name in problems and name not in BUILT_IN:
             raise ValueError(problems[name])
         if name not in METHODS:
-            raise ValueError(f"estimator {name!r}: expected all, or some of {', '.join(METHODS)}")
+            similar = get_close_matches(name, METHODS, 1)
+            hint = f"did you mean {similar[0]}? " if similar else ""
+            expected = f"{hint}expected all, or some of {', '.join(METHODS)}"
+            raise ValueError(f"estimator {name!r}: {expected}")
         if list(names).count(name) > 1:
             raise ValueError(f"estimator {name!r} is given twice")
     if not names:

@@ -69,11 +69,13 @@ app.register_install_completion_command(
     help="Install the completion of commands and options for this shell (bash, zsh or fish)."
 )
 START = """\
-teleop palpates with a 1-DOF telemanipulator and estimates stiffness and damping. To start:
+teleop palpates with a 1-DOF telemanipulator and estimates stiffness and
+damping. To start:
 
   teleop run --record trial.mcap    palpate a simulated cube for ten seconds
+  teleop run --live --open          palpate in a page of the browser
   teleop report trial.mcap          write its results and figures to trial.html
-  teleop estimate FILE              evaluate a recording of your own (CSV, MATLAB, ...)
+  teleop estimate FILE              evaluate your own recording (CSV, ...)
 
 All commands: teleop --help. Options of a command: teleop COMMAND --help.
 """

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import sys
+import textwrap
 
 from teleop.errors import reason
 
@@ -41,8 +43,23 @@ def one_line(text: str) -> str:
 
 
 def print_error(text: str) -> None:
-    """Print a text as one line on standard error, after the name of the program, `teleop:`."""
-    print("teleop:", one_line(text), file=sys.stderr)
+    """Print a text as one line on standard error, after the name of the program, `teleop:`.
+
+    On a terminal, the line is broken at spaces.
+    """
+    line = f"teleop: {one_line(text)}"
+    if sys.stderr.isatty():
+        with contextlib.suppress(OSError):
+            line = wrapped(line, os.get_terminal_size(sys.stderr.fileno()).columns)
+    print(line, file=sys.stderr)
+
+
+def wrapped(text: str, width: int) -> str:
+    """Break a text at spaces for a terminal of a width; 0 for an unknown width.
+
+    Long words such as paths are not broken, so that they can be copied.
+    """
+    return textwrap.fill(text, width or 80, break_long_words=False, break_on_hyphens=False)
 
 
 def discard_output(error: OSError) -> str:

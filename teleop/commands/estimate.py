@@ -18,7 +18,7 @@ from teleop.commands.estimation_options import (
     true_values,
 )
 from teleop.commands.options import ESTIMATION, MODULUS, OUTPUT, Json, OutputFile, Overwrite, Width
-from teleop.commands.quantities import Degrees, Millimetres
+from teleop.commands.quantities import Angle, Length
 
 if TYPE_CHECKING:
     from teleop.evaluation.batch.material import Indenter
@@ -33,14 +33,13 @@ class IndenterOptions:
 
     indenter: Literal["flat", "sphere", "cone"] | None = None
     """Shape of the tip. With this option, the elastic modulus is also printed."""
-    radius: Millimetres | None = None
-    """Radius of a flat punch or a sphere, such as 2.5mm; a number without a unit is in mm."""
-    angle: Degrees | None = None
-    """Half angle of a cone, between its axis and its side; a number without a unit is in
-    degrees."""
-    thickness: Millimetres | None = None
-    """Thickness of the specimen on a rigid base; a number without a unit is in mm. Default:
-    infinite (a half-space)."""
+    radius: Length | None = None
+    """Radius of a flat punch or a sphere, such as 2.5mm."""
+    angle: Angle | None = None
+    """Half angle of a cone, between its axis and its side, such as 30deg."""
+    thickness: Length | None = None
+    """Thickness of the specimen on a rigid base, such as 20mm. Default: infinite (a
+    half-space)."""
     poisson: float = 0.5
     """Poisson's ratio of the specimen."""
 

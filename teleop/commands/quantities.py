@@ -1,8 +1,9 @@
-"""Types of options for quantities: a number with a unit becomes a value in SI units."""
+"""Types of options for quantities: a number with a unit, or a number in SI units."""
 
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,13 +21,13 @@ EXAMPLES = {
     "compliance": "7um/N",
 }
 NOUNS = {"position": "length"}
+LARGEST_PLAIN = {"position": 0.5, "angle": 1.6, "compliance": 1e-3}
+"""Largest number without a unit, in SI units. A larger number is refused, because it is probably in
+mm, degrees or um/N."""
 
 
-def in_si(kind: str, unit: str = "") -> Callable[[Any, Sequence[Token]], float]:
-    """A converter of cyclopts for one kind of quantity.
-
-    `unit` is that of a number without a unit; without it, the text must state the unit.
-    """
+def in_si(kind: str) -> Callable[[Any, Sequence[Token]], float]:
+    """A converter of cyclopts for one kind of quantity; a number without a unit is in SI units."""
 
     def convert(_: Any, tokens: Sequence[Token]) -> float:
         """The value of the option in SI units."""
@@ -35,24 +36,26 @@ def in_si(kind: str, unit: str = "") -> Callable[[Any, Sequence[Token]], float]:
 
         text = tokens[0].value
         value = quantity(text, kind)
-        if value is None and unit:
-            with contextlib.suppress(ValueError):
-                value = float(text) * OPTION_UNITS[kind][unit]
+        largest = LARGEST_PLAIN.get(kind, math.inf)
         if value is None:
-            plain = f", or a number in {unit}" if unit else ""
-            noun = f"{NOUNS.get(kind, kind)} with its unit"
+            with contextlib.suppress(ValueError):
+                plain = float(text)
+                value = plain if math.isfinite(plain) and abs(plain) <= largest else None
+        if value is None:
+            si = next(unit for unit, size in OPTION_UNITS[kind].items() if size == 1.0)
+            limit = f" up to {largest:g}" if largest < math.inf else ""
             raise InputError(
-                f"{tokens[0].keyword} {text!r}: expected a {noun}, such as {EXAMPLES[kind]}{plain}"
+                f"{tokens[0].keyword} {text!r}: expected a {NOUNS.get(kind, kind)} with its unit, "
+                f"such as {EXAMPLES[kind]}, or a number in {si}{limit}"
             )
         return value
 
     return convert
 
 
-Seconds = Annotated[float, Parameter(converter=in_si("time", "s"), metavar="TIME")]
-Hertz = Annotated[float, Parameter(converter=in_si("frequency", "Hz"), metavar="FREQUENCY")]
+Seconds = Annotated[float, Parameter(converter=in_si("time"), metavar="TIME")]
+Hertz = Annotated[float, Parameter(converter=in_si("frequency"), metavar="FREQUENCY")]
 Length = Annotated[float, Parameter(converter=in_si("position"), metavar="LENGTH")]
-Millimetres = Annotated[float, Parameter(converter=in_si("position", "mm"), metavar="LENGTH")]
 Stiffness = Annotated[float, Parameter(converter=in_si("stiffness"), metavar="STIFFNESS")]
 Compliance = Annotated[float, Parameter(converter=in_si("compliance"), metavar="COMPLIANCE")]
-Degrees = Annotated[float, Parameter(converter=in_si("angle", "deg"), metavar="ANGLE")]
+Angle = Annotated[float, Parameter(converter=in_si("angle"), metavar="ANGLE")]

@@ -63,7 +63,7 @@ def emulate(
         count-in of 3 s. autonomous: does not touch the handle. any: for runs with any condition;
         follows the sine as in mimic, but releases the handle if it moves by itself.
     depth
-        Depth to which the simulated operator palpates, with its unit, such as 5mm. Default: the
+        Depth to which the simulated operator palpates, such as 5mm. Default: the
         depth in the paper for the cube and the condition.
     frequency
         Frequency of the sine that the operator follows with --condition any or mimic [Hz].

@@ -59,7 +59,7 @@ class TrialOptions:
     """real: the trial runs in real time. virtual: the trial runs as fast as possible, with exactly
     the same result for the same seed. Default: real."""
     depth: Length | None = None
-    """Depth of the palpation with its unit, such as 5mm. Needed with a rig file. Default: the
+    """Depth of the palpation, such as 5mm. Needed with a rig file. Default: the
     paper's depth for the cube."""
     seed: int | None = None
     """Seed of the simulated operator and of the sensor noise. Default: 0."""

@@ -19,6 +19,7 @@ UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "%": 1e-2}
 ROUNDING = 1e-9
 """Tolerance for rounding errors of times [s]."""
 TIMES = ("delay", "jitter", "max_silence")
+OF_TIME = "a time with its unit, such as 5ms, or a number in s"
 EXAMPLE = "expected a text such as delay=100ms,jitter=20ms,loss=5%"
 
 
@@ -69,13 +70,13 @@ def parse_channel(text: str) -> ChannelSettings:
             )
         number = given.rstrip("%umµs ").strip()
         unit = given[len(number) :].strip().replace("µ", "u")
-        allowed = ("s", "ms", "us") if name in TIMES else ("%", "")
+        allowed = ("s", "ms", "us", "") if name in TIMES else ("%", "")
         try:
             if unit not in allowed:
                 raise ValueError
             values[name] = float(number) * UNITS.get(unit, 1.0)
         except ValueError:
-            wanted = "a time in s, ms or us" if name in TIMES else "a fraction or a percentage"
+            wanted = OF_TIME if name in TIMES else "a fraction or a percentage"
             raise ValueError(f"channel {text!r}: {name} {given!r}: expected {wanted}") from None
     try:
         return ChannelSettings(**values)

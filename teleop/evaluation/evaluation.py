@@ -18,6 +18,7 @@ from estimation import (
 )
 from estimation.arrays import Floats
 from estimation.batch_models import BatchFit
+from estimation.excitation import LEAST_EXCITATION
 from estimation.presentation import Presented
 from estimation.summary import EstimatorSummary
 from teleop.evaluation.batch.analysis import Analysis
@@ -25,7 +26,7 @@ from teleop.evaluation.online.conditioned import ConditionedSamples
 from teleop.evaluation.online.datum import Datum
 from teleop.evaluation.online.model_comparison import cost as sample_cost
 from teleop.evaluation.online.run import OnlineResult
-from teleop.evaluation.online.thresholds import LEAST_EXCITATION, LEAST_KEPT_VARIANCE
+from teleop.evaluation.online.thresholds import LEAST_KEPT_VARIANCE
 from teleop.evaluation.reason import Reason
 from teleop.evaluation.settings import WHOLE, AveragedPart
 

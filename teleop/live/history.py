@@ -68,6 +68,11 @@ class History:
         self._rows[places] = rows
         self.end += len(rows)
 
+    def latest(self, count: int) -> Floats:
+        """Return the latest rows, at most `count`, the oldest first."""
+        numbers = np.arange(max(self.start, self.end - count), self.end)
+        return np.asarray(self._rows[numbers % len(self._rows)])
+
     def clear(self) -> None:
         """Remove all rows. Because `epoch` changes, the open pages then also remove their rows."""
         self.epoch += 1

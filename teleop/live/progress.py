@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import textwrap
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from typing import NamedTuple
 
 from estimation.quantities import DAMPING, STIFFNESS
 from teleop.live.terminal import Terminal
+from teleop.printable import wrapped
 
 WIDTH = 30
 """Number of characters of the bar between its ends."""
@@ -23,13 +23,14 @@ REDRAW, REDRAW_CUE, REDRAW_PLAIN = 0.1, 0.03, 0.5
 terminal and a trial with a target, and the third for other outputs such as a notebook."""
 PLAIN_WIDTH = 100
 """Width of the progress line if standard error is not a terminal [characters]."""
-SHOWN = 4
-"""Largest number of estimators whose estimates the line shows."""
-HEADING, SHORT_HEADING = f"  {STIFFNESS.heading}, {DAMPING.heading}, * misfit:", "  k, b:"
-"""Headings of the estimates, on a wide and on a narrow terminal."""
-K_WIDTH, B_WIDTH = 5, 5
-"""Widths of an estimate of k [N/m] and of b [N s/m] with its sign [characters]. Wider values are
-rare."""
+VALUE_WIDTH = 9
+"""Width of a value with the half width of its interval [characters]. Wider values are rare."""
+LARGEST_HALF = 999.0
+"""Largest half width of an interval whose digits fit into the line, in the shown unit."""
+LARGEST_MISFIT = 9.99
+"""Largest misfit whose digits fit into the line."""
+KEPT = 1.0
+"""Shortest time for which the same estimator is shown as the best one [s]."""
 LONGEST_MODE = "stopping"
 """Longest name of a mode in which the line shows estimates."""
 NO_CONTACT = "  no contact"
@@ -65,6 +66,19 @@ class Cue:
         return min(max(round(share * (WIDTH - 1)), 0), WIDTH - 1)
 
 
+class Shown(NamedTuple):
+    """Values of an estimator that the progress line shows."""
+
+    name: str
+    k: float
+    """Stiffness [N/m], and the half width of its 95 % interval."""
+    k_half: float
+    b: float
+    """Damping [N s/m], and the half width of its 95 % interval."""
+    b_half: float
+    misfit: float
+
+
 class Status(NamedTuple):
     """Data that the progress line shows in addition to the time."""
 
@@ -74,16 +88,16 @@ class Status(NamedTuple):
     """Position of the target that the operator follows [m]; NaN without a target."""
     position: float
     """Position of the slave [m]."""
-    estimates: Sequence[tuple[str, float, float, float]] | None
-    """Name, b [N s/m], k [N/m] and misfit of each estimator; None if there is no contact."""
+    estimates: Sequence[Shown] | None
+    """Present values of each estimator; None if there is no contact."""
 
 
 class Progress:
     """The progress line, which shows the state of a running trial on standard error.
 
     If `shown` is False, only the messages of `report` are written. `hint` names the key that stops
-    the trial, and `instructions` explain it once. An estimator whose misfit exceeds
-    `largest_misfit` is marked.
+    the trial, and `instructions` explain it once. The misfit of an estimator is shown if it exceeds
+    `largest_misfit`.
     """
 
     def __init__(
@@ -102,11 +116,11 @@ class Progress:
         self._largest_misfit = largest_misfit
         self._due = 0.0
         self._drawn = 0
+        self._chosen, self._chosen_at = 0, -math.inf
         self._terminal = Terminal(STDERR)
         for text in (instructions, LEGEND if cue else ""):
             if shown and text:
-                width = terminal_width() or PLAIN_WIDTH
-                self.report(textwrap.fill(f"teleop: {text}", width, break_on_hyphens=False))
+                self.report(f"teleop: {text}")
 
     def show(self, t: float, status: Callable[[], Status]) -> None:
         """Update the line at time t [s] of the trial, unless the last update is too recent.
@@ -126,32 +140,51 @@ class Progress:
             self._draw(line + cue + (NO_CONTACT if room >= len(NO_CONTACT) else ""))
             return
         longest = f"{self._hint}{LONGEST_MODE}  {self._duration:4.1f} of {self._duration:g} s"
-        self._draw(line + cue + self._texts(estimates, max(len(longest), len(line)) + len(cue)))
-
-    def _texts(self, estimates: Sequence[tuple[str, float, float, float]], used: int) -> str:
-        """Return the heading and the texts of as many estimators as fit after `used` characters.
-
-        The text of an estimator has the same width at each update, so that the same estimators are
-        always shown.
-        """
+        used = max(len(longest), len(line)) + len(cue)
         room = (terminal_width() or PLAIN_WIDTH) - 1 - used
-        texts = [self._text(*one) for one in estimates[:SHOWN]]
-        heading = HEADING if len("".join([HEADING, *texts])) <= room else SHORT_HEADING
-        while texts and len("".join([heading, *texts])) > room:
-            texts.pop()
-        if not texts or all(math.isnan(k) for _, _, k, _ in estimates[: len(texts)]):
-            return ""
-        return "".join([heading, *texts])
+        self._draw(line + cue + self._texts(t, estimates, room))
 
-    def _text(self, name: str, b: float, k: float, misfit: float) -> str:
-        """Return name, k [N/m] and b [N s/m] (dashes if unknown), and a mark of a large misfit."""
-        signed = f"{DAMPING.shown(b):+.{max(DAMPING.decimals - 1, 0)}f}"
-        values = ("-", "-") if math.isnan(k) else (STIFFNESS.number(k), signed)
-        mark = "*" if misfit > self._largest_misfit else " "
-        return f"  {name} {values[0]:>{K_WIDTH}} {values[1]:>{B_WIDTH}}{mark}"
+    def _texts(self, t: float, estimates: Sequence[Shown], room: int) -> str:
+        """Return the texts of all estimators; if they do not fit, as much as fits of the best one.
+
+        The text of an estimator has the same width at each update.
+        """
+        if all(math.isnan(one.k) for one in estimates):
+            return ""
+        every = "".join(self._text(one) for one in estimates)
+        if len(every) <= room:
+            return every
+        best = self._best(t, estimates)
+        width = max(len(one.name) for one in estimates)
+        text = self._text(best._replace(name=best.name.ljust(width)))
+        return next((part for part in self._shortened(text) if len(part) <= room), "")
+
+    def _best(self, t: float, estimates: Sequence[Shown]) -> Shown:
+        """Return the estimator with a small misfit and the narrowest interval of k."""
+        if not 0.0 <= t - self._chosen_at < KEPT:
+            self._chosen_at = t
+            order = [(one.misfit > self._largest_misfit, relative(one)) for one in estimates]
+            self._chosen = order.index(min(order))
+        return estimates[self._chosen]
+
+    def _text(self, one: Shown) -> str:
+        """Return name, k and b with units and intervals, and the misfit if it is large."""
+        k = with_half(STIFFNESS.number(one.k), STIFFNESS.shown(one.k_half))
+        signed = f"{DAMPING.shown(one.b):+.0f}" if math.isfinite(one.b) else "-"
+        b = with_half(signed, DAMPING.shown(one.b_half))
+        is_large = one.misfit > self._largest_misfit
+        misfit = f"  misfit {min(one.misfit, LARGEST_MISFIT):4.0%}" if is_large else ""
+        return f"  {one.name} k {k} {STIFFNESS.unit} b {b} {DAMPING.unit}{misfit:13}"
+
+    @staticmethod
+    def _shortened(text: str) -> list[str]:
+        """Return a text of `_text`, and the same text without misfit, and without b."""
+        before, unit, _ = text.partition(DAMPING.unit)
+        return [text, before + unit, text.partition(STIFFNESS.unit)[0] + STIFFNESS.unit]
 
     def report(self, text: str) -> None:
-        """Write a message on its own line, above the progress line. The message remains visible."""
+        """Write a message above the progress line, broken at spaces. The message remains."""
+        text = wrapped(text, terminal_width() or PLAIN_WIDTH)
         self._terminal.write((self._replacing("") + "\r" if self._shown else "") + text + "\n")
 
     def close(self) -> None:
@@ -169,6 +202,20 @@ class Progress:
         """Return a text with control characters, so that it replaces the progress line."""
         drawn, self._drawn = self._drawn, len(text)
         return f"\r{text}\x1b[K" if terminal_width() else f"\r{text:<{drawn}}"
+
+
+def with_half(value: str, half: float) -> str:
+    """Return a value and the half width of its interval, right-aligned in `VALUE_WIDTH`."""
+    if math.isnan(half) or value == "-":
+        return f"{value:>{VALUE_WIDTH}}"
+    limited = f"{half:.0f}" if half <= LARGEST_HALF else f">{LARGEST_HALF:.0f}"
+    return f"{value}\u00b1{limited}".rjust(VALUE_WIDTH)
+
+
+def relative(one: Shown) -> float:
+    """Return the half width of the interval of k as a fraction of k; infinite if not known."""
+    width = one.k_half / abs(one.k) if one.k else math.inf
+    return math.inf if math.isnan(width) else width
 
 
 def terminal_width() -> int | None:

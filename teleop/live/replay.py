@@ -13,6 +13,7 @@ from estimation.arrays import Floats
 from teleop.live.feed import Feed, estimator_indices, shown_columns
 from teleop.live.history import SHOWN, History, decimated, decimation
 from teleop.live.requests import BadRequest
+from teleop.live.trust import Trust
 
 POSITION_PERIOD = 0.1
 """Time between two messages with the position of the replay [s]."""
@@ -67,6 +68,7 @@ class Replay(Feed):
             "choices": {"condition": [], "specimen": [], "duration": []},
         }
         self._trial = trial
+        self._trust = Trust(names, estimators, trial.get("transmission"))
         self._rate = 1.0
         self._at = self._from = float(self._t[0])
         self._since = now()
@@ -111,6 +113,7 @@ class Replay(Feed):
             "armed_by": None,
             "armed_at": self._armed_at,
             "loop": "running",
+            "trust": self._trust.document,
         }
 
     def request(self, request: dict[str, Any]) -> None:
@@ -164,4 +167,5 @@ class Replay(Feed):
         """Add every `_step`-th of the ticks from index `start` to `end` - 1 to `history`."""
         ticks = decimated(start, end, start - 1, self._step)
         self.history.add(self._rows[ticks])
+        self._trust.update(self.history)
         self._next = ticks[-1] + 1 if ticks else start

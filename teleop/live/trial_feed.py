@@ -17,6 +17,7 @@ from teleop.live.feed import Feed, estimator_indices, shown_columns
 from teleop.live.history import History, decimated, decimation
 from teleop.live.requests import ANSWERS, BadRequest
 from teleop.live.ring import RingReader
+from teleop.live.trust import Trust
 from teleop.safety.events import ACTIVE, READY, Fault, Mode
 
 RECENT = 1.0
@@ -106,6 +107,7 @@ class TrialFeed(Feed):
         self._latest = 0.0
         self._offset = 0
         self._column: dict[str, int] = {}
+        self._trust = Trust([], [], None)
         self._describe([], [], 0.0)
 
     def receive(self, document: dict[str, Any]) -> None:
@@ -170,6 +172,7 @@ class TrialFeed(Feed):
             "armed_at": self._armed_at,
             "loop": "gone" if self._gone or silent else "running",
             "health": self._health.document(time.monotonic()),
+            "trust": self._trust.document,
         }
 
     def request(self, request: dict[str, Any]) -> None:
@@ -257,6 +260,7 @@ class TrialFeed(Feed):
         self._latest = time.monotonic()
         shown = shown_columns(names, begin["estimators"])
         self._indices = [self._column[name] for name in shown]
+        self._trust = Trust(shown, begin["estimators"], begin["trial"]["transmission"])
         of = {column["name"]: column for column in begin["columns"]}
         self._valid.pop("summary", None)
         self._describe([of[name] for name in shown], begin["estimators"], begin["rate"])
@@ -303,6 +307,8 @@ class TrialFeed(Feed):
             self._sent = found[rows[-1]]
             sent = slots["written"][rows, np.newaxis]
             self.history.add(np.hstack([values[rows][:, self._indices], sent]))
+            if self._mode is ACTIVE:  # the last decision of a trial remains
+                self._trust.update(self.history)
 
     def _values(self, messages: NDArray[np.uint8]) -> Floats:
         """Return all columns of the messages of n ticks, shape (n, columns)."""

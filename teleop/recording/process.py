@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from teleop.errors import reason
-from teleop.live.progress import Cue, Progress, Status
+from teleop.live.progress import Cue, Progress, Shown, Status
 from teleop.recording.mcap_writer import McapFile
 from teleop.recording.message import TIME, packer
 from teleop.safety.events import Mode
@@ -105,7 +105,9 @@ class FrameReader:
         self._message = packer(self._names)
         self._last = b""
         self._rest = b""
-        self._estimates: list[tuple[str, float, float, float]] = []
+        self._level = session["level"]
+        """Half width of the 95 % interval, in standard deviations."""
+        self._estimates: list[Shown] = []
 
     def process(self, data: bytes) -> None:
         """Process the next bytes. An incomplete frame at their end waits for the next call."""
@@ -138,10 +140,17 @@ class FrameReader:
         tick = dict(zip(self._names, values, strict=True))
         mode = Mode(int(tick["mode"]))
         estimates = [
-            (name, tick[f"{name}_b"], tick[f"{name}_k"], tick[f"{name}_misfit"])
+            Shown(
+                name,
+                tick[f"{name}_k"],
+                self._level * tick[f"{name}_k_std"],
+                tick[f"{name}_b"],
+                self._level * tick[f"{name}_b_std"],
+                tick[f"{name}_misfit"],
+            )
             for name in self._estimators
         ]
-        without_sample = all(math.isnan(k) for _, _, k, _ in estimates)
+        without_sample = all(math.isnan(one.k) for one in estimates)
         if not (without_sample and mode is Mode.ACTIVE):
             self._estimates = estimates
         return Status(

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from estimation.estimator import LEVEL_95
 from estimation.misfit import LARGEST_MISFIT
 from teleop.errors import InputError, reason
 from teleop.recording.columns import Layout
@@ -84,6 +85,7 @@ class RecorderProcess(Sink):
             "columns": layout.columns,
             "estimators": layout.estimators,
             "largest_misfit": LARGEST_MISFIT,
+            "level": LEVEL_95,
             "definition": layout.definition,
             "metadata": metadata,
             "duration": duration,

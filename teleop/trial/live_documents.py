@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from estimation.registry import BUILT_IN
+from estimation.transmission import RIGID as UNKNOWN_TRANSMISSION
 from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.recording.columns import COLUMNS, DROPPED, POINTER
@@ -86,6 +87,7 @@ def trial_document(
             "max_velocity": limits.max_velocity,
         },
         "truth": true and shown_truth(true),
+        "transmission": transmission_document(settings),
         "target": {
             "frequency": target.frequency,
             "depth": target.depth,
@@ -151,6 +153,20 @@ def feedback_document(settings: TrialSettings) -> dict[str, Any] | None:
         "jitter": channel.jitter,
         "loss": channel.loss,
     }
+
+
+def transmission_document(settings: TrialSettings) -> dict[str, float] | None:
+    """Return the lag of the force that is not compensated [s], and the lost motion [m].
+
+    The result is None if the lag is unknown: it was neither measured nor stated.
+    """
+    measured, compensated = settings.transmission, settings.force_lag
+    in_rig_file = settings.rig and settings.rig.sections.transmission
+    is_measured = bool(in_rig_file) or measured != UNKNOWN_TRANSMISSION
+    if not (is_measured or compensated):
+        return None
+    lag = measured.force_lag - compensated if is_measured else 0.0
+    return {"force_lag": lag, "lost_motion": measured.lost_motion}
 
 
 def recorded_document(recording: Recording) -> dict[str, Any]:

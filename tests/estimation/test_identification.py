@@ -200,7 +200,7 @@ def test_data_without_information_is_refused(samples, message):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"estimators": ["rsl"]}, "estimator 'rsl': expected all, or some of rls, ai, me"),
+        ({"estimators": ["rsl"]}, "estimator 'rsl': did you mean rls\\? expected all, or some"),
         ({"estimators": ["rls", "rls"]}, "estimator 'rls' is given twice"),
         ({"estimators": []}, "no estimator is given"),
         ({"model": "maxwell"}, "model 'maxwell': expected one of kelvin-voigt"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import subprocess
@@ -18,7 +19,7 @@ from teleop.cli import main
 from teleop.output.console import plain_console
 from teleop.output.figure_files import plain
 from teleop.output.web_page import svg
-from teleop.printable import one_line, printable
+from teleop.printable import one_line, print_error, printable
 
 EVIL = "\x1b]0;gone\x07\x1b[2J\x9b31m\u202e"
 
@@ -118,3 +119,18 @@ def test_a_title_of_any_length_and_characters_leaves_room_for_the_figure(recwarn
     figure = estimates_figure(plain("\u6d4b\u8bd5 long\n" * 1000), t, t, t, {"rls": series})
     assert svg(figure).startswith("<svg")
     assert [*recwarn] == []
+
+
+def test_an_error_is_broken_at_spaces_on_a_terminal_and_is_one_line_elsewhere(monkeypatch):
+    for is_terminal in (True, False):
+        stream = io.StringIO()
+        stream.isatty, stream.fileno = lambda is_one=is_terminal: is_one, lambda: 2
+        monkeypatch.setattr(sys, "stderr", stream)
+        monkeypatch.setattr(os, "get_terminal_size", lambda end: os.terminal_size((40, 24)))
+        print_error("estimator 'mee': did you mean me? expected all, or some of rls, ai, me")
+        lines = stream.getvalue().splitlines()
+        assert max(map(len, lines)) <= 40 or not is_terminal
+        assert len(lines) == (2 if is_terminal else 1)
+        assert " ".join(lines).endswith(
+            "'mee': did you mean me? expected all, or some of rls, ai, me"
+        )

@@ -19,12 +19,6 @@ two sample periods of the analysis.
 
 LEAST_KEPT_VARIANCE = 0.9
 """A message is reported if the conditioning keeps less than this fraction of the force variance."""
-LEAST_EXCITATION = 0.01
-"""Excitation below which a remark on b of the online estimators is reported.
-
-Below this excitation, the standard deviation of b omega is more than ten times that of k. If k is
-known to 10 %, a loss tangent b omega / k below one can then not be measured.
-"""
 WINDOW = 1.0
 """Length of the sliding window of batch least squares [s]. The force prediction errors of all
 estimators are divided by the error of this method. A time of the same length is omitted at the

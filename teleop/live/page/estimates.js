@@ -12,6 +12,12 @@ export class Estimates {
     this.store = store;
     this.explain = explain;
     this.rows = [];
+    this.supported = [];
+  }
+
+  // Store which estimates can be used, from the message `state`. The others are grey.
+  support(trust) {
+    this.supported = (trust && trust.supported) || [];
   }
 
   build(welcome, trial) {
@@ -51,13 +57,14 @@ export class Estimates {
 
   update() {
     const { store } = this;
-    for (const { row, cells, columns } of this.rows) {
+    this.rows.forEach(({ row, cells, columns }, index) => {
       const newest = store.newest(columns.k);
       const last = (key) => (newest >= 0 && columns[key] ? store.column(columns[key]).at(newest) : NaN);
       for (const key of ["k", "b"]) {
         const [value, half] = withInterval(last(key), 1.96 * last(`${key}_std`), this.quantities[key]);
         cells[key].firstChild.textContent = value;
         cells[key].lastChild.textContent = half;
+        cells[key].classList.toggle("unsupported", !(this.supported[index] || {})[key]);
       }
       const held = last("held") === 1;
       cells.held.textContent = held ? "held" : "–";
@@ -65,7 +72,7 @@ export class Estimates {
       const misfit = last("misfit");
       const share = misfit > LARGEST_MISFIT ? `>${percent(LARGEST_MISFIT)}` : percent(misfit);
       cells.misfit.textContent = misfit > LARGE_MISFIT ? `▲ ${share}` : share;
-    }
+    });
   }
 
   // Return the estimate of k of the first estimator as a sentence.

@@ -19,10 +19,14 @@ import { Strips } from "./strips.js";
 import { summaryParts } from "./summary.js";
 import { startTheme } from "./theme.js";
 import { Tool } from "./tool.js";
+import { Trust } from "./trust.js";
 
 const TEXTS = 200; // time between two updates of the texts [ms]
 const HELD = "The estimate is held constant, because the present sample contains no information.";
 const MISFIT = "Part of the force that neither the estimate nor noise explains, divided by the force.";
+const TRUST =
+  "Whether the estimate can be used: with contact and sufficient excitation, a narrow 95 % interval, a small misfit and, for b, " +
+  "a small effect of force lag and lost motion. The mark is that of the best estimator. Grey numbers cannot be used.";
 const RANGES = 80; // time between two updates of the ranges of the plots [ms]
 
 const byId = (id) => document.getElementById(id);
@@ -45,6 +49,8 @@ const explain = (element, text) => explanation.add(element, text);
 const estimates = new Estimates(byId("estimates").tBodies[0], store, explain);
 explain(byId("held-term"), HELD);
 explain(byId("misfit-term"), MISFIT);
+for (const part of ["k", "b"]) explain(byId(`trust-${part}-term`), TRUST);
+const trust = new Trust(byId);
 const plane = new ForceDisplacement(byId("xy"), byId("xy-caption"), store);
 const cue = new CueText(byId("cue-error"), byId("cue-rms"), byId("count-in"));
 const feedback = new Feedback(byId, store);
@@ -82,6 +88,10 @@ connection.on("trial", (message) => {
   store.clear();
   byId("summary").close();
   build();
+});
+connection.on("state", (message) => {
+  trust.show(message.trust);
+  estimates.support(message.trust);
 });
 connection.on("summary", (message) => {
   byId("summary-body").replaceChildren(...summaryParts(message, welcome.quantities));

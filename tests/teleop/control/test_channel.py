@@ -103,7 +103,7 @@ def test_times_and_fractions_have_units(text, settings):
     [
         ("banana", "banana"),
         ("", "expected a text such as"),
-        ("delay=100", "expected a time in s, ms or us"),
+        ("delay=100", "delay of the channel must be 0 to 2 s, got 100 s"),
         ("delay=ms", "expected a time"),
         ("loss=5ms", "expected a fraction or a percentage"),
         ("delay=1ms,delay=2ms", "delay=2ms"),

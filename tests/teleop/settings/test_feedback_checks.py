@@ -214,7 +214,7 @@ def test_a_removed_law_is_refused_but_its_recordings_are_evaluated(tmp_path, ref
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        (("--channel", "delay=50"), "expected a time in s, ms or us"),
+        (("--channel", "delay=50"), "delay of the channel must be 0 to 2 s, got 50 s"),
         (("--channel", "banana"), "expected a text such as delay=100ms"),
         (("--feedback", "magic"), "magic"),
     ],

@@ -177,7 +177,7 @@ def test_the_command_prints_the_result_first_in_80_columns(capsys, tmp_path, mon
         "Time [s],Position [mm],Force [N]\n"
         + "".join(f"{t:.6f},{x:.7f},{f:.6f}\n" for t, x, f in rows)
     )
-    command = ["estimate", str(path), "--indenter", "flat", "--radius", "5"]
+    command = ["estimate", str(path), "--indenter", "flat", "--radius", "5mm"]
     assert main(command) == 0
     lines = capsys.readouterr().out.splitlines()
     assert "result" in lines[0]

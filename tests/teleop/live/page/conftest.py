@@ -221,6 +221,11 @@ class TrialFeed(Feed):
         self.prompt = {"number": 1, "answers": ["next", "repeat", "skip", "notes"]}
         self.armed_at = 0.0
         self.lateness = 55e-6
+        self.trust = {
+            "k": {"mark": "can be used", "reason": "± 1.0 % (rls)"},
+            "b": {"mark": "not yet", "reason": "interval ± 65 % (rls)"},
+            "supported": [{"k": True, "b": False}] + [{"k": False, "b": False}] * 22,
+        }
         self.requests = []
         self.welcome = {
             "type": "welcome",
@@ -312,6 +317,7 @@ class TrialFeed(Feed):
             "armed_at": self.armed_at,
             "loop": "gone" if self.is_over else "running",
             "health": health,
+            "trust": self.trust,
         }
 
     def request(self, request):

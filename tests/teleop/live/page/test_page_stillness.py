@@ -37,6 +37,10 @@ def varied(feed):
             of_the_period[period] = rng.normal(0.0, 1.0, len(values)) * 10 ** rng.uniform(-2, 7)
             feed.lateness = 10 ** rng.uniform(-6, -2)
             feed.text = period % 3 * "a text of the supervisor, "
+            mark = ("can be used", "not yet", "cannot")[period % 3]
+            parts = {part: {"mark": mark, "reason": period % 5 * "a reason, "} for part in "kb"}
+            supported = [dict.fromkeys("kb", period % 2 == 0)] * len(feed.estimators)
+            feed.trust = {**parts, "supported": supported}
         for i in numbers:
             values[i] = of_the_period[period][i]
         for i in shares:

@@ -1,0 +1,150 @@
+"""The marks of k and b: whether the estimates can be used, and why."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from teleop.live.history import History
+from teleop.live.trust import Trust
+from teleop.settings.trial_settings import TrialSettings
+from teleop.trial.live_documents import transmission_document
+
+PARTS = ("k", "b", "k_std", "b_std", "held", "misfit")
+COLUMNS = [
+    "time",
+    "v",
+    "excitation",
+    "contact",
+    *(f"{e}_{p}" for e in ("rls", "me") for p in PARTS),
+]
+RIGID = {"force_lag": 0.0, "lost_motion": 0.0}
+GOOD = {"k": 2000.0, "b": 20.0, "k_std": 10.0, "b_std": 1.0, "held": 0.0, "misfit": 0.01}
+MOTION = {"excitation": 0.5, "contact": 1.0}
+
+
+def decided(transmission=RIGID, motion=None, seconds=2.0, **of):
+    """Return the decision after constant rows, in which `rls` and `me` have given values."""
+    trust, history = Trust(COLUMNS, ["rls", "me"], transmission), History(len(COLUMNS))
+    add(trust, history, 0.0, seconds, motion, **of)
+    return trust.document
+
+
+def add(trust, history, start, end, motion=None, rls=None, me=None):
+    values = MOTION | (motion or {})
+    for name, own in (("rls", rls), ("me", me)):
+        values |= {f"{name}_{part}": value for part, value in (GOOD | (own or {})).items()}
+    for t in np.arange(start, end, 4e-3):
+        values |= {"time": t, "v": 0.05 * math.cos(2.0 * math.pi * t)}
+        history.add(np.array([[values[name] for name in COLUMNS]]))
+        trust.update(history)
+
+
+def both(**own):
+    return {"rls": own, "me": own}
+
+
+def test_good_estimates_can_be_used_and_the_narrowest_is_named():
+    found = decided(me={"k_std": 20.0, "b_std": 0.5})
+    assert found["k"] == {"mark": "can be used", "reason": "± 1.0 % (rls)"}
+    assert found["b"] == {"mark": "can be used", "reason": "± 4.9 % (me)"}
+    assert found["supported"] == 2 * [{"k": True, "b": True}]
+
+
+@pytest.mark.parametrize(
+    ("motion", "of", "mark", "reason"),
+    [
+        ({"excitation": 0.0}, {}, "not yet", "excitation below 0.01"),
+        ({"excitation": math.nan}, {}, "not yet", "excitation below 0.01"),
+        ({"contact": 0.0}, {}, "not yet", "no contact"),
+        ({}, {"k": math.nan, "b": math.nan}, "not yet", "no estimate yet"),
+        ({}, {"held": 1.0}, "not yet", "estimate held"),
+        ({}, {"k_std": 300.0, "b_std": 300.0}, "not yet", None),
+        ({}, {"k_std": math.inf, "b_std": math.inf}, "not yet", "interval ± >100 %"),
+        ({}, {"k_std": math.nan, "b_std": math.nan}, "cannot", "no interval"),
+        ({}, {"misfit": math.nan}, "not yet", "misfit not known yet"),
+        ({}, {"misfit": 0.09}, "cannot", "misfit 9 %"),
+        ({}, {"k": -2000.0, "b": -20.0}, "cannot", None),
+    ],
+)
+def test_without_support_no_estimate_of_any_estimator_can_be_used(motion, of, mark, reason):
+    found = decided(motion=motion, **both(**of))
+    assert {found[part]["mark"] for part in ("k", "b")} == {mark}
+    assert reason is None or {found[part]["reason"] for part in ("k", "b")} == {reason}
+    assert found["supported"] == 2 * [{"k": False, "b": False}]
+
+
+def test_k_can_be_used_with_an_interval_of_ten_percent_and_b_with_one_of_fifty():
+    assert decided(**both(k_std=100.0, b_std=5.0))["k"]["mark"] == "can be used"
+    assert decided(**both(k_std=100.0, b_std=5.0))["b"]["mark"] == "can be used"
+    assert decided(**both(k_std=105.0))["k"]["mark"] == "not yet"
+    assert decided(**both(b_std=5.3))["b"]["mark"] == "not yet"
+
+
+def test_reasons_state_the_relative_interval_and_a_negative_value():
+    assert decided(**both(k_std=300.0))["k"]["reason"] == "interval ± 29 %"
+    assert decided(**both(b=-20.0))["b"]["reason"] == "b is negative"
+
+
+@pytest.mark.parametrize("part", ["k_std", "misfit"])
+def test_an_estimate_that_was_good_for_less_than_a_second_is_not_supported(part):
+    trust, history = Trust(COLUMNS, ["rls", "me"], RIGID), History(len(COLUMNS))
+    add(trust, history, 0.0, 2.0, **both(**{part: 500.0}))
+    add(trust, history, 2.0, 2.7)
+    assert not trust.document["supported"][0]["k"]
+    add(trust, history, 2.7, 4.0)
+    assert trust.document["supported"][0]["k"]
+
+
+def test_one_usable_estimator_suffices_and_the_others_are_not_supported():
+    found = decided(rls={"misfit": 0.2, "k_std": 1.0})
+    assert found["k"] == {"mark": "can be used", "reason": "± 1.0 % (me)"}
+    assert [one["k"] for one in found["supported"]] == [False, True]
+
+
+def test_b_cannot_be_used_if_lag_and_lost_motion_change_it_by_more_than_half():
+    moving = {"force_lag": 2.66e-3, "lost_motion": 122e-6}
+    found = decided(moving)
+    # k (lag + lost motion mean |v| / mean v^2), and 4 / (pi V) for a sine with the speed V
+    shift = 2000.0 * (2.66e-3 + 122e-6 * 4.0 / (math.pi * 0.05))
+    assert found["b"] == {"mark": "cannot", "reason": f"lag, lost motion: -{shift:.0f} N s/m"}
+    assert found["k"]["mark"] == "can be used"
+    assert decided(moving, **both(b=3.0 * shift))["b"]["mark"] == "can be used"
+    over = decided({"force_lag": -0.02, "lost_motion": 0.0})
+    assert over["b"] == {"mark": "cannot", "reason": "lag: +40 N s/m"}
+
+
+def test_b_cannot_be_used_if_the_lag_was_never_measured():
+    found = decided(None)
+    assert found["b"] == {"mark": "cannot", "reason": "force lag not measured"}
+    assert found["k"]["mark"] == "can be used"
+
+
+def test_before_the_first_row_nothing_can_be_used_and_without_estimators_there_is_no_mark():
+    nothing = {"mark": "not yet", "reason": "no estimate yet"}
+    before = decided(seconds=0.0)
+    assert (before["k"], before["b"]) == (nothing, nothing)
+    assert Trust([], [], None).document == {"supported": []}
+
+
+def test_marks_change_at_most_twice_per_second_and_follow_a_replay_back_in_time():
+    trust, history = Trust(COLUMNS, ["rls", "me"], RIGID), History(len(COLUMNS))
+    add(trust, history, 0.0, 2.1)
+    usable = trust.document
+    add(trust, history, 2.1, 2.4, **both(misfit=0.5))
+    assert trust.document == usable
+    add(trust, history, 2.4, 2.7)
+    assert trust.document["k"]["reason"] == "misfit 50 %"
+    history.clear()
+    add(trust, history, 1.0, 1.2, {"contact": 0.0})
+    assert trust.document["k"]["reason"] == "no contact"
+
+
+def test_the_lag_that_is_not_compensated_is_that_of_the_transmission():
+    simulated = transmission_document(TrialSettings())
+    assert simulated["force_lag"] == pytest.approx(2.66e-3, abs=1e-5)
+    assert simulated["lost_motion"] == pytest.approx(122e-6, abs=1e-6)
+    compensated = transmission_document(TrialSettings(force_lag=2.661e-3))
+    assert compensated["force_lag"] == pytest.approx(0.0, abs=1e-6)
