@@ -93,13 +93,6 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
         meaning.append(f"corrected for {' and '.join(corrected)}")
     if meaning:
         lines.append(", ".join(meaning))
-    # a rig with a calibrated lost motion has a measured lag; an unknown lag is a remark
-    calibrated = transmission.get("lost_motion_m")
-    if result["b"] is None or calibrated or not transmission.get("force_lag_s"):
-        return lines
-    change = result["b_change_per_ms_of_lag"]
-    times = f" ({change / abs(result['b']):.2g} times b)" if result["b"] else ""
-    lines.append(f"1 ms of lag of the force changes b by {DAMPING.text(change, '.3g')}{times}")
     return lines
 
 

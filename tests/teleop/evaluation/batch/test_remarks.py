@@ -5,13 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimation.transmission import TransmissionCalibration
 from teleop.evaluation.batch.analysis import analyse
 from teleop.evaluation.batch.local_stiffness import reported_times
-from teleop.evaluation.evaluate import evaluate
 from teleop.evaluation.reading.signals import Signals, periods
-from teleop.evaluation.settings import EstimateSettings
-from teleop.output.result_tables import parameter_text, result_lines, significant
+from teleop.output.result_tables import parameter_text, significant
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
 
@@ -32,12 +29,6 @@ def sine(lag=0.0, k=1000.0, b=10.0):
 def test_the_change_of_b_for_a_lag_is_stated():
     prompt, late = (analyse(sine(lag)).result for lag in (0.0, 1e-3))
     assert prompt.b - late.b == pytest.approx(prompt.b_change_per_ms, rel=0.1)
-    line = "1 ms of lag of the force changes b by 1 N s/m (0.1 times b)"
-    unknown = EstimateSettings()
-    known = EstimateSettings(transmission=TransmissionCalibration(force_lag=1e-3))
-    for settings, lag, printed in ((unknown, 0.0, False), (known, 1e-3, True)):
-        found = result_lines(evaluate(sine(lag), settings).batch_summary())
-        assert (line in found) is printed
 
 
 def test_a_lag_that_is_not_known_is_a_remark_if_a_millisecond_of_it_matters():
