@@ -124,10 +124,8 @@ class TrialFeed(Feed):
             self._running = False
             self._text = document["text"]
         elif kind == "refused":
-            self._faults, self._by_person = (
-                [],
-                False,
-            )  # the fault of the trial before is no longer the present state
+            # the fault of the trial before is no longer the present state
+            self._faults, self._by_person = [], False
         elif kind == "prompt":
             self._text, self._advice = document["text"], document["advice"]
             self._prompt = {name: document[name] for name in ("number", "answers")}
