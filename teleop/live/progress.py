@@ -183,8 +183,12 @@ class Progress:
         return [text, before + unit, text.partition(STIFFNESS.unit)[0] + STIFFNESS.unit]
 
     def report(self, text: str) -> None:
-        """Write a message above the progress line, broken at spaces. The message remains."""
-        text = wrapped(text, terminal_width() or PLAIN_WIDTH)
+        """Write a message above the progress line. The message remains.
+
+        On a terminal, it is broken at spaces.
+        """
+        if width := terminal_width():
+            text = wrapped(text, width)
         self._terminal.write((self._replacing("") + "\r" if self._shown else "") + text + "\n")
 
     def close(self) -> None:

@@ -83,9 +83,9 @@ class Indenter:
             if self.angle is None or not 0.0 < self.angle < 0.5 * math.pi:
                 raise InputError("--indenter cone: expected --angle between 0 and 90 degrees")
         elif self.radius is None or not self.radius > 0.0:
-            raise InputError(f"--indenter {self.shape}: expected --radius above zero, in mm")
+            raise InputError(f"--indenter {self.shape}: expected --radius above zero, such as 5mm")
         if self.thickness is not None and not self.thickness > 0.0:
-            raise InputError("--thickness: expected a thickness above zero, in mm")
+            raise InputError("--thickness: expected a thickness above zero, such as 20mm")
         if not 0.0 <= self.poisson <= 0.5:
             raise InputError("--poisson: expected a ratio from 0 to 0.5")
 
