@@ -18,6 +18,14 @@ CONTROL = re.compile(
     "\ud800-\udfff]"  # bytes in a file name that are not valid text
 )
 
+UNIT = re.compile(
+    r"(?<=\d) (?:N s/m|N/m|mm/s|m/s|[mµ]?m|m?s|min|[mk]?N|[kM]?Hz|g|kg|[mM]?J|[mM]?V|m?A|m?W|"
+    r"deg|%|[kMG]B|bytes)(?!\w)"
+)
+"""Pattern of a unit after a number, with the space between them. No line is broken in it."""
+NO_BREAK = "\ue000"
+"""Private character that replaces a space between a number and its unit, while lines are broken."""
+
 
 def printable(text: str) -> str:
     r"""The text with control characters other than \t and \n as escapes, for example \x1b."""
@@ -50,16 +58,31 @@ def print_error(text: str) -> None:
     line = f"teleop: {one_line(text)}"
     if sys.stderr.isatty():
         with contextlib.suppress(OSError):
-            line = wrapped(line, os.get_terminal_size(sys.stderr.fileno()).columns)
+            line = wrapped(line, os.get_terminal_size(sys.stderr.fileno()).columns or 80)
     print(line, file=sys.stderr)
 
 
 def wrapped(text: str, width: int) -> str:
-    """Break a text at spaces for a terminal of a width; 0 for an unknown width.
+    """Break each line of a text that is longer than `width` characters into several lines.
 
-    Long words such as paths are not broken, so that they can be copied.
+    A line is broken only between words, and never between a number and its unit. A single word that
+    is longer than `width` is not broken.
     """
-    return textwrap.fill(text, width or 80, break_long_words=False, break_on_hyphens=False)
+    lines = []
+    for line in text.split("\n"):
+        indent = line[: len(line) - len(line.lstrip(" "))]
+        lines += (
+            textwrap.wrap(
+                UNIT.sub(lambda unit: unit[0].replace(" ", NO_BREAK), line),
+                max(width, len(indent) + 1),
+                subsequent_indent=f"{indent}  " if indent else "",
+                break_long_words=False,
+                break_on_hyphens=False,
+            )
+            if len(line) > width
+            else [line]
+        )
+    return "\n".join(lines).replace(NO_BREAK, " ")
 
 
 def discard_output(error: OSError) -> str:

@@ -122,8 +122,8 @@ def measured(rig_file: RigFile | None, cube: CubeName, sensors: Sensors, seed: i
 
 def is_unloaded(rig_file: RigFile | None, reading: str, yes: bool) -> bool:
     """Ask a person whether nothing loads the sensors, although there is this large reading."""
-    from teleop.output.console import terminal_width, wrapped
-    from teleop.printable import print_error
+    from teleop.output.console import terminal_width
+    from teleop.printable import print_error, wrapped
     from teleop.trial.arming import answer, check_person
 
     if yes or not rig_file:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 import shutil
-import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TextIO, cast
 
@@ -17,20 +16,13 @@ from rich.table import Table
 from rich.text import Text
 
 from teleop.json_documents import dumps
-from teleop.printable import printable
+from teleop.printable import printable, wrapped
 
 WIDTH, HEIGHT = 10_000, 25
 """Width and height of the console that the library rich assumes [characters]."""
 BREAK = re.compile(r" (?=\[)| (?=[^ ]*$)|(/)")
 """Pattern of the places where a heading is divided into two lines: before the unit or the last
 word, or after a slash."""
-UNIT = re.compile(
-    r"(?<=\d) (?:N s/m|N/m|mm/s|m/s|[mµ]?m|m?s|min|[mk]?N|[kM]?Hz|g|kg|[mM]?J|[mM]?V|m?A|m?W|"
-    r"deg|%|[kMG]B|bytes)(?!\w)"
-)
-"""Pattern of a unit after a number, with the space between them. No line is broken in it."""
-NO_BREAK = "\ue000"
-"""Private character that replaces a space between a number and its unit, while lines are broken."""
 BORDERS = 3
 """Number of characters between the texts of two adjacent columns of a table."""
 
@@ -87,29 +79,6 @@ def plain_console(stream: TextIO | None = None) -> Console:
     return PlainConsole(
         file=stream, highlight=False, markup=False, soft_wrap=True, width=WIDTH, height=HEIGHT
     )
-
-
-def wrapped(text: str, width: int) -> str:
-    """Break each line of a text that is longer than `width` characters into several lines.
-
-    A line is broken only between words, and never between a number and its unit. A single word that
-    is longer than `width` is not broken.
-    """
-    lines = []
-    for line in text.split("\n"):
-        indent = line[: len(line) - len(line.lstrip(" "))]
-        lines += (
-            textwrap.wrap(
-                UNIT.sub(lambda unit: unit[0].replace(" ", NO_BREAK), line),
-                max(width, len(indent) + 1),
-                subsequent_indent=f"{indent}  " if indent else "",
-                break_long_words=False,
-                break_on_hyphens=False,
-            )
-            if len(line) > width
-            else [line]
-        )
-    return "\n".join(lines).replace(NO_BREAK, " ")
 
 
 def number(value: float, digits: int) -> str:

@@ -8,9 +8,10 @@ from typing import Any
 from rich.console import Console
 
 from estimation.quantities import DAMPING, STIFFNESS
-from teleop.output.console import plain_console, wrapped
+from teleop.output.console import plain_console
 from teleop.output.estimate_tables import left_out_lines, print_estimated, print_estimates
 from teleop.output.next_command import print_command
+from teleop.printable import wrapped
 from teleop.recording.gaps import Gap, missing_text
 from teleop.safety.events import time_text
 

@@ -37,13 +37,16 @@ from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
 from estimation.filters import Play
 from estimation.quantities import STIFFNESS
-from estimation.stiffening import Interval
+from estimation.stiffening import Interval, evenly_lagged
 from estimation.transmission import TransmissionCalibration
 from sim_backend import Cube, Setup, paper_setup
 from teleop.control.excitation_signals import Chirp
 from teleop.errors import InputError
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 SPRING = 5000.0
 """Stiffness of the reference spring [N/m]."""
@@ -67,9 +70,6 @@ def measure_simulated_lag(seed: int = 0) -> tuple[ForceLag, Setup]:
     measured = measure_lag(columns["slave_position"], columns["contact_force"], columns["dt"])
     return measured, setup
 
-
-if TYPE_CHECKING:
-    from scipy.optimize import OptimizeResult
 
 LONGEST = 0.1
 """Longest lag that can be measured [s]."""
@@ -254,7 +254,7 @@ class SpringRecord:
         if lost_motion < 0.0:
             tip = 2.0 * strokes.curve - tip
         if constant := (1.0 - share) * lag:
-            tip = lagged(tip, self.period, constant)
+            tip = evenly_lagged(tip, self.period, constant)
         x = np.interp((self.settled - share * lag) / self.period, np.arange(len(tip)), tip)
         return np.asarray(x - x.mean())
 
@@ -367,16 +367,6 @@ class Smoother:
         padded[: len(parts)] = self.times * parts
         curve = np.concatenate([[0.0], np.asarray(idst(padded, 1)), [0.0]])
         return np.asarray(curve + np.linspace(first, last, len(curve)))
-
-
-def lagged(signal: Floats, period: float, lag: float) -> Floats:
-    """Return the output of a first-order lag [s] whose input is linear between samples."""
-    from scipy.signal import lfilter
-
-    decay, ratio = math.exp(-period / lag), lag / period
-    now = 1.0 - ratio * (1.0 - decay)
-    later = np.asarray(lfilter([now, 1.0 - now - decay], [1.0, -decay], signal - signal[0]))
-    return np.asarray(signal[0] + later)
 
 
 def smoothed(values: Floats, half: int) -> Floats:

@@ -7,8 +7,8 @@ import sys
 
 from drivers.rig_file import RigFile
 from teleop.errors import InputError
-from teleop.output.console import terminal_width, wrapped
-from teleop.printable import print_error
+from teleop.output.console import terminal_width
+from teleop.printable import print_error, wrapped
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch, is_foreground
 

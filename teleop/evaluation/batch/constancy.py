@@ -147,12 +147,12 @@ class Cycles(NamedTuple):
     """Stiffness: slope of the force against the position [N/m]."""
     b: Floats
     """Damping: coefficient of the velocity [N s/m]."""
+    error: Floats
+    """Standard deviation of `k`, from the residual in the cycle [N/m]; infinite if not known."""
     travel: Floats
     """Travel in contact [m]."""
     top: Floats
     """Highest position [m]."""
-    error: Floats
-    """Standard deviation of `k`, from the residual in the cycle [N/m]; infinite if not known."""
 
     def summary(self) -> dict[str, float | int | None]:
         """Return number, median and quartiles of the stiffness of the cycles, for JSON."""
@@ -177,15 +177,14 @@ def cycles_of(record: SmoothedRecord, phases: Phases) -> Cycles:
         (
             float(record.t[start]),
             (end - start) * record.period,
-            *(slopes := slopes_in_cycle(record, part))[:2],
+            *slopes_in_cycle(record, part),
             moved,
             float(record.x[start:end].max()),
-            slopes[2],
         )
         for (start, end), part, moved in zip(pairwise(begins), parts, travel, strict=True)
         if len(part) >= FEWEST_CYCLE_SAMPLES and moved >= smallest
     ]
-    return Cycles(*np.array(found, dtype=np.float64).reshape(-1, 7).T)
+    return Cycles(*np.array(found, dtype=np.float64).reshape(-1, len(Cycles._fields)).T)
 
 
 def change_over_cycles(cycles: Cycles) -> Change | None:
@@ -252,27 +251,43 @@ def trend_over_cycles(cycles: Cycles) -> Change | None:
     The stiffness is either proportional to the time, for cycles of equal travel, or it increases,
     or decreases, by more than its errors in all cycles.
     """
-    k, n = cycles.k, len(cycles.k)
+    n = len(cycles.k)
     if n < FEWEST_TREND_CYCLES:
         return None
-    steps = np.diff(k)
-    first, last = float(k[0]), float(k[-1])
-    monotone = n >= FEWEST_COMPARED_CYCLES and (bool((steps > 0.0).all() or (steps < 0.0).all()))
-    least = max(PAIR_CHANGE * min(abs(first), abs(last)), CHANGE_ERRORS * float(cycles.error.max()))
-    if not (monotone and abs(last - first) > least):
-        if float(np.ptp(cycles.travel)) > EQUAL_TRAVEL * float(cycles.travel.max()):
-            return None
-        since = np.linspace(-0.5, 0.5, n)
-        rise, mean = (float(one) for one in np.polyfit(since, k, 1))
-        rest = k - mean - rise * since
-        error = float(np.sqrt(rest @ rest / (n - 2) / (since @ since)))
-        first, last = mean - 0.5 * rise, mean + 0.5 * rise
-        certain = max(CHANGE_SCATTER, float(stdtrit(n - 2, TREND_PROBABILITY))) * error
-        if abs(rise) < max(LEAST_CHANGE * min(abs(first), abs(last)), certain):
-            return None
+    ends = monotone_change(cycles) or linear_change(cycles)
+    if ends is None:
+        return None
     halves = 1.0 / cycles.seconds[: n // 2], 1.0 / cycles.seconds[-(n // 2) :]
     begin, end = (float(np.median(half)) for half in halves)
-    return Change((first, last), (begin, end))
+    return Change(ends, (begin, end))
+
+
+def monotone_change(cycles: Cycles) -> tuple[float, float] | None:
+    """Return the first and the last stiffness [N/m] if all steps between have the same sign."""
+    k = cycles.k
+    steps = np.diff(k)
+    monotone = (steps > 0.0).all() or (steps < 0.0).all()
+    first, last = float(k[0]), float(k[-1])
+    least = max(PAIR_CHANGE * min(abs(first), abs(last)), CHANGE_ERRORS * float(cycles.error.max()))
+    if len(k) < FEWEST_COMPARED_CYCLES or not monotone or not abs(last - first) > least:
+        return None
+    return first, last
+
+
+def linear_change(cycles: Cycles) -> tuple[float, float] | None:
+    """Return the ends of a line through the stiffnesses [N/m] if its rise is significant."""
+    k, n = cycles.k, len(cycles.k)
+    if float(np.ptp(cycles.travel)) > EQUAL_TRAVEL * float(cycles.travel.max()):
+        return None
+    since = np.linspace(-0.5, 0.5, n)
+    rise, mean = (float(one) for one in np.polyfit(since, k, 1))
+    rest = k - mean - rise * since
+    error = float(np.sqrt(rest @ rest / (n - 2) / (since @ since)))
+    first, last = mean - 0.5 * rise, mean + 0.5 * rise
+    certain = max(CHANGE_SCATTER, float(stdtrit(n - 2, TREND_PROBABILITY))) * error
+    if abs(rise) < max(LEAST_CHANGE * min(abs(first), abs(last)), certain):
+        return None
+    return first, last
 
 
 def deviating_cycles(k: Floats) -> tuple[int, int] | None:

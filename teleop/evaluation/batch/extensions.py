@@ -82,8 +82,6 @@ WIDTH_FACTORS = (1.4, 1.19, 1.09)
 
 SLIP_FACTORS = (1.4, 1.19, 1.09, 1.04, 1.02)
 """Factors by which the best slip is changed, in both directions, one after another."""
-
-
 SLIP_STEP = 1.02
 """Factor on the slip with which the derivative to it is computed."""
 

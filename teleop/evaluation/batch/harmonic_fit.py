@@ -225,7 +225,7 @@ def blockwise(signals: Signals, frequency: float, force_lag: float) -> Cycles:
     seconds = np.full(number, 1.0 / frequency)
     unknown = np.full(number, np.inf)
     travel = 2.0 * np.abs(x)
-    return Cycles(starts, seconds, ratios.real, ratios.imag / omega, travel, travel, unknown)
+    return Cycles(starts, seconds, ratios.real, ratios.imag / omega, unknown, travel, travel)
 
 
 def frequency_of(t: Floats, x: Floats, period: float) -> float | None:

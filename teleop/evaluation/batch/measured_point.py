@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
 from estimation.quantities import STIFFNESS
 from teleop.evaluation.batch.candidate import KNOT, Candidate
@@ -180,10 +181,18 @@ def measured_point(
         return Point(float(force), float(position))
     points = [one.point for one in slopes]
     nearest = min(points, key=lambda point: abs(point.position - stated.position))
-    forces = np.array([point.force for point in points])
-    spread = LEVEL_95 * float(np.std(forces)) * abs(local.best.stiffening / local.k)
+    point = point_of(np.array([one.force for one in points]), nearest.position, local)
     beyond = difference + half if difference > least else 0.0
-    return Point(float(np.median(forces)), nearest.position, max(beyond, spread))
+    return point._replace(difference=max(beyond, point.difference))
+
+
+def point_of(forces: Floats, position: float, local: LocalStiffness) -> Point:
+    """Return the point at a position [m], where the passes in loading have these forces [N].
+
+    Passes of different speed have different forces, and k depends on the force.
+    """
+    spread = LEVEL_95 * float(np.std(forces)) * abs(local.best.stiffening / local.k)
+    return Point(float(np.median(forces)), position, spread)
 
 
 def gap_at(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> Reason | None:
@@ -265,7 +274,4 @@ def loading_point(record: SmoothedRecord, phases: Phases, local: LocalStiffness)
     if np.min(distance) >= POINT_DISTANCE + spacing:
         return None
     near = away_x < POINT_DISTANCE + spacing
-    forces = f[near] - local.k * (x[near] - stated.position)
-    # passes of different speed have different forces there, and k depends on the force
-    spread = LEVEL_95 * float(np.std(forces)) * abs(local.best.stiffening / local.k)
-    return Point(float(np.median(forces)), stated.position, spread)
+    return point_of(f[near] - local.k * (x[near] - stated.position), stated.position, local)

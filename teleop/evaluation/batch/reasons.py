@@ -399,7 +399,6 @@ def no_damping(
     if drift:
         return Reason(f"{drift.text}: damping is not determined")
     if local.b + half_b < 0.0:
-        # besides relaxation, b is not the loss at a frequency, and shows no phase
         if local.best.times:
             return Reason(
                 f"damping is not resolved beside the relaxation of the force: it is negative "
@@ -407,6 +406,7 @@ def no_damping(
                 f"{-local.b / local.k * 1e3:.2g} ms",
                 LAG,
             )
+        # besides relaxation, b is not the loss at a frequency, and shows no phase
         period = 1.0 / local.frequency if np.isfinite(local.frequency) else np.inf
         return negative_damping(local.b, force_lag, transmission, -local.b / local.k, period)
     return None

@@ -62,7 +62,7 @@ class RelaxingParts:
         scale = float(np.std(y)) / max(float(np.std(record.raw_x)), 1e-300)
         self._largest_corner = rows.largest_corner * scale
         self._parts: dict[float, tuple[Floats, Floats]] = {}
-        self.begun_before = rows.order == 0 and bool(rows.phases.contact[0])
+        self._begun_before = rows.order == 0 and bool(rows.phases.contact[0])
         """Whether forces may relax that arose before the record; cosines would describe them."""
 
     def signals(self, times: tuple[float, ...]) -> tuple[list[Floats], list[Floats]]:
@@ -75,7 +75,7 @@ class RelaxingParts:
         """
         parts = [self._part(tau) for tau in times]
         smoothed, cornered = [one for one, _ in parts], [one for _, one in parts]
-        decays = [np.exp(-self._record.clock / tau) for tau in times if self.begun_before]
+        decays = [np.exp(-self._record.clock / tau) for tau in times if self._begun_before]
         return smoothed + decays, cornered + decays
 
     def _part(self, tau: float) -> tuple[Floats, Floats]:
@@ -161,18 +161,19 @@ class FitsOfTimes:
         if not chosen:
             return []
         taus = sorted({tau for times in chosen for tau in times})
-        columns = np.column_stack([column for tau in taus for column, _ in self._columns_of(tau)])
+        prepared = [one for tau in taus for one in self._columns_of(tau)]
+        columns = np.column_stack([column for column, _ in prepared])
         gram, along = columns.T @ columns, columns.T @ self._force
         gram.flat[:: len(gram) + 1] += NEVER_SINGULAR
-        each = len(gram) // len(taus)  # columns for each time constant
-        first = each * np.array([[taus.index(tau) for tau in times] for times in chosen])
-        at = np.concatenate([first + i for i in range(each)], axis=1)
+        per_time = len(gram) // len(taus)  # columns for each time constant
+        first = per_time * np.array([[taus.index(tau) for tau in times] for times in chosen])
+        at = np.concatenate([first + i for i in range(per_time)], axis=1)
         theta = np.linalg.solve(gram[at[:, :, None], at[:, None, :]], along[at][:, :, None])[..., 0]
         n, count = len(self._force), first.shape[1]
         power = np.maximum(self._force @ self._force - np.sum(theta * along[at], axis=1), 1e-300)
-        parameters = self._parameters + (each + 1) * count
+        parameters = self._parameters + (per_time + 1) * count
         bics = n * np.log(power / n) + parameters * math.log(n)
-        rises = np.array([rise for tau in taus for _, rise in self._columns_of(tau)])
+        rises = np.array([rise for _, rise in prepared])
         rise = self._rise @ self._rows.fits.rest - np.sum(theta * rises[at], axis=1)
         passive = np.all(theta[:, :count] >= 0.0, axis=1) & (rise > 0.0)
         return [

@@ -12,10 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from teleop.cli import main
-from teleop.output.console import number, plain_console, print_table, small, wrapped
+from teleop.output.console import number, plain_console, print_table, small
 from teleop.output.next_command import broken
 from teleop.output.result_tables import with_half
 from teleop.output.table_files import TextTable, markdown_text
+from teleop.printable import wrapped
 
 
 def printed(capsys, monkeypatch, environment, *arguments):
