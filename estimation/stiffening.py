@@ -153,8 +153,8 @@ def evenly_lagged(signal: Floats, period: float, lag: float) -> Floats:
     """Return the output of a first-order lag whose input is `signal`, shape (n,).
 
     This function is faster than `lagged`. It needs a constant sample period `period` [s], and a
-    time constant `lag` [s] that is positive. What a lag withholds from its input relaxes with the
-    time constant of the lag.
+    time constant `lag` [s] that is positive. The difference between the input and the output of a
+    lag relaxes with its time constant.
     """
     from estimation.batch_models.relaxation import relaxing_part  # its package imports this module
 

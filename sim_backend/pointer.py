@@ -19,7 +19,7 @@ BANDWIDTH = 10.0
 MOST_SPEED = 0.2
 """Largest speed of the wanted position while the hand holds the handle [m/s]. A person who palpates
 moves the hand more slowly: the fastest target of the condition `mimic` moves at 0.05 m/s. A jump of
-the pointer, which no hand can make, then does not become a blow."""
+the pointer, which no hand can make, therefore causes no sudden force."""
 Pointer = Callable[[], tuple[float, bool]]
 """Function that returns two values: the wanted position of the hand [m], and whether the hand holds
 the handle."""
