@@ -64,7 +64,7 @@ def print_results(console: Console, summary: Mapping[str, Any]) -> None:
             style="yellow",
         )
     if summary["truth"]:
-        print_truth(console, summary["truth"])
+        print_truth(console, summary)
     print_tracking(console, summary["tracking"])
     print_feedback(console, summary["feedback"])
     print_estimated(console, summary)
@@ -104,17 +104,24 @@ def duration(summary: Mapping[str, Any]) -> str:
     return planned
 
 
-def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
-    """Print the true values of the simulated rig."""
+def print_truth(console: Console, summary: Mapping[str, Any]) -> None:
+    """Print the true values of the simulated rig, and what makes the estimated b too low."""
+    truth = summary["truth"]
+    causes = [
+        name
+        for name, key in (("lag", "force_lag_s"), ("lost motion", "lost_motion_m"))
+        if truth[key] and not summary[key]
+    ]
     console.print(
         f"  true values of the simulated rig: b {DAMPING.text(truth['b'], '.3g')}, "
         "secant stiffness k\n"
         f"  {STIFFNESS.text(truth['k_surface'])} at the surface and "
         f"{STIFFNESS.text(truth['k_deepest'])} at the greatest depth; lag of the force\n"
         f"  channel {truth['force_lag_s'] * 1e3:g} ms; lost motion of the slave "
-        f"{truth['lost_motion_m'] * 1e6:g} um.\n"
-        "  Lag and lost motion make the estimate of b too low."
+        f"{truth['lost_motion_m'] * 1e6:g} um."
     )
+    if causes:
+        console.print(f"  Not corrected for {' and '.join(causes)}, the estimate of b is too low.")
     further = truth.get("further_laws", {})
     if further:
         console.print("  These are the values in slow motion and before any change. Others:")

@@ -156,17 +156,18 @@ def feedback_document(settings: TrialSettings) -> dict[str, Any] | None:
 
 
 def transmission_document(settings: TrialSettings) -> dict[str, float] | None:
-    """Return the lag of the force that is not compensated [s], and the lost motion [m].
+    """Return the lag [s] and the lost motion [m] for which the estimates are not corrected.
 
     The result is None if the lag is unknown: it was neither measured nor stated.
     """
-    measured, compensated = settings.transmission, settings.force_lag
+    measured, online = settings.transmission, settings.online_transmission
     in_rig_file = settings.rig and settings.rig.sections.transmission
     is_measured = bool(in_rig_file) or measured != UNKNOWN_TRANSMISSION
-    if not (is_measured or compensated):
+    if not (is_measured or online.force_lag):
         return None
-    lag = measured.force_lag - compensated if is_measured else 0.0
-    return {"force_lag": lag, "lost_motion": measured.lost_motion}
+    lag = measured.force_lag - online.force_lag if is_measured else 0.0
+    lost = measured.lost_motion - online.lost_motion if measured.lost_motion else 0.0
+    return {"force_lag": lag, "lost_motion": lost}
 
 
 def recorded_document(recording: Recording) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -42,9 +43,19 @@ def recorded_part(recording: Recording) -> AveragedPart:
 
 
 def recorded_transmission(recording: Recording) -> TransmissionCalibration:
-    """Return the calibrated transmission of the rig of a recorded trial; `RIGID` if unknown."""
+    """Return the transmission that corrects the result of a recorded trial; `RIGID` if unknown.
+
+    Lag and lost motion are those of the rig, or else those that the settings of the trial state.
+    """
     settings = trial_settings(recording)
-    return settings.transmission if settings else RIGID
+    if not settings:
+        return RIGID
+    known, stated = settings.transmission, settings.online_transmission
+    return replace(
+        known,
+        force_lag=known.force_lag or stated.force_lag,
+        lost_motion=known.lost_motion or stated.lost_motion,
+    )
 
 
 def performed(settings: TrialSettings) -> dict[str, str]:

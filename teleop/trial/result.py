@@ -256,6 +256,7 @@ class Trial(Presented):
     def summary(self) -> dict[str, Any]:
         """Return the results of the trial as a dictionary, which `teleop run --json` prints."""
         settings, found = self.settings, self.statistics
+        corrected = settings.online_transmission
         return {
             "condition": settings.condition_name,
             "cube": settings.cube if settings.is_simulated else None,
@@ -283,6 +284,8 @@ class Trial(Presented):
             else {},
             "truth": truth(settings, found.depth) if settings.is_simulated else None,
             "left_out": found.left_out,
+            "force_lag_s": corrected.force_lag,
+            "lost_motion_m": corrected.lost_motion,
             "excitation": found.excitation,
             "contact": found.contact,
             "loop": found.loop,

@@ -27,7 +27,6 @@ from teleop.evaluation.reason import Reason
 
 def harmonic_result(
     fit: HarmonicFit,
-    force_lag: float,
     transmission: TransmissionCalibration,
     faults: Sequence[Reason] = (),
 ) -> StiffnessResult | None:
@@ -38,10 +37,10 @@ def harmonic_result(
     omega = 2.0 * math.pi * fit.frequency
     amplitude = fit.position.amplitude
     position_error = math.hypot(fit.position.noise, fit.position.step / math.sqrt(12.0))
-    half_k = math.hypot(half_k, transmission.stiffness_error(k, amplitude, position_error))
+    half_k = math.hypot(half_k, transmission.stiffness_error(k, amplitude, omega, position_error))
     per_speed = 4.0 / (math.pi * omega * amplitude)
     b = loss / omega
-    half_b = math.hypot(half_loss / omega, transmission.damping_error(k, per_speed))
+    half_b = math.hypot(half_loss / omega, transmission.damping_error(k, per_speed, omega))
     change, drift = change_over_cycles(fit.cycles), drift_of_lag(fit.cycles)
     by_rounding = 2.0 * LEVEL_95 * fit.rounding_error * k
     if change and abs(change.k[1] - change.k[0]) < by_rounding:
@@ -66,7 +65,7 @@ def harmonic_result(
     if drift:
         unknown = Reason(f"{drift.text}: damping is not determined")
     elif b + half_b < 0.0:
-        unknown = negative_damping(b, force_lag, transmission, -b / k, 1.0 / fit.frequency)
+        unknown = negative_damping(b, transmission, -b / k, 1.0 / fit.frequency)
     if unknown:
         found.append(unknown)
     elif half_b > abs(b):

@@ -387,7 +387,6 @@ def no_damping(
     local: LocalStiffness,
     half_b: float,
     drift: LagDrift | None,
-    force_lag: float,
     transmission: TransmissionCalibration,
 ) -> Reason | None:
     """Return the reason why a record with a stiffness determines no damping; otherwise None.
@@ -408,7 +407,7 @@ def no_damping(
             )
         # besides relaxation, b is not the loss at a frequency, and shows no phase
         period = 1.0 / local.frequency if np.isfinite(local.frequency) else np.inf
-        return negative_damping(local.b, force_lag, transmission, -local.b / local.k, period)
+        return negative_damping(local.b, transmission, -local.b / local.k, period)
     return None
 
 
@@ -436,11 +435,7 @@ def longest_hold(record: SmoothedRecord, phases: Phases) -> float:
 
 
 def negative_damping(
-    b: float,
-    force_lag: float,
-    transmission: TransmissionCalibration,
-    needed: float,
-    period: float,
+    b: float, transmission: TransmissionCalibration, needed: float, period: float
 ) -> Reason:
     """Return the reason that the fitted damping is negative, with its possible causes.
 
@@ -448,6 +443,7 @@ def negative_damping(
     motion [s].
     """
     text = f"damping is not determined: it is negative ({DAMPING.text(b, '.3g')})"
+    force_lag = transmission.force_lag
     if 2.0 * np.pi * needed > STEEPEST_LOSS * period:
         return Reason(
             f"{text}. The force would have to lag by {needed * 1e3:.3g} ms, more than "

@@ -225,18 +225,21 @@ def stiffness_result(
         return without_result([*against, *faults])
     second = other or local
     x, v = record.x[phases.usable], record.v[phases.usable]
-    per_speed = float(np.abs(v).mean()) / max(float((v**2).mean()), 1e-300)
+    power = max(float((v**2).mean()), 1e-300)
+    per_speed = float(np.abs(v).mean()) / power
+    omega = math.sqrt(power / max(float(x.var()), 1e-300))
     half_k = math.hypot(
         LEVEL_95 * math.hypot(local.k_std, 0.5 * (local.k - second.k)),
         transmission.stiffness_error(
             local.k,
             0.5 * float(np.ptp(x)),
+            omega,
             math.hypot(record.x_noise, record.count / math.sqrt(12.0)),
         ),
     )
     half_b = math.hypot(
         LEVEL_95 * math.hypot(local.b_std, 0.5 * (local.b - second.b)),
-        transmission.damping_error(local.k, per_speed),
+        transmission.damping_error(local.k, per_speed, omega),
     )
     lock_in = None
     if record.sinusoidal and phases.free_force is None and frequency_of_loss(local):
@@ -244,7 +247,8 @@ def stiffness_result(
     if lock_in and not local.is_linear:
         # the fundamentals determine the loss of a sine, the models also how it depends on depth
         omega = 2.0 * math.pi * record.frequency
-        half = math.hypot(lock_in.loss_half / omega, transmission.damping_error(local.k, per_speed))
+        correction = transmission.damping_error(local.k, per_speed, omega)
+        half = math.hypot(lock_in.loss_half / omega, correction)
         if half < half_b:
             local, half_b = replace(local, b=lock_in.loss / omega), half
     cycles = cycles_of(record, phases)
@@ -283,7 +287,7 @@ def stiffness_result(
                 "sine cannot show this"
             )
         )
-    unknown = no_damping(v, local, half_b, drift, record.force_lag, transmission)
+    unknown = no_damping(v, local, half_b, drift, transmission)
     if unknown:
         found.append(unknown)
     elif half_b > abs(local.b):

@@ -46,8 +46,10 @@ def test_an_interrupted_trial_with_less_than_a_second_of_contact_has_no_estimate
 def test_the_true_values_are_printed_with_the_causes_of_a_low_damping(trials, capsys):
     summary = trials[2.5].summary()
     print_trial(summary)
+    assert "too low" not in capsys.readouterr().out
+    print_trial(summary | {"force_lag_s": 0.0, "lost_motion_m": 0.0})
     out = " ".join(capsys.readouterr().out.split())
     truth = summary["truth"]
     assert f"true values of the simulated rig: b {truth['b']:.3g} N s/m" in out
     assert "lag of the force channel 2.66 ms; lost motion of the slave 122 um." in out
-    assert "Lag and lost motion make the estimate of b too low." in out
+    assert "Not corrected for lag and lost motion, the estimate of b is too low." in out

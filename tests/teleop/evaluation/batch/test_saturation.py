@@ -9,6 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from estimation.transmission import TransmissionCalibration
 from teleop.cli import main
 from teleop.errors import InputError
 from teleop.evaluation.across.groups import short
@@ -122,7 +123,7 @@ def test_a_negative_damping_is_not_determined():
 
 def test_a_remark_on_negative_damping_does_not_blame_a_lag_that_is_compensated():
     signals = Signals(T, X, 10.0 + late(5e-3), periods(T), "position")
-    before, after = (analyse(signals, lag).result for lag in (0.0, 1e-3))
+    before, after = (analyse(signals, TransmissionCalibration(lag)).result for lag in (0.0, 1e-3))
     assert any("--force-lag" in hint for hint in before.hints)
     assert any("longer than the compensated lag (1 ms)" in reason for reason in after.reasons)
     assert not any("--force-lag" in hint for hint in after.hints)
