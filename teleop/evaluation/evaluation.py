@@ -22,6 +22,7 @@ from estimation.excitation import LEAST_EXCITATION
 from estimation.presentation import Presented
 from estimation.summary import EstimatorSummary
 from teleop.evaluation.batch.analysis import Analysis
+from teleop.evaluation.batch.marks import marks_of
 from teleop.evaluation.online.conditioned import ConditionedSamples
 from teleop.evaluation.online.datum import Datum
 from teleop.evaluation.online.model_comparison import cost as sample_cost
@@ -190,8 +191,14 @@ class Evaluation(Presented):
             )
         identified = [fit.name for fit in self.models if fit.identifiable]
         best = identified[0] if identified and result.identifiable else None
+        marks = marks_of(result, self.analysis.record.force_lag > 0.0)
         return {
-            "result": {**result.summary(), "reasons": reasons, "hints": hints},
+            "result": {
+                **result.summary(),
+                "marks": {part: mark._asdict() for part, mark in marks.items()},
+                "reasons": reasons,
+                "hints": hints,
+            },
             "best_model": best,
             "models": [fit.summary() for fit in self.models],
             **self.analysis.summary(),

@@ -123,3 +123,22 @@ def recorded_truth(recording: Recording) -> dict[str, Any] | None:
     if not settings or not settings.is_simulated:
         return None
     return truth(settings, float(np.max(np.abs(recording["slave_position"]), initial=0.0)))
+
+
+def true_result(recording: Recording, position: float | None) -> dict[str, float] | None:
+    """Return the true k and b of a trial on the simulated rig, at the position of its result.
+
+    `k` and `b` are those of specimen and transmission in series, `k_tip` is that of the specimen.
+    The result is None for any other recording, and for a body whose stiffness is not a function of
+    the position.
+    """
+    settings = trial_settings(recording)
+    if not settings or not settings.is_simulated or position is None:
+        return None
+    setup = settings.setup
+    if setup.cube.further_laws:
+        return None
+    law, compliance = setup.cube.slow, setup.transmission.compliance
+    k_tip = law.stiffness(law.compressed(position, compliance))
+    series = 1.0 + compliance * k_tip
+    return {"k": k_tip / series, "k_tip": k_tip, "b": law.b / series}

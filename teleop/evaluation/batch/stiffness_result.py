@@ -93,6 +93,9 @@ class StiffnessResult:
     force: float | None = None
     """Force at which the tangent stiffness is evaluated: half of the force range [N]. It is
     relative to the force out of contact if this force is known."""
+    position: float | None = None
+    """Position at which the tangent stiffness is evaluated [m]: that of the recording, corrected
+    for the lag of the force and the lost motion."""
     depth: float | None = None
     """Depth at `force`, relative to the contact point or to the lowest position in contact [m]."""
     secant: float | None = None
@@ -186,6 +189,7 @@ class StiffnessResult:
         document["b_change_per_ms_of_lag"] = self.b_change_per_ms
         document["tangent"] = {
             "force_n": document.pop("force"),
+            "position_m": document.pop("position"),
             "depth_m": document.pop("depth"),
             "depth_error_m": document.pop("depth_error"),
             "depth_from": document.pop("depth_from"),
@@ -321,6 +325,7 @@ def stiffness_result(
         reasons=reasons,
         hints=hints,
         force=force if level is None else force - level,
+        position=position,
         depth=depth,
         secant=secant,
         secant_change=secant_change,
