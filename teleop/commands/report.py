@@ -50,7 +50,7 @@ def report(
     from teleop.files import check_ending, check_outputs, write_text
     from teleop.output import console
     from teleop.output.report_page import report_page
-    from teleop.trial.recorded_trial import recorded_motion, recorded_tracking
+    from teleop.trial.recorded_trial import recorded_motion, recorded_tracking, true_result
 
     page = out or file.with_suffix(".html")
     check_ending(page, ".html")
@@ -67,7 +67,12 @@ def report(
     found = recorded_tracking(recording) if recording else None
     tracking = found and found._asdict()
     motion = recorded_motion(recording) if recording else None
-    text = report_page(file.name, evaluation, summary, recording, truth, link, tracking, motion)
+    true = None
+    if recording and evaluation:
+        true = true_result(recording, evaluation.analysis.result.position)
+    text = report_page(
+        file.name, evaluation, summary, recording, truth, link, tracking, motion, true
+    )
     write_text(page, text, overwrite)
     if json:
         console.print_json({"page": str(page), "file": str(file), **(summary or {})})

@@ -13,7 +13,6 @@ from estimation.estimator import LEVEL_95
 from estimation.excitation import LEAST_EXCITATION
 from estimation.misfit import LARGEST_MISFIT
 from estimation.quantities import DAMPING
-from estimation.trust import LARGEST_SHIFT, NOT_YET, UNUSABLE, USABLE, WIDEST, percent
 from teleop.live.history import MOST_ROWS, History
 
 WINDOW = 1.0
@@ -22,6 +21,13 @@ are the largest in this window, so that an estimate that is good for a moment is
 other values are medians."""
 PERIOD = 0.5
 """Time between two decisions [s], so that a person can read the marks."""
+WIDEST = {"k": 0.1, "b": 0.5}
+"""Largest half width of the 95 % interval, as a fraction of the value. The damping of soft bodies
+is a small part of the force, and its interval is wider than that of k."""
+LARGEST_SHIFT = 0.5
+"""Largest effect of force lag and lost motion on b, as a fraction of b."""
+USABLE, NOT_YET, UNUSABLE = "can be used", "not yet", "cannot"
+"""The marks. With `NOT_YET`, more motion can help; with `UNUSABLE`, it cannot."""
 PARTS = ("k", "b")
 
 
@@ -177,3 +183,10 @@ def judge(
     if of[part] < 0.0:
         return UNUSABLE, f"{part} is negative"
     return USABLE, percent(width)
+
+
+def percent(width: float) -> str:
+    """Return the relative half width of an interval as text."""
+    if width > 1.0:
+        return "± >100 %"
+    return f"± {100.0 * width:.{0 if width >= 0.1 else 1}f} %"

@@ -163,10 +163,18 @@ class Trial(Presented):
         truth
             True stiffness and damping to show. Default: those of the body on the simulated rig.
         """
-        from estimation.figures import known_truth
+        from estimation.figure_style import figure_style
+        from estimation.figures import estimates_figure, known_truth, misfit_remark
 
         true = truth or known_truth(recorded_truth(self.shown.recording))
-        return Presented.plot(self.shown, width, self._title(title), true)
+        rows = self.summary()["estimates"].items()
+        remark = misfit_remark({name: row["misfit"] for name, row in rows})
+        shown = self.shown
+        x, v, *_ = shown.regression
+        with figure_style(width):
+            return estimates_figure(
+                self._title(title), shown.t, x, v, shown.estimates, true, remark=remark
+            )
 
     def plot_force(self, width: str = "screen", title: str | None = None) -> Figure:
         """Return a figure of the measured force and the force that the first estimator predicts.
