@@ -239,6 +239,24 @@ def columns_width(names: Sequence[str], columns: int, font: float) -> float:
     return sum(0.62 * length + 5.0 for length in longest) * font / 72.0
 
 
+def name_ticks(axes: Axes, places: Sequence[float], names: Sequence[str], width: float) -> None:
+    """Write names below an axis that is `width` [in] wide, at the given places.
+
+    If they do not fit side by side, each name is lower than the one before, up to three lines. If
+    this is not sufficient, the names are slanted.
+    """
+    lines = [name.split("\n") for name in names]
+    longest = max((len(part) for name in lines for part in name), default=0)
+    needed = (0.6 * longest + 1.0) * FONTS[CHOSEN.get()] / 72.0 * len(names)
+    levels = next((n for n in (1, 2, 3) if needed < n * width), 0)
+    height = max(map(len, lines), default=0)
+    if levels:
+        shown = ["\n" * (height * (i % levels)) + name for i, name in enumerate(names)]
+        axes.set_xticks(places, shown)
+    else:
+        axes.set_xticks(places, names, rotation=30, ha="right", rotation_mode="anchor")
+
+
 def explain(axes: Axes, text: str) -> None:
     """Write a text in the middle of a panel. The text explains why the panel has no line."""
     axes.text(

@@ -59,7 +59,7 @@ TRUTH: dict[str, Any] = {
 """Style of the lines at the true values of a simulated specimen."""
 RESULT: dict[str, Any] = {"color": PURPLE, "linewidth": 1.6}
 """Style of the lines at the result of all samples."""
-INTERVALS = "95 % intervals (not if wider than the panel)"
+INTERVALS = "95 % intervals"
 """Text in the legend for the shaded intervals."""
 MOTION: dict[str, Any] = {"color": PROFILE, "linewidth": 0.7, "alpha": 0.55}
 """Style of the lines of displacement and velocity."""
@@ -136,10 +136,10 @@ class Levels(NamedTuple):
         """Return the lines and texts of the levels in the legend."""
         found = []
         if self.result and any(self.result[:2]):
-            name = f"result of all samples (k: {self.result.kind})"
+            name = f"result (k: {self.result.kind})"
             found.append((Line2D([], [], **RESULT), name))
         if self.truth:
-            found.append((Line2D([], [], **TRUTH), "true values (k: secant at surface, deepest)"))
+            found.append((Line2D([], [], **TRUTH), "true values (k: secants)"))
         return found
 
     def values(self) -> tuple[list[float], list[float]]:

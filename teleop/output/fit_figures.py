@@ -105,7 +105,7 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
 
 def depth_figure(evaluation: Evaluation) -> Figure:
     """Return a figure of the force against displacement: measured, best model, and tangent k."""
-    figure = new_figure(0.7)
+    figure = new_figure(0.62)
     axes = figure.subplots()
     draw_depths(axes, evaluation, fit.name if (fit := evaluation.best_model) else "")
     if not evaluation.analysis.result.identifiable:

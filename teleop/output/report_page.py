@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from estimation import MultiEstimator
 from estimation.figure_style import figure_style
-from estimation.figures import Truth, misfit_remark
+from estimation.figures import Truth
 from estimation.model import KELVIN_VOIGT
 from estimation.redundancy import ambiguity
 from teleop.evaluation.evaluation import Evaluation
@@ -55,18 +55,6 @@ LOOKS = 400
 """Approximate number of points in time of a recording at which the tied candidates are computed."""
 STATED = ("condition", "specimen", "cube", "operator", "notes", "duration_s", "clock")
 """Settings that are in the table of the trial, if they are known."""
-SHOWN_FIRST = (
-    "condition",
-    "specimen",
-    "cube",
-    "duration",
-    "depth",
-    "target",
-    "signal",
-    "rig",
-    "date",
-)
-"""Rows of the table of the trial whose texts are shown below the title."""
 
 
 def report_page(
@@ -90,6 +78,8 @@ def report_page(
     with figure_style("page"):
         values = of_recording(recording, motion or {})
         values |= of_evaluation(evaluation, summary, truth, true)
+        if summary and not recording:
+            values["about"] = [motion_line(summary)]
         values["tracking"] = ""
         if recording and tracking:
             values["tracking"] = svg(tracking_figure("", recording, tracking))
@@ -113,9 +103,8 @@ def of_recording(recording: Recording | None, motion: Mapping[str, str]) -> dict
     }
     if recording is None:
         return values
-    rows = dict(facts(recording, motion))
-    values["facts"] = [*rows.items()]
-    values["about"] = [rows[name] for name in SHOWN_FIRST if name in rows]
+    values["facts"] = [*facts(recording, motion)]
+    values["about"] = [*about(recording, motion)]
     values["events"] = event_rows(recording.events)
     values["settings"] = [*settings_rows(recording.settings)]
     values["estimated_channels"] = recording.estimated_channels
@@ -169,6 +158,24 @@ def facts(recording: Recording, motion: Mapping[str, str]) -> Iterator[tuple[str
         yield name, session.get(name, "not known")
 
 
+def about(recording: Recording, motion: Mapping[str, str]) -> Iterator[str]:
+    """Yield short texts that state what was palpated, and how, for the line below the title."""
+    settings, session = stated_settings(recording.settings), recording.session
+    if condition := settings.get("condition"):
+        yield f"condition {condition}"
+    if specimen := settings.get("specimen"):
+        yield str(specimen)
+    elif cube := settings.get("cube"):
+        yield f"{cube} cube"
+    if duration := settings.get("duration_s"):
+        yield f"{duration:g} s"
+    yield from (f"{name} {text}" for name, text in motion.items())
+    if rig := session.get("rig"):
+        yield f"{rig} rig"
+    if created := session.get("created"):
+        yield f"{created[:10]} {created[11:16]}"
+
+
 def of_evaluation(
     evaluation: Evaluation | None,
     summary: Mapping[str, Any] | None,
@@ -201,7 +208,7 @@ def of_evaluation(
         "estimates": estimates,
         "misfit_column": headings.index("misfit"),
         "true_row": bool(truth),
-        "misfits": misfit_remark({name: row["misfit"] for name, row in rows}),
+        "misfits": any(one.misfits for one in estimates),
         "disagreement": disagreement_lines(summary),
         "notes": [(name, row["note"]) for name, row in rows if row["note"]],
         "drawing": svg(e.plot("page", truth=truth)),

@@ -12,7 +12,7 @@ from teleop.output.console import small
 from teleop.output.estimate_tables import interval_table
 from teleop.output.result_tables import with_interval
 
-DIGITS = 5
+DIGITS = {STIFFNESS: 5, DAMPING: 4}
 """Number of significant digits of a true value."""
 
 
@@ -20,7 +20,6 @@ class Value(NamedTuple):
     """k or b on a report page."""
 
     name: str
-    symbol: str
     value: str
     """Value with its unit, or "not determined"."""
     interval: str
@@ -35,30 +34,41 @@ class Value(NamedTuple):
 def values_of(result: Mapping[str, Any], true: Mapping[str, float] | None) -> list[Value]:
     """Return stiffness, stiffness at the tip (if it is known), and damping of a result."""
     k_reason = "" if result["identifiable"] else next(iter(result["reasons"]), "")
-    found = [shown(STIFFNESS, STIFFNESS.name, "k", result, k_reason, true)]
+    known = {name: true_text(name, value) for name, value in (true or {}).items()}
+    found = [shown(STIFFNESS, "stiffness k", ends(result, "k"), k_reason, known.get("k", ""))]
     if tip := result["k_tip"]:
-        ends = {"k_tip": tip["value"], "k_tip_low": tip["low"], "k_tip_high": tip["high"]}
-        found.append(shown(STIFFNESS, f"{STIFFNESS.name} at the tip", "k_tip", ends, "", true))
-    found.append(shown(DAMPING, DAMPING.name, "b", result, result["b_reason"], true))
+        interval = (tip["low"], tip["value"], tip["high"])
+        text = known.get("k_tip", "")
+        found.append(shown(STIFFNESS, "stiffness k at the tip", interval, "", text))
+    b_true = f"{known['b']} ({known['b_tip']} at the tip)" if known else ""
+    found.append(shown(DAMPING, "damping b", ends(result, "b"), result["b_reason"], b_true))
     return found
+
+
+def ends(result: Mapping[str, Any], part: str) -> tuple[float, float, float] | None:
+    """Return lower end, value and upper end of k or b (`part`); None if it is not determined."""
+    value = result[part]
+    return None if value is None else (result[f"{part}_low"], value, result[f"{part}_high"])
+
+
+def true_text(name: str, value: float) -> str:
+    """Return a true value with its unit; the first letter of its name is that of the quantity."""
+    one = STIFFNESS if name.startswith("k") else DAMPING
+    return f"{small(one.shown(value), DIGITS[one])} {one.unit}"
 
 
 def shown(
     quantity: Quantity,
     name: str,
-    key: str,
-    result: Mapping[str, Any],
+    interval: tuple[float, float, float] | None,
     reason: str,
-    true: Mapping[str, float] | None,
+    true: str,
 ) -> Value:
-    """Return one value of a result; `key` is its name in the result and in the true values."""
-    value, low, high = (result[f"{key}{end}"] for end in ("", "_low", "_high"))
-    text, interval = "not determined", ""
-    if value is not None:
-        text, _, interval = with_interval(quantity, low, value, high).partition(" (")
-    known = f"{small(quantity.shown(true[key]), DIGITS)} {quantity.unit}" if true else ""
-    usable = value is not None and not reason
-    return Value(name, quantity.symbol, text, interval.rstrip(")"), usable, reason, known)
+    """Return one value of a result, from the ends of its interval and the value between them."""
+    if interval is None:
+        return Value(name, "not determined", "", False, reason, true)
+    text, _, around = with_interval(quantity, *interval).partition(" (")
+    return Value(name, text, around.rstrip(")"), not reason, reason, true)
 
 
 class EstimateRow(NamedTuple):

@@ -15,6 +15,7 @@ from estimation.figure_style import (
     BLUE,
     ORANGE,
     PROFILE,
+    characters,
     draw,
     is_narrow,
     legend,
@@ -169,8 +170,7 @@ def tracking_figure(title: str, recording: Recording, tracking: Mapping[str, Any
     draw(lower, t, error, color=ORANGE, linewidth=1.0)
     lower.axhline(0.0, color="#888888", linewidth=0.6)
     limits(lower, [np.repeat((error.min(), error.max()), 50)], (0.0,))
-    width = 48 if is_narrow() else 100
-    caption = fill(", ".join(tracking_lines(tracking)), width)
+    caption = fill(", ".join(tracking_lines(tracking)), characters())
     upper.set_title(f"{title}\n{caption}" if title else caption, loc="left", fontsize="medium")
     upper.set_ylabel(POSITION.heading)
     lower.set_ylabel(f"error [{POSITION.unit}]")

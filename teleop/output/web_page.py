@@ -24,7 +24,6 @@ COLOURS = {
     "#0072b2": "e0",
     "#d55e00": "e1",
     "#009e73": "e2",
-    "#e69f00": "target",
     "#cc79a7": "e3",
     "#a8628a": "tissue-line",
     "#cc0000": "limit",

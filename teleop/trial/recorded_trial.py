@@ -128,7 +128,8 @@ def recorded_truth(recording: Recording) -> dict[str, Any] | None:
 def true_result(recording: Recording, position: float | None) -> dict[str, float] | None:
     """Return the true k and b of a trial on the simulated rig, at the position of its result.
 
-    `k` and `b` are those of specimen and transmission in series, `k_tip` is that of the specimen.
+    `k` and `b` are those of specimen and transmission in series, `k_tip` and `b_tip` those of the
+    specimen.
     The result is None for any other recording, and for a body whose stiffness is not a function of
     the position.
     """
@@ -141,4 +142,4 @@ def true_result(recording: Recording, position: float | None) -> dict[str, float
     law, compliance = setup.cube.slow, setup.transmission.compliance
     k_tip = law.stiffness(law.compressed(position, compliance))
     series = 1.0 + compliance * k_tip
-    return {"k": k_tip / series, "k_tip": k_tip, "b": law.b / series}
+    return {"k": k_tip / series, "k_tip": k_tip, "b": law.b / series, "b_tip": law.b}
