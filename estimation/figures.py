@@ -54,10 +54,10 @@ TRUTH: dict[str, Any] = {
     "color": "#444444",
     "linewidth": 0.9,
     "linestyle": (0, (10, 3)),
-    "zorder": 3,
+    "zorder": 1.9,
 }
 """Style of the lines at the true values of a simulated specimen."""
-RESULT: dict[str, Any] = {"color": PURPLE, "linewidth": 1.6}
+RESULT: dict[str, Any] = {"color": PURPLE, "linewidth": 1.4, "zorder": 1.8}
 """Style of the lines at the result of all samples."""
 INTERVALS = "95 % intervals"
 """Text in the legend for the shaded intervals."""
@@ -318,15 +318,28 @@ def frame(
 ) -> None:
     """Set the vertical limits and the style of the panels of stiffness and damping.
 
-    The limits are computed from the estimates and the levels. The estimates in the first 10 %
-    of the time are ignored, because an estimator may not have converged yet.
+    The limits are computed from the estimates, their intervals and the levels. The estimates in the
+    first 10 % of the time are ignored, because an estimator may not have converged yet.
     """
     later = t >= t[0] + START * (t[-1] - t[0])
     k_levels, b_levels = levels.values()
-    limits(panels[0], [one.k[later] for one in shown.values()], k_levels)
-    limits(panels[1], [one.b[later] for one in shown.values()], b_levels)
+    k = [end for one in shown.values() for end in shown_ends(one.k[later], one.k_half[later])]
+    b = [end for one in shown.values() for end in shown_ends(one.b[later], one.b_half[later])]
+    limits(panels[0], k, k_levels)
+    limits(panels[1], b, b_levels)
     for axes in panels:
         tidy(axes)
+
+
+def shown_ends(values: Floats, half: Floats) -> list[Floats]:
+    """Return the lines that must be within a panel: the estimates, and the ends of their intervals.
+
+    The ends are left out if most of them are farther from the estimates than zero is.
+    """
+    known = np.isfinite(half)
+    if not known.any() or np.median(half[known]) > np.median(np.abs(values[known])):
+        return [values]
+    return [values, values - half, values + half]
 
 
 def interval(axes: Axes, t: Floats, values: Floats, half: Floats, colour: str) -> None:

@@ -93,17 +93,17 @@ class FigureOptions:
         from estimation.figure_style import figure_style
         from teleop.errors import InputError
         from teleop.output.figure_files import plain, save
+        from teleop.output.fit_figures import complex_stiffness_figure, fit_figure, result_title
 
         title = plain(name)
         with figure_style(self.width):
             if self.plot:
                 truth = true_values(recording) if recording else None
-                save(evaluation.plot(self.width, title, truth), self.plot, overwrite)
+                figure = evaluation.plot(self.width, result_title(title, evaluation), truth)
+                save(figure, self.plot, overwrite)
             if self.plot_force:
                 save(evaluation.plot_force(self.width, title), self.plot_force, overwrite)
             if self.plot_fit:
-                from teleop.output.fit_figures import complex_stiffness_figure, fit_figure
-
                 if together is None:
                     figure = fit_figure(name, evaluation)
                 elif together["complex_stiffness"]:

@@ -27,10 +27,11 @@ from estimation.figure_style import (
     new_figure,
     tidy,
 )
-from estimation.quantities import POSITION, STIFFNESS
+from estimation.quantities import DAMPING, POSITION, STIFFNESS
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.evaluation import Evaluation
 from teleop.output.figure_files import plain
+from teleop.output.result_tables import with_interval
 
 PHASE_COLOURS = {
     "free": "#BBBBBB",
@@ -153,6 +154,23 @@ def draw_tangent(axes: Axes, evaluation: Evaluation) -> None:
         label="tangent with slope k",
     )
     axes.plot(x * POSITION.factor, force, "o", color=PURPLE, markersize=6.0)
+
+
+def result_title(title: str, evaluation: Evaluation) -> str:
+    """Return the title of a figure, and below it k and b of the result with their intervals."""
+    result = evaluation.analysis.result
+    if not result.identifiable:
+        return f"{title}\n{fill(f'no k and b: {first_reason(evaluation)}', characters())}"
+    texts = []
+    for one in (STIFFNESS, DAMPING):
+        if result.determines(one.symbol):
+            low, high = result.interval(one.symbol)
+            shown = with_interval(one, low, getattr(result, one.symbol), high)
+            texts.append(f"{one.symbol} = {shown}")
+    if result.b_reason:
+        texts.append("b cannot be used")
+    together = ", ".join(texts)
+    return "\n".join([title, *([together] if len(together) <= characters() else texts)])
 
 
 def thinning(record: SmoothedRecord) -> int:

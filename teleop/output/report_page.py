@@ -169,7 +169,7 @@ def about(recording: Recording, motion: Mapping[str, str]) -> Iterator[str]:
         yield f"{cube} cube"
     if duration := settings.get("duration_s"):
         yield f"{duration:g} s"
-    yield from (f"{name} {text}" for name, text in motion.items())
+    yield from (f"{name} {text}" for name, text in motion.items() if name != "count-in")
     if rig := session.get("rig"):
         yield f"{rig} rig"
     if created := session.get("created"):
