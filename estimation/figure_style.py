@@ -234,8 +234,8 @@ def columns_width(names: Sequence[str], columns: int, font: float) -> float:
 
     `columns` is the number of columns, and `font` is the size of the text [pt].
     """
-    rows = -(-len(names) // columns)
-    longest = [max(map(len, names[i : i + rows])) for i in range(0, len(names), rows)]
+    parts = np.array_split(np.array([len(name) for name in names]), min(columns, len(names)))
+    longest = [int(part.max()) for part in parts]
     return sum(0.62 * length + 5.0 for length in longest) * font / 72.0
 
 

@@ -332,14 +332,14 @@ def frame(
 
 
 def shown_ends(values: Floats, half: Floats) -> list[Floats]:
-    """Return the lines that must be within a panel: the estimates, and the ends of their intervals.
+    """Return the lines that must be within a panel: the estimates, and their median interval.
 
-    The ends are left out if most of them are farther from the estimates than zero is.
+    The interval is left out if its median half width is larger than the median estimate.
     """
-    known = np.isfinite(half)
-    if not known.any() or np.median(half[known]) > np.median(np.abs(values[known])):
+    known = half[np.isfinite(half)]
+    if not len(known) or np.median(known) > np.median(np.abs(values[np.isfinite(values)])):
         return [values]
-    return [values, values - half, values + half]
+    return [values, values - np.median(known), values + np.median(known)]
 
 
 def interval(axes: Axes, t: Floats, values: Floats, half: Floats, colour: str) -> None:

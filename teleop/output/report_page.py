@@ -110,7 +110,8 @@ def of_recording(recording: Recording | None, motion: Mapping[str, str]) -> dict
     values["estimated_channels"] = recording.estimated_channels
     values["missing"] = missing_text(recording.gaps)
     if fault := recording.fault:
-        values["fault"] = fault_text(recording, fault)
+        values["fault"] = f"{fault['text']} (at {fault['time']:.3f} s)"
+        values["fault_report"] = fault_text(recording, fault)
         values["fault_drawing"] = svg(fault_figure(recording, fault))
     if "displayed_force" in recording.columns and recording.settings:
         values["feedback"] = svg(feedback_figure(recording))

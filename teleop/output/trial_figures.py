@@ -72,9 +72,7 @@ def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
             fontsize="small",
             frameon=False,
         )
-    figure.suptitle(
-        fill(plain(fault["text"]), 45 if is_narrow() else 90), x=0.01, ha="left", color="#CC0000"
-    )
+    figure.suptitle(fill(plain(fault["text"]), characters()), x=0.01, ha="left", color="#CC0000")
     rows[-1].set_xlabel(f"time since the fault at {fault['time']:.3f} s [ms]")
     return figure
 
