@@ -40,6 +40,7 @@ LEAST_SQUARES = "least squares"
 """Name of the least-squares fit to all samples, in the table of averages."""
 COMPARISON = "compared with least squares"
 """Title of the table that compares the estimators with least squares."""
+UNSUPPORTED = "the record does not support the estimates of the online estimators"
 DETAILS = "--details prints all models, averages, datum and filters"
 """Last line of the short text."""
 RMS_RATIO = "rms/window"
@@ -100,6 +101,24 @@ def print_estimates(rows: Mapping[str, Mapping[str, Any]]) -> None:
             console.print(f"  {name}: no estimate: no contact or no motion", style="red")
         if row["note"]:
             console.print(f"  {name}: {row['note']}", style="yellow")
+
+
+def print_online(
+    summary: Mapping[str, Any], further: Mapping[str, Mapping[str, Any]], details: bool
+) -> None:
+    """Print the estimates of the online estimators; if the result has no k, only with `details`.
+
+    `further` contains further rows of the averages, which are printed with `details`.
+    """
+    console = plain_console()
+    if not (details or summary["result"]["identifiable"]):
+        console.print(f"  {UNSUPPORTED}: --details prints them", style="yellow")
+        return
+    print_estimates(summary["estimates"])
+    if details:
+        print_averages(summary["estimates"], further)
+    for line in disagreement_lines(summary):
+        console.print(f"  {line}", style="yellow")
 
 
 def print_averages(
@@ -208,11 +227,7 @@ def print_evaluation(summary: Mapping[str, Any], name: str, details: bool) -> No
         print_models(summary)
     else:
         print_best_model(summary)
-    print_estimates(summary["estimates"])
-    if details:
-        print_averages(summary["estimates"], {LEAST_SQUARES: summary["least_squares"]})
-    for line in disagreement_lines(summary):
-        console.print(f"  {line}", style="yellow")
+    print_online(summary, {LEAST_SQUARES: summary["least_squares"]}, details)
     if details:
         for line in evaluation_lines(summary):
             console.print(f"  {line}")
@@ -232,7 +247,7 @@ def disagreement_lines(summary: Mapping[str, Any]) -> list[str]:
     """Return whether online estimates differ from the result, as at most one line."""
     result = summary["result"]
     if not result["identifiable"]:
-        return ["the record does not support these estimates: see the reasons of the result"]
+        return [f"{UNSUPPORTED}: see the reasons of the result"]
     k = result["k"]
     low = min(result["k_low"], k - LARGEST_DIFFERENCE * abs(k))
     high = max(result["k_high"], k + LARGEST_DIFFERENCE * abs(k))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rich.console import Console
 
@@ -27,8 +27,9 @@ def print_result(summary: Mapping[str, Any], name: str) -> None:
     style = "bold" if result["identifiable"] else "bold red"
     console.print(f"{name}: {use_text(result)}", style=style)
     if result["identifiable"]:
-        for line in result_lines(summary):
-            console.print(f"  {line}", style="bold")
+        values = len(result_values(result))
+        for i, line in enumerate(result_lines(summary)):
+            console.print(f"  {line}", style="bold" if i < values else None)
         for line in tangent_lines(result["tangent"], result["storage_at_hz"])[:1]:
             console.print(f"  {line}")
     for reason in further_reasons(result):
@@ -91,26 +92,73 @@ CORRECTIONS = (
 """Corrections of the result: name, key in the summary, factor and unit of the shown value."""
 
 
-def result_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return lines of text with stiffness, damping and their 95 % intervals.
+class ShownValue(NamedTuple):
+    """A value of the result as a person sees it. All numbers are texts."""
 
-    A further line states how much a lag of the force changes b. If the data are not sufficient for
-    stiffness and damping, the only line states that these cannot be given.
+    name: str
+    symbol: str
+    value: str
+    """The value; empty if it is not determined."""
+    unit: str
+    low: str
+    """Lower end of the 95 % interval."""
+    high: str
+    usable: bool
+    """Whether the value can be used."""
+
+
+def result_values(result: Mapping[str, Any]) -> list[ShownValue]:
+    """Return k, k at the tip if it is known, and b of a result; none if k cannot be given."""
+    if not result["identifiable"]:
+        return []
+    values = []
+    tip = result["k_tip"]
+    for one in (STIFFNESS, DAMPING):
+        usable = one is STIFFNESS or not result["b_reason"]
+        ends = [result[f"{one.symbol}{end}"] for end in ("_low", "", "_high")]
+        values.append(shown_value(one, one.name, one.symbol, ends, usable))
+        if one is STIFFNESS and tip:
+            ends = [tip["low"], tip["value"], tip["high"]]
+            values.append(shown_value(one, "", f"{one.symbol} at the tip", ends, usable))
+    return values
+
+
+def shown_value(
+    one: Quantity, name: str, symbol: str, ends: Sequence[float | None], usable: bool
+) -> ShownValue:
+    """Return how a quantity is shown; `ends` are the low end, the value and the high end."""
+    low, value, high = ends
+    if low is None or value is None or high is None:
+        return ShownValue(name, symbol, "", one.unit, "", "", False)
+    decimals = shown_decimals(one.shown(value), one.shown(high - low))
+    texts = [rounded(one.shown(each), decimals) for each in (value, low, high)]
+    return ShownValue(name, symbol, texts[0], one.unit, texts[1], texts[2], usable)
+
+
+def result_lines(summary: Mapping[str, Any]) -> list[str]:
+    """Return lines of text with stiffness, damping and their 95 % intervals, and what they are.
+
+    If the data are not sufficient for stiffness and damping, the only line states that these cannot
+    be given.
     """
     result = summary["result"]
     if not result["identifiable"]:
         return ["no stiffness and no damping can be given:"]
+    lines = [
+        f"{one.name:9} {one.symbol} = {one.value} {one.unit} (95 % interval {one.low} to {one.high})"
+        if one.value
+        else f"{one.name:9} {one.symbol} is not determined"
+        for one in result_values(result)
+    ]
+    return [*lines, *meaning_lines(summary)]
+
+
+def meaning_lines(summary: Mapping[str, Any]) -> list[str]:
+    """Return what kind of damping b is, and for what k and b are corrected; none without k."""
+    result = summary["result"]
+    if not result["identifiable"]:
+        return []
     lines = []
-    tip = result["k_tip"]
-    for one in (STIFFNESS, DAMPING):
-        values = [result[f"{one.symbol}{end}"] for end in ("_low", "", "_high")]
-        if None in values:
-            lines.append(f"{one.name:9} {one.symbol} is not determined")
-            continue
-        lines.append(f"{one.name:9} {one.symbol} = {with_interval(one, *values)}")
-        if one is STIFFNESS and tip:
-            at_tip = with_interval(one, tip["low"], tip["value"], tip["high"])
-            lines.append(f"{'':9} {one.symbol} at the tip = {at_tip}")
     frequency = result["damping_at_hz"]
     if result["b"] is not None and frequency is not None:
         lines.append(f'b is the equivalent viscous damping k"/omega at {frequency:.3g} Hz')
@@ -124,7 +172,7 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
         for name, key, factor, unit in CORRECTIONS
         if transmission.get(key)
     ]
-    meaning = ["k and b: specimen and transmission in series"] if tip else []
+    meaning = ["k and b: specimen and transmission in series"] if result["k_tip"] else []
     if corrected:
         meaning.append(f"corrected for {' and '.join(corrected)}")
     if meaning:
@@ -134,10 +182,8 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
 
 def with_interval(one: Quantity, low: float, value: float, high: float) -> str:
     """Return a value with its unit and its 95 % interval, from values in SI units."""
-    width = one.shown(high - low)
-    decimals = shown_decimals(one.shown(value), width)
-    shown = [rounded(one.shown(each), decimals) for each in (value, low, high)]
-    return f"{shown[0]} {one.unit} (95 % interval {shown[1]} to {shown[2]})"
+    shown = shown_value(one, "", "", (low, value, high), usable=True)
+    return f"{shown.value} {one.unit} (95 % interval {shown.low} to {shown.high})"
 
 
 def motion_line(summary: Mapping[str, Any]) -> str:
@@ -287,9 +333,7 @@ def with_half(value: float, half: float) -> str:
         power = math.floor(math.log10(abs(value)))
         return f"({with_half(value / 10.0**power, half / 10.0**power)})e{power}"
     decimals = shown_decimals(value, half)
-    return (
-        f"{rounded(value, decimals)} \u00b1 {rounded(max(half, 10.0**-decimals), decimals)}"
-    )
+    return f"{rounded(value, decimals)} \u00b1 {rounded(max(half, 10.0**-decimals), decimals)}"
 
 
 def shown_half(quantity: Quantity, value: float, half: float) -> str:

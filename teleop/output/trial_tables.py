@@ -9,13 +9,7 @@ from rich.console import Console
 
 from estimation.quantities import DAMPING, STIFFNESS
 from teleop.output.console import plain_console
-from teleop.output.estimate_tables import (
-    disagreement_lines,
-    left_out_lines,
-    print_averages,
-    print_estimated,
-    print_estimates,
-)
+from teleop.output.estimate_tables import left_out_lines, print_estimated, print_online
 from teleop.output.next_command import print_command
 from teleop.output.result_tables import print_best_model, print_result
 from teleop.printable import wrapped
@@ -64,11 +58,9 @@ def print_trial(summary: Mapping[str, Any], details: bool) -> None:
 def print_results(console: Console, summary: Mapping[str, Any], details: bool) -> None:
     """Print the estimates of a trial, and quantities that help to judge them."""
     if summary["estimates"]:
-        print_estimates(summary["estimates"])
-        if details:
-            print_averages(summary["estimates"], {})
-        for line in (*disagreement_lines(summary), *left_out_lines(summary)):
-            console.print(f"  {line}", style="yellow")
+        print_online(summary, {}, details)
+        for line in left_out_lines(summary):
+            console.print(f"  {line}")
     elif summary["interrupted"]:
         console.print(
             f"  no estimates: {summary['contact_s']:.2f} s of contact, expected at least "
@@ -82,7 +74,9 @@ def print_results(console: Console, summary: Mapping[str, Any], details: bool) -
     print_estimated(console, summary)
     if details:
         excitation = summary["excitation"]["mean"]
-        console.print(f"  excitation: {excitation:.2f} (0 at rest, 1 for a sine of 1 Hz about zero)")
+        console.print(
+            f"  excitation: {excitation:.2f} (0 at rest, 1 for a sine of 1 Hz about zero)"
+        )
     if summary["contact"] < 1.0 and details:
         rest = f"{1.0 - summary['contact']:.0%} of the samples"
         console.print(f"  contact force near zero, and estimates held, in {rest}")

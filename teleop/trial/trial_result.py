@@ -27,7 +27,7 @@ FAILED = "the evaluation failed because of an error in the program"
 PARTS = ("result", "best_model", "models", "transmission")
 """Parts of the evaluation that are shown at the end of a trial: k and b, the fitted models, and the
 values for which k and b are corrected."""
-DRAWN = 1200
+DRAWN = 800
 """Approximate largest number of samples in the picture of force over depth."""
 DIGITS = 5
 """Number of significant digits of a number in this picture."""

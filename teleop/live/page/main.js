@@ -16,7 +16,7 @@ import { Status } from "./status.js";
 import { Stop } from "./stop.js";
 import { Store } from "./store.js";
 import { Strips } from "./strips.js";
-import { summaryParts } from "./summary.js";
+import { evaluatingParts, summaryParts } from "./summary.js";
 import { startTheme } from "./theme.js";
 import { Tool } from "./tool.js";
 import { Trust } from "./trust.js";
@@ -93,10 +93,16 @@ connection.on("state", (message) => {
   trust.show(message.trust);
   estimates.support(message.trust);
 });
-connection.on("summary", (message) => {
-  byId("summary-body").replaceChildren(...summaryParts(message, welcome.quantities));
-  byId("summary").show();
-});
+function showResult({ title, parts, files }, isUsable) {
+  byId("summary-title").textContent = title;
+  byId("summary-title").classList.toggle("unusable", !isUsable);
+  byId("summary-body").replaceChildren(...parts);
+  byId("summary-files").replaceChildren(...files);
+  byId("summary-body").scrollTop = 0;
+  if (!byId("summary").open) byId("summary").show();
+}
+connection.on("evaluating", () => showResult(evaluatingParts(), true));
+connection.on("summary", (message) => showResult(summaryParts(message), message.result.identifiable));
 connection.on("closed", () => pointer.release());
 byId("summary-close").addEventListener("click", () => byId("summary").close());
 byId("operator-link").hash = location.hash;
