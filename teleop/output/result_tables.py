@@ -145,7 +145,8 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
     if not result["identifiable"]:
         return ["no stiffness and no damping can be given:"]
     lines = [
-        f"{one.name:9} {one.symbol} = {one.value} {one.unit} (95 % interval {one.low} to {one.high})"
+        f"{one.name:9} {one.symbol} = {one.value} {one.unit} "
+        f"(95 % interval {one.low} to {one.high})"
         if one.value
         else f"{one.name:9} {one.symbol} is not determined"
         for one in result_values(result)

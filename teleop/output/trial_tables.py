@@ -121,7 +121,8 @@ def print_truth(console: Console, truth: Mapping[str, Any], details: bool) -> No
     if details:
         console.print(
             f"  lag of the force channel {truth['force_lag_s'] * 1e3:g} ms; lost motion of the "
-            f"slave {truth['lost_motion_m'] * 1e6:g} um. They make the online estimate of b too low."
+            f"slave {truth['lost_motion_m'] * 1e6:g} um. They make the online estimates of b too "
+            "low."
         )
     further = truth.get("further_laws", {})
     if further:

@@ -102,8 +102,11 @@ class Trial(Presented):
         `result.summary["result"]`, k and b are None if the data are not sufficient, and `reasons`
         states why. The trial is evaluated when this property is first used.
         """
-        from teleop.trial.trial_result import trial_result  # imports scipy, which takes long
+        # scipy is imported here, after the trial, because this takes long
+        from teleop.trial.trial_result import trial_result, without
 
+        if not self.statistics.pairs:
+            return without("the trial ended before its first sample")
         complete = self.outcome.path and not self.outcome.problem
         return trial_result(self.ticks, self.outcome.path if complete else None)
 

@@ -84,8 +84,6 @@ class StiffnessResult:
     """Lower end of the 95 % interval of b [N s/m]."""
     b_high: float | None = None
     """Upper end of the 95 % interval of b [N s/m]."""
-    b_reason: str = ""
-    """Reason why b cannot be used although k can; empty if b can be used."""
     identifiable: bool = False
     """Whether the data are sufficient for k."""
     reasons: tuple[str, ...] = ()
@@ -128,6 +126,8 @@ class StiffnessResult:
     inertia_at_hz: float | None = None
     """Frequency [Hz] of a sine, in which a mass beyond the force sensor changes k by the product of
     mass and squared angular frequency, and cannot be identified. None for other motions."""
+    b_reason: str = ""
+    """Reason why b cannot be used although k can; empty if b can be used."""
     parts: dict[str, Any] = field(default_factory=dict)
     """Layers, damping by depth, mass and friction of the best model
     (`teleop.evaluation.batch.extension_texts.described`)."""
