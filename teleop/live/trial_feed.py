@@ -149,7 +149,7 @@ class TrialFeed(Feed):
         except OSError:  # such as a full disk: the result is shown without files
             return {}
         if not summary["picture"]:  # without an evaluation, there is no report
-            del files["report"]
+            files.pop("report", None)
         return files
 
     def leave(self) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from estimation.registry import BUILT_IN
 from estimation.transmission import RIGID as UNKNOWN_TRANSMISSION
@@ -17,7 +17,9 @@ from teleop.recording.columns import COLUMNS, DROPPED, POINTER
 from teleop.recording.recording import Recording
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.recorded_trial import recorded_truth, trial_settings, truth
-from teleop.trial.trial_result import TrialResult
+
+if TYPE_CHECKING:
+    from teleop.trial.trial_result import TrialResult
 
 PLAIN = {
     "rls": "Recursive least squares: the k and b that fit the newest samples best.",

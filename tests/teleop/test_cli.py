@@ -275,11 +275,18 @@ def test_help_imports_nothing_heavy():
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_a_run_does_not_import_scipy_which_takes_longer_than_the_rest():
+def test_a_run_imports_scipy_which_takes_long_only_after_the_trial():
     arguments = ["run", "--clock", "virtual", "--duration", "0.2", "--no-record"]
     code = (
-        f"import sys; from teleop.cli import main; main({arguments})\n"
-        "sys.exit(', '.join({'scipy', 'matplotlib', 'pandas'} & set(sys.modules)) or 0)"
+        "import sys; from teleop.cli import main; import teleop.trial.run as run\n"
+        "found, run_trial = set(), run.run_trial\n"
+        "def noted(*arguments, **options):\n"
+        "    trial = run_trial(*arguments, **options)\n"
+        "    found.update({'scipy', 'matplotlib', 'pandas'} & set(sys.modules), {'trial'})\n"
+        "    return trial\n"
+        f"run.run_trial = noted; main({arguments})\n"
+        "found |= {'matplotlib', 'pandas'} & set(sys.modules)\n"
+        "sys.exit(', '.join(found - {'trial'}) or 'trial' not in found)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
