@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import os
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote
@@ -51,7 +51,7 @@ class Download:
     kind: str
     headers: tuple[tuple[str, str], ...]
     command: tuple[str, ...] = ()
-    making: asyncio.Task[str] | None = field(default=None)
+    making: asyncio.Task[str] | None = None
     """Task that runs the command, and returns its problem; None before the first request."""
 
 

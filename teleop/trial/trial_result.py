@@ -51,12 +51,12 @@ def trial_result(ticks: Recording | RecordingFile, recorded: Path | None) -> Tri
     """
     try:
         evaluation, stated = evaluated(ticks, recorded)
+        document = {**stated, **evaluation.batch_summary()}
+        return TrialResult({name: document[name] for name in PARTS}, force_over_depth(evaluation))
     except InputError as problem:
         return without(str(problem))
     except Exception as error:  # a session continues after it
         return without(f"{FAILED}: {type(error).__name__}: {error}")
-    document = {**stated, **evaluation.batch_summary()}
-    return TrialResult({name: document[name] for name in PARTS}, force_over_depth(evaluation))
 
 
 def without(reason: str) -> TrialResult:

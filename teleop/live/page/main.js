@@ -93,9 +93,9 @@ connection.on("state", (message) => {
   trust.show(message.trust);
   estimates.support(message.trust);
 });
-function showResult({ title, parts, files }, isUsable) {
+function showResult({ title, use, parts, files }) {
   byId("summary-title").textContent = title;
-  byId("summary-title").classList.toggle("unusable", !isUsable);
+  byId("summary-title").dataset.use = use;
   // new elements appear at their place, and nothing that a person sees moves
   for (const [id, content] of [["summary-body", parts], ["summary-files", files]]) {
     const fresh = byId(id).cloneNode();
@@ -104,8 +104,8 @@ function showResult({ title, parts, files }, isUsable) {
   }
   if (!byId("summary").open) byId("summary").show();
 }
-connection.on("evaluating", () => showResult(evaluatingParts(), true));
-connection.on("summary", (message) => showResult(summaryParts(message), message.result.identifiable));
+connection.on("evaluating", () => showResult(evaluatingParts()));
+connection.on("summary", (message) => showResult(summaryParts(message)));
 connection.on("closed", () => pointer.release());
 byId("summary-close").addEventListener("click", () => byId("summary").close());
 byId("operator-link").hash = location.hash;

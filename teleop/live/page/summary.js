@@ -100,11 +100,12 @@ async function waitForFile(url) {
 
 // Return the title, the elements and the links of the dialog while a trial is evaluated.
 export function evaluatingParts() {
-  return { title: "Evaluating the trial …", parts: [element("p", "muted", "k and b are computed from all samples of the trial.")], files: [] };
+  const parts = [element("p", "muted", "k and b are computed from all samples of the trial.")];
+  return { title: "Evaluating the trial …", use: "", parts, files: [] };
 }
 
-// Return the title, the elements and the links of the dialog that shows the result. `summary` is the document that `teleop run --json`
-// prints, with the texts `shown` and the data of the picture.
+// Return the title, the elements and the links of the dialog that shows the result, and which values can be used.
+// `summary` is the document that `teleop run --json` prints, with the texts `shown` and the data of the picture.
 export function summaryParts(summary) {
   const { shown, recording, picture: drawn, result } = summary;
   const parts = [];
@@ -122,5 +123,6 @@ export function summaryParts(summary) {
   if (result.identifiable) parts.push(...further(summary));
   const where = recording.path ? `Recorded in ${recording.path}` : "Not recorded: there is no report and no file.";
   parts.push(element("p", "muted", recording.problem ? `The recording is not complete: ${recording.problem}` : where));
-  return { title: shown.use, parts, files: links(summary.files) };
+  const use = !result.identifiable ? "none" : shown.values.every((one) => one.usable) ? "all" : "some";
+  return { title: shown.use, use, parts, files: links(summary.files) };
 }

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from .conftest import wait_for
-from .result import FILES, USE, failed, summary
+from .result import FILES, USE, VALUES, failed, summary
 
 IS_OPEN = "document.getElementById('summary').open"
 OVERLAP = """() => {
@@ -57,6 +57,16 @@ def test_a_value_that_cannot_be_used_is_grey(shown):
     weak = page.evaluate("getComputedStyle(document.querySelector('tr.unsupported td')).color")
     assert cells[1] == weak
     assert cells[0] != weak
+
+
+def test_the_title_is_green_only_if_all_values_can_be_used_and_red_without_any(shown):
+    style = "getComputedStyle(document.getElementById('summary-title')).color"
+    text = "getComputedStyle(document.body).color"
+    page = shown(summary())
+    assert page.evaluate(style) == page.evaluate(text)
+    usable = {**summary()["shown"], "values": VALUES[:1]}
+    colours = [shown(one).evaluate(style) for one in (summary(shown=usable), failed("a reason"))]
+    assert len({*colours, page.evaluate(text)}) == 3
 
 
 def test_the_picture_has_samples_fit_and_slope_inside_its_frame(shown):
