@@ -17,7 +17,6 @@ from estimation.figure_style import (
     PROFILE,
     characters,
     draw,
-    is_narrow,
     legend,
     limits,
     line,
