@@ -64,8 +64,8 @@ class FigureOptions:
     """Options of the figures of an evaluation."""
 
     plot: Path | None = None
-    """Plot the estimated stiffness and damping, as in the paper's Figure 3, to a .png, .svg or .pdf
-    file."""
+    """Plot the estimated stiffness and damping with 95 % intervals, as in the paper's Figure 3, and
+    the result, to a .png, .svg or .pdf file."""
     plot_force: Path | None = None
     """Plot the measured and the predicted force to a .png, .svg or .pdf file."""
     plot_fit: Path | None = None

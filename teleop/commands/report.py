@@ -27,11 +27,13 @@ def report(
 ) -> int:
     """Write the results and figures of a recording to one HTML page that can be read offline.
 
-    The page contains the result (stiffness and damping with 95 % intervals), the estimates of each
-    estimator, figures, and a link to the recording. One figure shows over time which values of
-    stiffness and damping fit the data about equally well. For a recording of teleop run, the page
-    also contains the safety events and the settings of the trial. If a fault stopped the trial, the
-    page describes the fault, and a figure shows the measured signals before and after the fault.
+    The page begins with the result: stiffness and damping with 95 % intervals, whether they can be
+    used, and the force over the depth with the fit. The estimates of each estimator, further
+    figures and a link to the recording follow. One figure shows over time which values of stiffness
+    and damping fit the data about equally well. For a recording of teleop run, the page also
+    contains the true values if the rig was simulated, the safety events and the settings of the
+    trial. If a fault stopped the trial, the page begins with the fault, and a figure shows the
+    measured signals before and after the fault.
 
     Example: `teleop report run.mcap --out run.html`
 
