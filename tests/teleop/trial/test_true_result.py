@@ -16,7 +16,7 @@ from teleop.trial.run import run_trial
 
 @pytest.fixture(scope="module")
 def recording():
-    settings = TrialSettings("autonomous", cube="hard", duration=4.0, estimators=("rls",))
+    settings = TrialSettings("autonomous", cube="hard", duration=4.0, clock="virtual")
     return run_trial(settings).recording
 
 
