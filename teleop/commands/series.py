@@ -172,9 +172,9 @@ class SeriesRunner:
                 live=self.link,
                 arm=True,  # `series` has checked that a person, a page or --yes arms the drives
             )
+            if self.link:  # a signal during the evaluation does not discard the trial
+                self.link.show_result(trial)
         self.ended = switch.ends_command or (switch.signalled and not trial.armed)
-        if self.link:
-            self.link.show_result(trial)
         return trial
 
 

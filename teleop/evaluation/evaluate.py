@@ -197,8 +197,8 @@ def without_lost_motion(samples: Samples, lost_motion: float) -> Samples:
     travel = float(np.ptp(samples.signals.x))
     if lost_motion and not 2.0 * lost_motion < travel:
         raise InputError(
-            f"lost motion {lost_motion * 1e6:.4g} um: expected less than half of the travel of "
-            f"{travel * 1e6:.4g} um in the record"
+            f"the motion is too small: travel {travel * 1e6:.4g} um, expected more than twice the "
+            f"lost motion of {lost_motion * 1e6:.4g} um"
         )
     return SamplesAtTip(samples, lost_motion) if lost_motion else samples
 

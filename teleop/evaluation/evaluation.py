@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from estimation.arrays import Floats
 from estimation.batch_models import BatchFit
 from estimation.excitation import LEAST_EXCITATION
 from estimation.presentation import Presented
+from estimation.stiffening import Interval
 from estimation.summary import EstimatorSummary
 from teleop.evaluation.batch.analysis import Analysis
 from teleop.evaluation.online.conditioned import ConditionedSamples
@@ -29,6 +30,11 @@ from teleop.evaluation.online.run import OnlineResult
 from teleop.evaluation.online.thresholds import LEAST_KEPT_VARIANCE
 from teleop.evaluation.reason import Reason
 from teleop.evaluation.settings import WHOLE, AveragedPart
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from estimation.figures import Truth
 
 
 @dataclass(frozen=True, repr=False)
@@ -110,6 +116,34 @@ class Evaluation(Presented):
         """
         return self.online.excitation
 
+    def plot(self, width: str = "screen", title: str = "", truth: Truth | None = None) -> Figure:
+        """Return a figure of the estimated stiffness and damping, and of the motion, over time.
+
+        k and b of the batch evaluation are drawn as horizontal lines with their 95 % intervals.
+        Below the title, the figure states which estimators have a misfit above 5 %.
+
+        Parameters
+        ----------
+        width, title, truth
+            As for a result of `estimation.identify`.
+        """
+        from estimation.figure_style import figure_style
+        from estimation.figures import Result, estimates_figure, misfit_remark
+
+        found = self.analysis.result
+        k, b = (
+            Interval(getattr(found, part), *found.interval(part))
+            if found.determines(part)
+            else None
+            for part in ("k", "b")
+        )
+        remark = misfit_remark({name: one.misfit for name, one in self.summaries().items()})
+        x, v, *_ = self.regression
+        with figure_style(width):
+            return estimates_figure(
+                title, self.t, x, v, self.estimates, truth, Result(k, b, found.kinds["k"]), remark
+            )
+
     def summary(self, cost: bool = False) -> dict[str, Any]:
         """Return all results as a dictionary, which `teleop estimate --json` prints as JSON."""
         estimates = {name: one._asdict() for name, one in self.summaries().items()}
@@ -162,6 +196,13 @@ class Evaluation(Presented):
         """
         return self.analysis.models(self.datum.x, self.datum.f)
 
+    @cached_property
+    def best_model(self) -> BatchFit | None:
+        """The best of `models` whose parameters are all identifiable; None without k and b."""
+        if not self.analysis.result.identifiable:
+            return None
+        return next((fit for fit in self.models if fit.identifiable), None)
+
     def batch_summary(self) -> dict[str, Any]:
         """Return the results of the batch evaluation as a dictionary for JSON.
 
@@ -188,11 +229,9 @@ class Evaluation(Presented):
                 f"conditioning at {self.bandwidth:.3g} Hz keeps {self.kept_force_variance:.0%} of "
                 "the force variance: the online estimates describe that part only"
             )
-        identified = [fit.name for fit in self.models if fit.identifiable]
-        best = identified[0] if identified and result.identifiable else None
         return {
             "result": {**result.summary(), "reasons": reasons, "hints": hints},
-            "best_model": best,
+            "best_model": self.best_model and self.best_model.name,
             "models": [fit.summary() for fit in self.models],
             **self.analysis.summary(),
             "kept_force_variance": self.kept_force_variance,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -70,7 +71,8 @@ class TrialFeed(Feed):
     `ring` contains the ticks, `events` the events of the trials. `session` has fields of `welcome`:
     `may_arm` (whether the page may arm the drives), `pointer` (whether the mouse moves the handle)
     and `choices` (values that a setting may have). `send` sends a request to the control process,
-    which reads requests between two trials.
+    which reads requests between two trials. `offer` makes the files of a recording available to the
+    pages, and returns their addresses by name.
     """
 
     def __init__(
@@ -80,11 +82,13 @@ class TrialFeed(Feed):
         cells: CellWriter,
         session: dict[str, Any],
         send: Callable[[dict[str, Any]], None],
+        offer: Callable[[Path], dict[str, str]],
     ) -> None:
         self.history = History(1)
         self._ring, self._events, self._cells = ring, events, cells
         self._session = session
         self._send = send
+        self._offer = offer
         self._begin: dict[str, Any] = {}
         self._valid: dict[str, dict[str, Any]] = {}
         self._news: list[dict[str, Any]] = []
@@ -113,8 +117,8 @@ class TrialFeed(Feed):
     def receive(self, document: dict[str, Any]) -> None:
         """Process a message of the control process.
 
-        The messages are `begin` or `end` of a trial, its `summary`, a `prompt`, and `refused`: a
-        trial could not begin.
+        The messages are `begin` or `end` of a trial, `evaluating` and then its `summary`, a
+        `prompt`, and `refused`: a trial could not begin.
         """
         kind = document["type"]
         if kind == "begin":
@@ -129,8 +133,24 @@ class TrialFeed(Feed):
         elif kind == "prompt":
             self._text, self._advice = document["text"], document["advice"]
             self._prompt = {name: document[name] for name in ("number", "answers")}
+        elif kind == "summary":
+            self._valid.pop("evaluating", None)
+            self._publish({**document, "files": self._files(document)})
         else:
             self._publish(document)
+
+    def _files(self, summary: Mapping[str, Any]) -> dict[str, str]:
+        """Return the addresses of the files of a trial; none without a complete recording."""
+        recording = summary["recording"]
+        if not recording["path"] or recording["problem"]:
+            return {}
+        try:
+            files = self._offer(Path(recording["path"]))
+        except OSError:  # such as a full disk: the result is shown without files
+            return {}
+        if not summary["picture"]:  # without an evaluation, there is no report
+            files.pop("report", None)
+        return files
 
     def leave(self) -> None:
         """Store that the control process has ended, so that the live page can show it."""
@@ -146,7 +166,7 @@ class TrialFeed(Feed):
         return news
 
     def documents(self) -> list[dict[str, Any]]:
-        """Return the latest messages `welcome`, `trial` and `summary`."""
+        """Return the latest messages `welcome`, `trial`, and `evaluating` or `summary`."""
         return list(self._valid.values())
 
     def state(self) -> dict[str, Any]:
@@ -260,7 +280,8 @@ class TrialFeed(Feed):
         self._indices = [self._column[name] for name in shown]
         self._trust = Trust(shown, begin["estimators"], begin["trial"]["transmission"])
         of = {column["name"]: column for column in begin["columns"]}
-        self._valid.pop("summary", None)
+        for name in ("summary", "evaluating"):
+            self._valid.pop(name, None)
         self._describe([of[name] for name in shown], begin["estimators"], begin["rate"])
         self._news.append(self._valid["welcome"])
         self._publish(begin["trial"])

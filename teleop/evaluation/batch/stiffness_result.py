@@ -49,6 +49,7 @@ from teleop.evaluation.batch.reasons import (
 )
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
+    LARGEST_LAG_EFFECT,
     LARGEST_PHASE_DRIFT,
     LEAST_AMPLITUDE_FOR_B,
     LEAST_AMPLITUDE_FOR_K,
@@ -125,6 +126,11 @@ class StiffnessResult:
     inertia_at_hz: float | None = None
     """Frequency [Hz] of a sine, in which a mass beyond the force sensor changes k by the product of
     mass and squared angular frequency, and cannot be identified. None for other motions."""
+    b_reason: str = ""
+    """Reason why b cannot be used although k can; empty if b can be used."""
+    position: float | None = None
+    """Position at which the tangent stiffness is evaluated [m]: that of the recording, corrected
+    for the lag of the force and the lost motion."""
     parts: dict[str, Any] = field(default_factory=dict)
     """Layers, damping by depth, mass and friction of the best model
     (`teleop.evaluation.batch.extension_texts.described`)."""
@@ -186,6 +192,7 @@ class StiffnessResult:
         document["b_change_per_ms_of_lag"] = self.b_change_per_ms
         document["tangent"] = {
             "force_n": document.pop("force"),
+            "position_m": document.pop("position"),
             "depth_m": document.pop("depth"),
             "depth_error_m": document.pop("depth_error"),
             "depth_from": document.pop("depth_from"),
@@ -287,19 +294,22 @@ def stiffness_result(
                 "sine cannot show this"
             )
         )
-    unknown = no_damping(v, local, half_b, drift, transmission)
+    unusable = unknown = no_damping(v, local, half_b, drift, transmission)
     if unknown:
         found.append(unknown)
     elif half_b > abs(local.b):
-        found.append(Reason(DAMPING_NOT_RESOLVED))
-    if not unknown and not record.force_lag and 1e-3 * local.k > NOTABLE_LAG * abs(local.b):
-        found.append(
-            Reason(
-                f"a lag of the force is not known: each millisecond of it makes b smaller by "
-                f"{DAMPING.text(1e-3 * local.k, '.3g')}",
-                LAG,
-            )
+        unusable = Reason(DAMPING_NOT_RESOLVED)
+        found.append(unusable)
+    by_lag = 1e-3 * local.k  # decrease of b for each millisecond
+    if not unknown and not record.force_lag and by_lag > NOTABLE_LAG * abs(local.b):
+        remark = Reason(
+            f"a lag of the force is not known: each millisecond of it makes b smaller by "
+            f"{DAMPING.text(by_lag, '.3g')}",
+            LAG,
         )
+        found.append(remark)
+        if by_lag > LARGEST_LAG_EFFECT * abs(local.b):
+            unusable = unusable or remark
     interval = Interval(local.k, local.k - half_k, local.k + half_k)
     k_tip, too_compliant = stiffness_at_tip(interval, transmission)
     found += too_compliant
@@ -325,12 +335,14 @@ def stiffness_result(
         reasons=reasons,
         hints=hints,
         force=force if level is None else force - level,
+        position=position,
         depth=depth,
         secant=secant,
         secant_change=secant_change,
         times=reported_times(local.best.times),
         depth_error=0.5 * (point.high - point.low) if point else 0.0,
         depth_from="contact point" if point else "lowest position",
+        b_reason=unusable.text if unusable else "",
         damping_at_hz=frequency_of_loss(local),
         k_tip=k_tip,
         storage_at_hz=record.frequency if is_storage(record, phases, local) else None,
@@ -397,6 +409,7 @@ def with_lost_motion(
         text += f": the correction of k, from {STIFFNESS.text(plain.k)}, is too large"
         return without_result([Reason(text, MEASURE)])
     b = low = high = None
+    b_reason = result.b_reason
     without = f"{STIFFNESS.text(plain.k)} and {DAMPING.text(plain.b)}"
     text += f", which is removed; without this correction, k and b are {without}"
     reasons = result.reasons
@@ -405,9 +418,11 @@ def with_lost_motion(
         b, low, high = result.b, result.b - half_b, result.b + half_b
         if found.amplitude < LEAST_AMPLITUDE_FOR_B * found.half_width:
             b = low = high = None
+            b_reason = f"{amplitude} is too small beside the lost motion"
             text += f"; {amplitude} is too small for b"
         elif half_b > abs(b) and DAMPING_NOT_RESOLVED not in reasons:
-            reasons = (*reasons, DAMPING_NOT_RESOLVED)
+            b_reason = DAMPING_NOT_RESOLVED
+            reasons = (*reasons, b_reason)
     k_tip = result.k_tip and Interval(
         result.k_tip.value,
         *(
@@ -422,6 +437,7 @@ def with_lost_motion(
         b=b,
         b_low=low,
         b_high=high,
+        b_reason=b_reason,
         k_tip=k_tip,
         lost_motion=found.interval,
         reasons=(text, *reasons),

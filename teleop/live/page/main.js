@@ -16,7 +16,7 @@ import { Status } from "./status.js";
 import { Stop } from "./stop.js";
 import { Store } from "./store.js";
 import { Strips } from "./strips.js";
-import { summaryParts } from "./summary.js";
+import { evaluatingParts, summaryParts } from "./summary.js";
 import { startTheme } from "./theme.js";
 import { Tool } from "./tool.js";
 import { Trust } from "./trust.js";
@@ -93,10 +93,19 @@ connection.on("state", (message) => {
   trust.show(message.trust);
   estimates.support(message.trust);
 });
-connection.on("summary", (message) => {
-  byId("summary-body").replaceChildren(...summaryParts(message, welcome.quantities));
-  byId("summary").show();
-});
+function showResult({ title, use, parts, files }) {
+  byId("summary-title").textContent = title;
+  byId("summary-title").dataset.use = use;
+  // new elements appear at their place, and nothing that a person sees moves
+  for (const [id, content] of [["summary-body", parts], ["summary-files", files]]) {
+    const fresh = byId(id).cloneNode();
+    fresh.append(...content);
+    byId(id).replaceWith(fresh);
+  }
+  if (!byId("summary").open) byId("summary").show();
+}
+connection.on("evaluating", () => showResult(evaluatingParts()));
+connection.on("summary", (message) => showResult(summaryParts(message)));
 connection.on("closed", () => pointer.release());
 byId("summary-close").addEventListener("click", () => byId("summary").close());
 byId("operator-link").hash = location.hash;

@@ -116,7 +116,7 @@ def test_the_result_of_a_trial_on_the_default_rig_is_right(cube, condition, tmp_
     assert result["b_low"] <= b <= result["b_high"]
     assert not any("negative" in reason for reason in result["reasons"])
     assert found["lost_motion_m"] == found["transmission"]["lost_motion_m"]
-    assert main(["estimate", path]) == 0
+    assert main(["estimate", path, "--details"]) == 0
     out = capsys.readouterr().out
     assert "corrected for a force lag of 2.663 ms and lost motion of 121.9 um" in out
     assert "the online estimates are not corrected" not in out
@@ -149,7 +149,7 @@ def test_without_correction_a_trial_has_the_low_damping_of_the_paper_and_says_wh
     assert all(one["b"] < 0.0 for one in found["estimates"].values())
     assert found["force_lag_s"] == found["lost_motion_m"] == 0.0
     assert found["result"]["b_low"] <= TrialSettings(cube="soft").setup.cube.slow.b
-    assert main(["estimate", str(tmp_path / "trial.mcap")]) == 0
+    assert main(["estimate", str(tmp_path / "trial.mcap"), "--details"]) == 0
     out = " ".join(capsys.readouterr().out.split())
     assert "the online estimates are not corrected, as in the trial: lag and lost motion" in out
 
@@ -189,7 +189,7 @@ def test_stated_values_replace_those_of_the_rig(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--lost-motion", "50mm"), ["lost motion 5e+04 um", "travel"]),
+        (("--lost-motion", "50mm"), ["lost motion of 5e+04 um", "travel"]),
         (("--lost-motion=-1um",), ["--lost-motion", "zero or more"]),
         (("--compliance", "7um"), ["--compliance", "7um/N"]),
     ],

@@ -10,6 +10,7 @@ import pytest
 from estimation.registry import BUILT_IN
 
 from .conftest import WATCH, wait_for
+from .result import summary
 
 pytestmark = pytest.mark.real_time
 
@@ -57,6 +58,7 @@ def varied(feed):
 def run_trial(page, feed):
     """Go through the modes of a trial, in which the mouse rests with its button pressed."""
     feed.mode, feed.requests = "ready", []
+    page.evaluate("document.getElementById('summary')?.close()")  # it covers the tool
     wait_for(page, "teleop.state().mode === 'ready'")
     page.wait_for_timeout(100)
     page.evaluate("shifts.length = 0")
@@ -67,7 +69,7 @@ def run_trial(page, feed):
     page.mouse.down()
     page.wait_for_timeout(400)
     page.mouse.up()
-    feed.news.append({"type": "summary", "estimates": {}, "recording": {"path": "a/path"}})
+    feed.news.extend([{"type": "evaluating"}, summary()])
     for feed.mode in ("stopping", "ended"):
         wait_for(page, f"teleop.state().mode === '{feed.mode}'")
     page.wait_for_timeout(50)
