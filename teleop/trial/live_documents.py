@@ -75,6 +75,8 @@ def trial_document(
             "condition": settings.condition,
             "specimen": settings.cube if settings.is_simulated else settings.palpated,
             "duration": settings.duration,
+            "feedback": settings.feedback.law,
+            "estimators": [*settings.estimation_preset.estimators],
         },
         "depth": settings.depth if settings.rig else settings.setup.depth,
         "rig": settings.rig_name,
