@@ -100,6 +100,7 @@ def next_settings(
             try:
                 settings = chosen(settings, request)
             except InputError as error:
+                link.refuse()
                 link.ask(str(error), answers, f"{advice} with the settings before")
                 continue
             if waiting:

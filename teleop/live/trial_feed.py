@@ -122,7 +122,7 @@ class TrialFeed(Feed):
         """Process a message of the control process.
 
         The messages are `begin` or `end` of a trial, its `summary`, a `prompt`, and `refused`: a
-        trial could not begin.
+        trial could not begin, or cannot have the settings that a person has chosen.
         """
         kind = document["type"]
         if kind == "begin":
@@ -134,6 +134,7 @@ class TrialFeed(Feed):
         elif kind == "refused":
             # the fault of the trial before is no longer the present state
             self._faults, self._by_person = [], False
+            self._chosen = {}
         elif kind == "prompt":
             self._text, self._advice = document["text"], document["advice"]
             self._prompt = {name: document[name] for name in ("number", "answers")}
@@ -245,7 +246,7 @@ class TrialFeed(Feed):
         choices = self._session["choices"]
         for name in request.keys() - {"type"}:
             chosen = request[name] if name == "estimators" else [request[name]]
-            if not chosen or any(one not in choices[name] for one in chosen):
+            if not chosen or chosen != [one for one in choices[name] if one in chosen]:
                 raise BadRequest(f"choose.{name}: expected one of {choices[name]}")
         if active:
             raise BadRequest("choose: a trial is running")

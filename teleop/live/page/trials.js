@@ -11,7 +11,6 @@ export class Trials {
   }
 
   #show(trials) {
-    this.area.hidden = false;
     this.area.querySelector("summary").textContent = `Trials (${trials.length})`;
     const units = ["k", "b"].map((symbol) => `${symbol} [${this.quantities[symbol].unit}]`);
     const rows = trials.map((trial) => line("td", [trial.number, describe(trial), this.#text(trial, "k"), this.#text(trial, "b")]));
