@@ -4,6 +4,8 @@ import { fixed } from "./format.js";
 
 const NEAR = 6; // largest distance between the cursor and an event whose text is shown [px]
 const MOST_VALUES = 5; // largest number of values of a strip that are shown
+const VALUE = 7; // number of characters of a value
+const INTERVAL = 14; // number of characters of a value with its interval
 
 export class Cursor {
   // `strips` are the strips of the page, whose rows show the values. `label` shows the time.
@@ -40,7 +42,7 @@ export class Cursor {
     const at = strips.store.rowAfter(t) - 1;
     const event = strips.eventNear(t, (NEAR * (strips.view.span + strips.view.preview)) / plot.width);
     label.textContent = [`${fixed(strips.store.trialTime(t), 2)} s`, event && event.text].filter(Boolean).join(" · ");
-    label.style.left = `${Math.min(Math.max(x, label.offsetWidth / 2), plot.width - label.offsetWidth / 2)}px`;
+    label.style.transform = `translateX(${Math.min(Math.max(x - label.offsetWidth / 2, 0), plot.width - label.offsetWidth)}px)`;
     for (const row of strips.rows) {
       if (!row.line) continue;
       row.line.style.transform = `translateX(${x}px)`;
@@ -58,8 +60,10 @@ export class Cursor {
       const half = trace.std ? 1.96 * store.value(trace.std, at) * chart.factor : NaN;
       const interval = Number.isFinite(half) ? ` ± ${fixed(half, chart.digits)}` : "";
       const name = chart.traces.length > 1 ? `${trace.label} ` : "";
+      const width = `${name.length + (trace.std ? INTERVAL : VALUE)}ch`; // no value moves another one
       const text = `${name}${fixed(value, chart.digits)}${interval}`;
       const one = readout.children[i];
+      if (one.style.width !== width) one.style.width = width;
       if (one.textContent !== text) one.textContent = text;
       one.style.color = trace.colour();
     });

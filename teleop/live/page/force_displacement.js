@@ -121,10 +121,11 @@ export class ForceDisplacement {
     context.lineWidth = 1.6 * canvas.ratio;
     context.lineCap = "butt";
     this.fits.forEach(({ label, law, columns }, index) => {
-      context.globalAlpha = this.emphasis.opacity(label);
-      const newest = law ? this.store.newest(columns[0][1]) : -1;
+      const opacity = this.emphasis.opacity(label);
+      const newest = law && opacity ? this.store.newest(columns[0][1]) : -1;
       if (newest < 0) return;
       const parameters = Object.fromEntries(columns.map(([name, column]) => [name, this.store.column(column).at(newest)]));
+      context.globalAlpha = opacity;
       context.strokeStyle = estimatorColour(index);
       context.setLineDash(estimatorDash(index).map((part) => part * canvas.ratio));
       context.beginPath();

@@ -162,4 +162,4 @@ frames.add((now) => {
   if (byId("tool-hint").textContent !== text) byId("tool-hint").textContent = text;
 });
 startSpeech(byId("spoken"), store, status, () => estimates.sentence());
-publish({ store, connection, status, frames, hand: pointer.hand });
+publish({ store, connection, status, frames, hand: pointer.hand, view });

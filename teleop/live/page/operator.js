@@ -57,4 +57,4 @@ frames.add((now) => {
   byId("force-text").textContent = `${fixed(store.last("contact_force"), 1)} N`;
 });
 startSpeech(byId("spoken"), store, status, () => "");
-publish({ store, connection, status, frames, hand: {} });
+publish({ store, connection, status, frames, hand: {}, view: {} });

@@ -113,6 +113,11 @@ async def test_after_end_or_stop_from_any_page_next_runs_another_trial_with_othe
     assert code == 130
     assert "emergency stop: live page" in err
     recordings = sorted(command.folder.rglob("*.mcap"), key=os.path.getmtime)
+    events = load(recordings[1]).events
+    armed, stopped = (
+        next(e["time"] for e in events if e["mode"] == m) for m in ("active", "fault")
+    )
+    assert f"stopped at {stopped - armed:.3f} s: " in err  # the time of the trial, as in the page
     assert [load(path).session["specimen"] for path in recordings[:2]] == ["soft cube", "hard cube"]
     assert load(recordings[1]).session["notes"] == "second <b>trial</b>"
 
