@@ -146,6 +146,7 @@ class InProcess(LiveLink):
             self.cells,
             welcome,
             lambda request: None,
+            lambda recording: {},
         )
         self._server = Server(self._feed, "", {})
         self._server.control = Control(now)

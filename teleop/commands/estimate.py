@@ -128,6 +128,7 @@ def estimate(
     cost: Annotated[bool, Parameter(group=ESTIMATION)] = False,
     modulus: Modulus = NO_MODULUS,
     out: OutputFile = None,
+    details: Annotated[bool, Parameter(group=OUTPUT)] = False,
     figures: Figures = NO_FIGURES,
     overwrite: Overwrite = False,
     json: Json = False,
@@ -137,9 +138,10 @@ def estimate(
     A recording of `teleop run` is evaluated with the settings of the run. The estimates are then
     exactly those of the run. An option such as --bandwidth changes one of the settings.
 
-    First, the result is printed: stiffness and damping with 95 % intervals, or the reasons why the
-    data are not sufficient. Then the fits of the batch models, which use all samples at once, are
-    printed, and the estimates of the online estimators, which use one sample after another.
+    First, the result is printed: whether stiffness and damping can be used, their values with 95 %
+    intervals, or the reasons why the data are not sufficient. Then the best of the batch models,
+    which use all samples at once, is printed, and the estimates of the online estimators, which use
+    one sample after another.
 
     Several files are evaluated one after another. Then a test shows whether a Kelvin-Voigt model
     with the same stiffness and damping fits all files, and the complex stiffness of each file is
@@ -159,6 +161,8 @@ def estimate(
         Also measure the computing time of each estimator per sample on this machine.
     out
         Write signals and estimates to this CSV file.
+    details
+        Also print all batch models, motion, phases, averages of the estimators, datum and filters.
     """
     from teleop.errors import InputError
     from teleop.evaluation.evaluate import KEPT, evaluate
@@ -196,7 +200,7 @@ def estimate(
             **recorded(evaluation, recording),
         }
         if not json:
-            print_evaluation(summary, path.name)
+            print_evaluation(summary, path.name, details)
         evaluations[str(path)] = evaluation
         summaries.append(summary)
     together = None

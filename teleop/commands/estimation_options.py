@@ -113,15 +113,9 @@ def file_settings(recording: Recording | None, changes: Mapping[str, Any]) -> Es
 
     settings = EstimateSettings()
     if recording:
-        from teleop.evaluation.reading.recorded import recorded_settings
-        from teleop.trial.recorded_trial import recorded_part, recorded_transmission
+        from teleop.trial.recorded_trial import estimate_settings
 
-        settings = replace(
-            recorded_settings(recording),
-            averaged=recorded_part(recording),
-            transmission=recorded_transmission(recording),
-            corrects_online=False,
-        )
+        settings = estimate_settings(recording)
     # A value that the user states replaces that of the file or rig, and has no error.
     stated = {name: changes[name] for name in OF_TRANSMISSION if name in changes}
     known = replace(

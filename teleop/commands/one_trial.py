@@ -28,6 +28,8 @@ class OutputOptions:
     recordings/DATE/TIME-CONDITION-SPECIMEN.mcap."""
     no_record: bool = False
     """Do not record."""
+    details: bool = False
+    """Also print averages of the estimators, true values, excitation, and timing of the loop."""
     plot: Path | None = None
     """Plot the estimates to this .png, .svg or .pdf file."""
     plot_force: Path | None = None
@@ -180,10 +182,11 @@ class TrialRunner:
         from teleop.printable import discard_output
 
         try:
+            summary = {**trial.summary(), **trial.result.summary}
             if self.output.json:
-                print_json(trial.summary())
+                print_json(summary)
             else:
-                print_trial(trial.summary())
+                print_trial(summary, self.output.details)
         except OSError as error:
             if not (trial.fault or problems):
                 raise

@@ -62,7 +62,7 @@ def report(
     if not (recording and recording.fault and few):
         evaluation = evaluate(samples, settings, KEPT)
         summary = {**settings_summary(settings), **evaluation.summary()}
-    link = os.path.relpath(file.resolve(), page.resolve().parent)
+    link = os.path.relpath(file.absolute(), page.absolute().parent)
     truth = true_values(recording) if recording else None
     found = recorded_tracking(recording) if recording else None
     tracking = found and found._asdict()

@@ -76,8 +76,8 @@ def evaluate(
         travel = float(np.ptp(samples.signals.x))
         if not 2.0 * transmission.lost_motion < travel:
             raise InputError(
-                f"lost motion {transmission.lost_motion * 1e6:.4g} um: expected less than half of "
-                f"the travel of {travel * 1e6:.4g} um in the record"
+                f"the motion is too small: travel {travel * 1e6:.4g} um, expected more than twice "
+                f"the lost motion of {transmission.lost_motion * 1e6:.4g} um"
             )
         at_tip = SamplesAtTip(samples, transmission.lost_motion)
     if settings.corrects_online:

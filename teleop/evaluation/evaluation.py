@@ -162,6 +162,13 @@ class Evaluation(Presented):
         """
         return self.analysis.models(self.datum.x, self.datum.f)
 
+    @cached_property
+    def best_model(self) -> BatchFit | None:
+        """The best of `models` whose parameters are all identifiable; None without k and b."""
+        if not self.analysis.result.identifiable:
+            return None
+        return next((fit for fit in self.models if fit.identifiable), None)
+
     def batch_summary(self) -> dict[str, Any]:
         """Return the results of the batch evaluation as a dictionary for JSON.
 
@@ -188,11 +195,9 @@ class Evaluation(Presented):
                 f"conditioning at {self.bandwidth:.3g} Hz keeps {self.kept_force_variance:.0%} of "
                 "the force variance: the online estimates describe that part only"
             )
-        identified = [fit.name for fit in self.models if fit.identifiable]
-        best = identified[0] if identified and result.identifiable else None
         return {
             "result": {**result.summary(), "reasons": reasons, "hints": hints},
-            "best_model": best,
+            "best_model": self.best_model and self.best_model.name,
             "models": [fit.summary() for fit in self.models],
             **self.analysis.summary(),
             "kept_force_variance": self.kept_force_variance,

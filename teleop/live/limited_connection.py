@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections.abc import Callable
 from typing import Any
 
 from websockets.asyncio.server import Server, ServerConnection
@@ -46,6 +47,7 @@ class LimitedConnection(ServerConnection):
         protocol.recv_frame = self._count_frame  # type: ignore[method-assign]
         self._head = self._frames = self._second = 0
         self._most = MOST_GREETING_FRAMES
+        self._abort: Callable[[], None] = lambda: None
 
     def admit(self) -> None:
         """Give this connection the limits of a client, because it has sent the token."""
@@ -55,11 +57,20 @@ class LimitedConnection(ServerConnection):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Count the connection. If too many are open, close the oldest that has sent no token."""
         super().connection_made(transport)
+        self._abort = self.transport.abort
         self._waiting[self] = None
         if len(self._waiting) > MOST_WAITING:
             oldest = next(iter(self._waiting))
             del self._waiting[oldest]
-            oldest.transport.abort()
+            oldest._abort()
+
+    def send_completely(self) -> None:
+        """Send the whole HTTP response, which can be a large file, before the connection is closed.
+
+        The library websockets aborts a connection right after its response, and discards what the
+        system has not taken yet.
+        """
+        self.transport.abort = self.transport.close  # type: ignore[method-assign]
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget the connection."""

@@ -11,19 +11,24 @@ control process carries out between two trials.
 from __future__ import annotations
 
 import asyncio
+import tempfile
 from pathlib import Path
 
 from teleop.errors import InputError
 from teleop.live.cells import CellWriter
 from teleop.live.control_pipe import FAREWELL, ControlPipe
+from teleop.live.downloads import Downloads
 from teleop.live.ring import RingReader
 from teleop.live.server import serve
 from teleop.live.shared_file import SharedFile
 from teleop.live.trial_feed import TrialFeed
 
 
-async def main() -> None:
-    """Serve the live page until the control process has ended."""
+async def main(folder: Path) -> None:
+    """Serve the live page until the control process has ended.
+
+    The files that the page offers are written to the empty folder `folder`.
+    """
     pipe = ControlPipe()
     try:
         session = pipe.read_line()
@@ -33,12 +38,14 @@ async def main() -> None:
         SharedFile.open(Path(session["files"][name]), name == "cells")
         for name in ("ring", "events", "cells")
     )
+    downloads = Downloads(folder)
     feed = TrialFeed(
         RingReader(ring.buffer, *session["ring"]),
         RingReader(events.buffer, *session["events"]),
         CellWriter(cells.buffer),
         session["welcome"],
         pipe.send,
+        downloads.offer,
     )
     pipe.stop_waiting()
 
@@ -54,10 +61,12 @@ async def main() -> None:
             session["port"],
             lambda url: pipe.send({"url": url}),
             FAREWELL,
+            downloads,
         )
     except InputError as error:
         pipe.send({"problem": str(error)})
 
 
 if __name__ == "__main__":
-    asyncio.run(main())
+    with tempfile.TemporaryDirectory(prefix="teleop-") as made:
+        asyncio.run(main(Path(made)))

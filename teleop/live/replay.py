@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -66,6 +67,7 @@ class Replay(Feed):
         self._due = -math.inf
         self._told: object = None
         self._seeks = 0
+        self._news: deque[dict[str, Any]] = deque()
         self._documents = [
             {
                 "type": "welcome",
@@ -92,26 +94,32 @@ class Replay(Feed):
         """Time of the last tick of the recording [s]."""
         return float(self._t[-1])
 
+    def publish(self, document: dict[str, Any]) -> None:
+        """Send a message to all pages, now and when they open. Any thread may call this method."""
+        self._news.append(document)
+
     def advance(self) -> list[dict[str, Any]]:
         """Advance the time of the replay, and return the new messages.
 
-        The only message, `replay`, is due once per `POSITION_PERIOD`, and after a person has
-        changed time or speed.
+        The message `replay` is due once per `POSITION_PERIOD`, and after a person has changed time
+        or speed.
         """
         now = self._now()
+        news = [self._news.popleft() for _ in range(len(self._news))]
+        self._documents += news
         if self._rate:
             self._at = min(self._from + (now - self._since) * self._rate, self.end)
         if self._rate and self._at >= self.end:
             self._play(0.0)
         if now < self._due and (self._rate, self._seeks) == self._told:
-            return []
+            return news
         self._due, self._told = now + POSITION_PERIOD, (self._rate, self._seeks)
         shown = int(np.searchsorted(self._t, self._at, side="right"))
         self._trust.update(self._rows[max(shown - JUDGED, 0) : shown])
-        return [self._position()]
+        return [*news, self._position()]
 
     def documents(self) -> list[dict[str, Any]]:
-        """Return `welcome`, `trial` (if there is one), `events` and `replay` (time and speed)."""
+        """Return `welcome`, `trial` (if any), `events`, what was published, and `replay`."""
         return [*self._documents, self._position()]
 
     def state(self) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from collections.abc import AsyncIterator, Callable, Mapping
 from functools import partial
 from http import HTTPStatus
 from importlib.resources import files
-from typing import Any, NamedTuple
+from typing import Any
 
 from websockets.asyncio.server import ServerConnection
 from websockets.asyncio.server import serve as listen
@@ -25,6 +25,7 @@ from estimation.quantities import RESULTS, SIGNALS
 from teleop.errors import InputError, reason
 from teleop.live.cells import LONGEST_ROUND_TRIP
 from teleop.live.clients import MOST_CLIENTS, Client, Control
+from teleop.live.downloads import Downloads, Page
 from teleop.live.feed import Feed
 from teleop.live.limited_connection import LimitedConnection
 from teleop.live.requests import IN_CONTROL, LONGEST_MESSAGE, BadRequest, parse_request
@@ -55,19 +56,10 @@ THRESHOLDS = {"excitation": LEAST_EXCITATION, "misfit": LARGEST_MISFIT}
 """Least excitation that an estimate needs, and largest misfit of an estimate that can be used."""
 
 
-class Page(NamedTuple):
-    """A file of the live page, such as HTML or a script, which the server sends to browsers."""
-
-    kind: str
-    """Media type of the file."""
-    content: bytes
-    """Content of the file."""
-
-
 def read_pages() -> dict[str, Page]:
     """Return all files of the live page by the path of their URL.
 
-    The server sends only these files. No path in a request can select another file.
+    The server sends only these files and `Downloads`. No path in a request can select another file.
     """
     pages = {}
     folder = files("teleop.live").joinpath("page")
@@ -88,11 +80,18 @@ class Server:
     task fails, the heartbeat stops, and the control process detects the failure.
     """
 
-    def __init__(self, feed: Feed, token: str, pages: Mapping[str, Page]) -> None:
+    def __init__(
+        self,
+        feed: Feed,
+        token: str,
+        pages: Mapping[str, Page],
+        downloads: Downloads | None = None,
+    ) -> None:
         self.control = Control()
         self._feed = feed
         self._token = token
         self._pages = pages
+        self._downloads = downloads
         self._gate = Gate("localhost", "127.0.0.1", 0)
         self._clients: set[Client] = set()
         self.waiting: dict[LimitedConnection, None] = {}
@@ -173,7 +172,9 @@ class Server:
             self.control.release(self.control.holder)
             self._feed.lost()
 
-    def _process_request(self, connection: ServerConnection, request: Request) -> Response | None:
+    async def _process_request(
+        self, connection: ServerConnection, request: Request
+    ) -> Response | None:
         """Return a file of the live page, or the reason of a refusal; None to open a WebSocket."""
         path = request.path
         refusal = self._gate.refusal(request.headers.get_all, path == "/ws")
@@ -182,6 +183,10 @@ class Server:
         if path == "/ws":
             return None
         if page := self._pages.get(path):
+            return response(HTTPStatus.OK, page)
+        if self._downloads and (page := await self._downloads.page(path)):
+            assert isinstance(connection, LimitedConnection)
+            connection.send_completely()
             return response(HTTPStatus.OK, page)
         return response(HTTPStatus.NOT_FOUND, Page("text/plain", b"not found\n"))
 
@@ -257,7 +262,8 @@ class Server:
 
 def response(status: HTTPStatus, page: Page) -> Response:
     """Return an HTTP response that contains a page and the security headers."""
-    headers = Headers({**HEADERS, "Content-Type": page.kind, "Connection": "close"})
+    usual = {**HEADERS, "Content-Type": page.kind, "Connection": "close"}
+    headers = Headers(usual | dict(page.headers))
     headers["Content-Length"] = str(len(page.content))
     return Response(status.value, status.phrase, headers, page.content)
 
@@ -278,15 +284,17 @@ async def serve(
     port: int,
     ready: Callable[[str], object],
     farewell: float = 0.0,
+    downloads: Downloads | None = None,
 ) -> None:
     """Serve the live page until `stopped` returns True; `ready` gets its URL when it is open.
 
-    After that, open pages are informed for at most the time `farewell` [s].
+    After that, open pages are informed for at most the time `farewell` [s]. `downloads` are the
+    files that the feed offers.
     """
     if not 0 <= port <= 65535:
         raise InputError(f"port {port}: expected 0 to 65535")
     token = new_token()
-    server = Server(feed, token, read_pages())
+    server = Server(feed, token, read_pages(), downloads)
     try:
         serving = server.serving(host, port)
         used = await serving.__aenter__()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -36,8 +37,6 @@ STOPS = {"live page": "stopped with STOP in the page", "key": "stopped at the te
 
 MOST_TRIALS = 50
 """Largest number of trials in the list of trials of the page."""
-OF_RESULT = ("k", "k_low", "k_high", "b", "b_low", "b_high")
-"""Values of the result of the evaluation in this list."""
 TOLD = {"idle": "introduction", "ready": "introduction", "active": "instruction"}
 """Field of the message `trial` that is shown in a mode."""
 
@@ -74,7 +73,8 @@ class TrialFeed(Feed):
     `ring` contains the ticks, `events` the events of the trials. `session` has fields of `welcome`:
     `may_arm` (whether the page may arm the drives), `pointer` (whether the mouse moves the handle)
     and `choices` (values that a setting may have). `send` sends a request to the control process,
-    which reads requests between two trials.
+    which reads requests between two trials. `offer` makes the files of a recording available to the
+    pages, and returns their addresses by name.
     """
 
     def __init__(
@@ -84,11 +84,13 @@ class TrialFeed(Feed):
         cells: CellWriter,
         session: dict[str, Any],
         send: Callable[[dict[str, Any]], None],
+        offer: Callable[[Path], dict[str, str]],
     ) -> None:
         self.history = History(1)
         self._ring, self._events, self._cells = ring, events, cells
         self._session = session
         self._send = send
+        self._offer = offer
         self._begin: dict[str, Any] = {}
         self._valid: dict[str, dict[str, Any]] = {}
         self._news: list[dict[str, Any]] = []
@@ -121,8 +123,9 @@ class TrialFeed(Feed):
     def receive(self, document: dict[str, Any]) -> None:
         """Process a message of the control process.
 
-        The messages are `begin` or `end` of a trial, its `summary`, a `prompt`, and `refused`: a
-        trial could not begin, or cannot have the settings that a person has chosen.
+        The messages are `begin` or `end` of a trial, `evaluating` and then its `summary`, a
+        `prompt`, and `refused`: a trial could not begin, or cannot have the settings that a person
+        has chosen.
         """
         kind = document["type"]
         if kind == "begin":
@@ -138,10 +141,25 @@ class TrialFeed(Feed):
         elif kind == "prompt":
             self._text, self._advice = document["text"], document["advice"]
             self._prompt = {name: document[name] for name in ("number", "answers")}
+        elif kind == "summary":
+            self._valid.pop("evaluating", None)
+            self._publish({**document, "files": self._files(document)})
+            self._list(document)
         else:
             self._publish(document)
-        if kind == "summary":
-            self._list(document)
+
+    def _files(self, summary: Mapping[str, Any]) -> dict[str, str]:
+        """Return the addresses of the files of a trial; none without a complete recording."""
+        recording = summary["recording"]
+        if not recording["path"] or recording["problem"]:
+            return {}
+        try:
+            files = self._offer(Path(recording["path"]))
+        except OSError:  # such as a full disk: the result is shown without files
+            return {}
+        if not summary["picture"]:  # without an evaluation, there is no report
+            files.pop("report", None)
+        return files
 
     def leave(self) -> None:
         """Store that the control process has ended, so that the live page can show it."""
@@ -273,7 +291,7 @@ class TrialFeed(Feed):
         self._indices = [self._column[name] for name in shown]
         self._trust = Trust(shown, begin["estimators"], begin["trial"]["transmission"])
         of = {column["name"]: column for column in begin["columns"]}
-        for name in ("summary", "events"):
+        for name in ("summary", "evaluating", "events"):
             self._valid.pop(name, None)
         self._describe([of[name] for name in shown], begin["estimators"], begin["rate"])
         self._news.append(self._valid["welcome"])
@@ -305,11 +323,11 @@ class TrialFeed(Feed):
 
     def _list(self, summary: Mapping[str, Any]) -> None:
         """Add the present trial to the list of trials, with k and b of its result."""
-        trial, result = self._valid["trial"], summary.get("result") or {}
+        trial = self._valid["trial"]
         entry = {name: trial[name] for name in ("number", "condition", "specimen")}
         entry["feedback"] = trial["choice"]["feedback"]
         entry["stopped"] = bool(self._faults)
-        entry |= {name: result.get(name) for name in OF_RESULT}
+        entry["values"] = summary["shown"]["values"]
         self._trials = [*self._trials, entry][-MOST_TRIALS:]
         self._publish({"type": "trials", "trials": self._trials})
 

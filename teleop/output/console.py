@@ -106,12 +106,13 @@ def print_table(
     headings: Sequence[str],
     rows: Iterable[Sequence[str]],
     left: int = 1,
+    lines: bool = True,
 ) -> None:
     """Print a table. A table that is too wide for the terminal is divided.
 
     The parameters are those of `fitting_tables`.
     """
-    for part in fitting_tables(title, headings, rows, left):
+    for part in fitting_tables(title, headings, rows, left, lines=lines):
         console.print(part)
 
 
@@ -145,8 +146,11 @@ def fitting_tables(
     rows: Iterable[Sequence[str]],
     left: int = 1,
     styles: Sequence[str] = (),
+    lines: bool = True,
 ) -> list[TrimmedTable | str]:
     """Return a table in a form that fits the width of the terminal: tables, and lines below them.
+
+    With `lines`, there is a line below the headings, and an empty line above and below the table.
 
     If the table is too wide, it is changed in three steps until it fits:
 
@@ -177,7 +181,11 @@ def fitting_tables(
             row[widest] = numbers.get(row[widest], "")
     for part in parts(widths(names, cells), left, width):
         table = TrimmedTable(
-            title=title or None, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold"
+            title=title or None,
+            title_justify="left",
+            box=box.SIMPLE_HEAD if lines else None,
+            title_style="bold",
+            padding=(0, 1) if lines else (0, 1, 0, 2),
         )
         for i in part:
             table.add_column(names[i], justify="right" if i >= left else "left", no_wrap=True)

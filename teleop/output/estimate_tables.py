@@ -11,7 +11,13 @@ from rich.console import Console
 from estimation.misfit import LARGEST_MISFIT
 from estimation.quantities import DAMPING, FORCE_ERROR, RESULTS, STIFFNESS, Quantity
 from teleop.output.console import number, plain_console, print_table, small
-from teleop.output.result_tables import print_models, print_result, with_half
+from teleop.output.result_tables import (
+    print_best_model,
+    print_models,
+    print_result,
+    print_result_details,
+    with_half,
+)
 from teleop.recording.gaps import Gap, missing_text
 
 LARGE_JITTER = 20.0
@@ -26,12 +32,17 @@ HEADINGS = ("", *(one.heading for one in RESULTS.values()), "one-step rms [N]", 
 """Headings of the table of averages."""
 AVERAGES = "averages, from the first estimate of each estimator on"
 """Title of the table of averages."""
+ONLINE = "online, at the end"
+"""Heading of the names of the estimators, in the table of estimates at the end."""
 AT_END = "estimates at the end, \u00b1 95 % interval"
 """Title of the table of estimates at the end."""
 LEAST_SQUARES = "least squares"
 """Name of the least-squares fit to all samples, in the table of averages."""
 COMPARISON = "compared with least squares"
 """Title of the table that compares the estimators with least squares."""
+UNSUPPORTED = "the record does not support the estimates of the online estimators"
+DETAILS = "--details prints all models, averages, datum and filters"
+"""Last line of the short text."""
 RMS_RATIO = "rms/window"
 """Heading of a column: the root mean square error of the force that an estimator predicts one step
 ahead, divided by the same error of least squares over a window (`model_comparison.WINDOW`)."""
@@ -60,35 +71,29 @@ def digits(value: float) -> int:
 def with_interval(quantity: Quantity, value: float, half: float, decimals: int) -> str:
     """Return an SI value and the half width of its 95 % interval, for example "12.30 +- 0.45".
 
-    The half width determines the number of decimals: it is printed with two significant digits
-    (more if it is large), and the value has the same number of decimals. This number is limited. If
-    the half width is not known, or is so large that the interval contains no information
-    (`MEANINGLESS`), only the value is printed, with `decimals` decimals.
+    The half width determines the digits (`with_half`). If it is not known, or is so large that the
+    interval contains no information (`MEANINGLESS`), only the value is printed, with `decimals`
+    decimals.
     """
     value, half = quantity.shown(value), quantity.shown(half)
     if not half < MEANINGLESS * max(abs(value), 1.0):
         return number(value, decimals)
-    if half > 0.0:
-        decimals = min(max(1 - math.floor(math.log10(half)), 0), 4)
-    return f"{number(value, decimals)} \u00b1 {number(half, decimals)}"
+    if half == 0.0:
+        return f"{number(value, decimals)} \u00b1 {number(half, decimals)}"
+    return with_half(value, half)
 
 
-def print_estimates(
-    rows: Mapping[str, Mapping[str, Any]], further: Mapping[str, Mapping[str, Any]]
-) -> None:
-    """Print the final estimates, the averages over the record, and remarks on each estimator."""
+def print_estimates(rows: Mapping[str, Mapping[str, Any]]) -> None:
+    """Print the final estimates, and remarks on each estimator."""
     console = plain_console()
     headings, cells = interval_table(rows)
-    print_table(console, AT_END, headings, cells)
-    if compared := comparison_table(rows):
-        print_table(console, COMPARISON, *compared)
-    print_table(console, AVERAGES, HEADINGS, estimate_cells({**rows, **further}))
+    print_table(console, "", [ONLINE, *headings[1:]], cells, lines=False)
     for line in further_lines(rows):
         console.print(f"  {line}")
     if doubtful := [name for name, row in rows.items() if row["misfit"] > LARGEST_MISFIT]:
         console.print(
-            f"  misfit above {LARGEST_MISFIT:.0%}: {', '.join(doubtful)}\n"
-            "  (the model does not describe the body, or the estimate has not settled)",
+            f"  misfit above {LARGEST_MISFIT:.0%}: {', '.join(doubtful)} "
+            "(wrong model, or estimate not settled)",
             style="yellow",
         )
     for name, row in rows.items():
@@ -96,6 +101,37 @@ def print_estimates(
             console.print(f"  {name}: no estimate: no contact or no motion", style="red")
         if row["note"]:
             console.print(f"  {name}: {row['note']}", style="yellow")
+
+
+def print_online(
+    summary: Mapping[str, Any], further: Mapping[str, Mapping[str, Any]], details: bool
+) -> None:
+    """Print the estimates of the online estimators; if the result has no k, only with `details`.
+
+    `further` contains further rows of the averages, which are printed with `details`.
+    """
+    console = plain_console()
+    if not (details or summary["result"]["identifiable"]):
+        console.print(f"  {UNSUPPORTED}: --details prints them", style="yellow")
+        return
+    print_estimates(summary["estimates"])
+    if details:
+        print_averages(summary["estimates"], further)
+    for line in disagreement_lines(summary):
+        console.print(f"  {line}", style="yellow")
+
+
+def print_averages(
+    rows: Mapping[str, Mapping[str, Any]], further: Mapping[str, Mapping[str, Any]]
+) -> None:
+    """Print the comparison of the estimators with least squares, and averages over the record.
+
+    `further` contains further rows of the averages.
+    """
+    console = plain_console()
+    if compared := comparison_table(rows):
+        print_table(console, COMPARISON, *compared)
+    print_table(console, AVERAGES, HEADINGS, estimate_cells({**rows, **further}))
 
 
 def further_lines(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
@@ -178,21 +214,29 @@ def print_reading(console: Console, summary: Mapping[str, Any]) -> None:
         console.print(f"  {note}", style="yellow")
 
 
-def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
-    """Print the document that `teleop estimate --json` writes."""
+def print_evaluation(summary: Mapping[str, Any], name: str, details: bool) -> None:
+    """Print the document that `teleop estimate --json` writes.
+
+    Without `details`, the usual text fits a terminal of 24 lines: the result, the best batch model,
+    the final estimates, and warnings.
+    """
     console = plain_console()
     print_result(summary, name)
-    print_models(summary)
-    console.print("online estimators", style="bold")
-    print_estimates(summary["estimates"], {LEAST_SQUARES: summary["least_squares"]})
-    for line in disagreement_lines(summary):
-        console.print(f"  {line}", style="yellow")
-    for line in evaluation_lines(summary):
-        console.print(f"  {line}")
+    if details:
+        print_result_details(summary)
+        print_models(summary)
+    else:
+        print_best_model(summary)
+    print_online(summary, {LEAST_SQUARES: summary["least_squares"]}, details)
+    if details:
+        for line in evaluation_lines(summary):
+            console.print(f"  {line}")
     print_estimated(console, summary)
     print_reading(console, summary)
     print_model(console, summary)
-    print_gaps(console, summary)
+    print_gaps(console, summary, details)
+    if not details:
+        console.print(f"  {DETAILS}")
 
 
 LARGEST_DIFFERENCE = 0.1
@@ -203,7 +247,7 @@ def disagreement_lines(summary: Mapping[str, Any]) -> list[str]:
     """Return whether online estimates differ from the result, as at most one line."""
     result = summary["result"]
     if not result["identifiable"]:
-        return ["the record does not support these estimates: see the reasons of the result"]
+        return [f"{UNSUPPORTED}: see the reasons of the result"]
     k = result["k"]
     low = min(result["k_low"], k - LARGEST_DIFFERENCE * abs(k))
     high = max(result["k_high"], k + LARGEST_DIFFERENCE * abs(k))
@@ -213,8 +257,7 @@ def disagreement_lines(summary: Mapping[str, Any]) -> list[str]:
         return []
     return [
         f"k of {', '.join(names)} differs by more than {LARGEST_DIFFERENCE:.0%} from the result: "
-        "an online estimator fits one Kelvin-Voigt body to the whole motion about the datum; "
-        "publish the result"
+        "an online estimator fits one Kelvin-Voigt body to the whole motion; publish the result"
     ]
 
 
@@ -261,8 +304,11 @@ def online_lines(transmission: Mapping[str, Any] | None, lag: float) -> list[str
     ]
 
 
-def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print gaps and unusual periods, and whether the estimates of a trial are those of the run."""
+def print_gaps(console: Console, summary: Mapping[str, Any], details: bool) -> None:
+    """Print gaps and unusual periods, and whether the estimates of a trial are those of the run.
+
+    That they are is printed only with `details`.
+    """
     gaps = summary["gaps"]
     for gap in gaps[:GAPS_LISTED]:
         console.print(
@@ -283,13 +329,13 @@ def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
     if summary["missing_ticks"]:
         missing = missing_text([Gap(*row.values()) for row in summary["missing_ticks"]])
         console.print(f"  the estimates are not those of the run: {missing}", style="red")
-    else:
+    elif not summary["as_online"]:
         console.print(
-            "  the estimates are exactly those that the run computed"
-            if summary["as_online"]
-            else "  the settings are not those of the run, so that the estimates differ from those "
-            "of the run"
+            "  the settings are not those of the run, so that the estimates differ from those of "
+            "the run"
         )
+    elif details:
+        console.print("  the estimates are exactly those that the run computed")
 
 
 def print_model(console: Console, summary: Mapping[str, Any]) -> None:

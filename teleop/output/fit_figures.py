@@ -76,7 +76,7 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
         over_t.axvspan(
             t[phase.start], t[phase.end - 1], color=PHASE_COLOURS[phase.name], alpha=0.10, lw=0
         )
-    fit = best_fit(evaluation)
+    fit = evaluation.best_model
     if fit is not None:
         force = fit.predicted + record.f - fitted.f
         draw_fit(over_x, over_t, drawn_name(evaluation, fit), (x, t, force), every)
@@ -99,17 +99,6 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
         tidy(axes)
     common_legend(figure, (over_t, over_x))
     return figure
-
-
-def best_fit(evaluation: Evaluation) -> BatchFit | None:
-    """Return the best of the fitted models whose parameters are all identifiable.
-
-    A parameter is identifiable if the data determine it. The function returns None if no model has
-    only identifiable parameters, or if the data are not sufficient for k and b.
-    """
-    if not evaluation.analysis.result.identifiable:
-        return None
-    return next((fit for fit in evaluation.models if fit.identifiable), None)
 
 
 def drawn_name(evaluation: Evaluation, fit: BatchFit) -> str:

@@ -4,31 +4,70 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+from rich.console import Console
 
 from estimation.quantities import DAMPING, STIFFNESS, Quantity, quantity
-from teleop.output.console import number, plain_console, print_table, small
+from teleop.output.console import number, plain_console, print_table, small, terminal_width
+from teleop.printable import wrapped
 
-MOST_DECIMALS = 12
-"""Largest number of decimals of a printed value."""
+MOST_DIGITS = 6
+"""Largest number of significant digits of a printed value, also if its interval is narrower."""
+LARGE = 1e7
+"""Values from this one on are printed with a power of ten."""
 
 
 def print_result(summary: Mapping[str, Any], name: str) -> None:
-    """Print the result of a file (k and b, or why there are none), its motion and phases."""
+    """Print the result of a file or trial: whether k and b can be used, their values, remarks."""
     console = plain_console()
     result = summary["result"]
-    console.print(f"{name}: result", style="bold")
     style = "bold" if result["identifiable"] else "bold red"
-    for line in result_lines(summary):
-        console.print(f"  {line}", style=style)
-    for reason in result["reasons"]:
-        style = "yellow" if result["identifiable"] else "red"
-        console.print(f"  - {reason}", style=style)
+    console.print(f"{name}: {use_text(result)}", style=style)
+    if result["identifiable"]:
+        values = len(result_values(result))
+        for i, line in enumerate(result_lines(summary)):
+            console.print(f"  {line}", style="bold" if i < values else None)
+        for line in tangent_lines(result["tangent"], result["storage_at_hz"])[:1]:
+            console.print(f"  {line}")
+    for reason in further_reasons(result):
+        print_item(console, reason, "yellow" if result["identifiable"] else "red")
     for hint in result["hints"]:
         console.print(f"  hint: {hint}")
-    for line in tangent_lines(result["tangent"], result["storage_at_hz"]):
+    if summary.get("material"):
+        print_material(summary["material"])
+
+
+def print_item(console: Console, text: str, style: str | None = None) -> None:
+    """Print an item of a list, whose lines after the first one are indented."""
+    lines = wrapped(text, terminal_width() - 4).split("\n")
+    console.print("\n    ".join([f"  - {lines[0]}", *lines[1:]]), style=style)
+
+
+def use_text(result: Mapping[str, Any]) -> str:
+    """Return in plain words whether k and b can be used; if not, why."""
+    if not result["identifiable"]:
+        why = "".join(f", because {reason}" for reason in result["reasons"][:1])
+        return f"k and b cannot be used{why}"
+    if result["b_reason"]:
+        return f"k can be used; b cannot, because {result['b_reason']}"
+    return "k and b can be used"
+
+
+def further_reasons(result: Mapping[str, Any]) -> list[str]:
+    """Return the reasons and remarks that `use_text` does not contain."""
+    if not result["identifiable"]:
+        return list(result["reasons"][1:])
+    return [reason for reason in result["reasons"] if reason != result["b_reason"]]
+
+
+def print_result_details(summary: Mapping[str, Any]) -> None:
+    """Print the secant and complex stiffness, the motion with its phases, and the contact point."""
+    console = plain_console()
+    result = summary["result"]
+    for line in tangent_lines(result["tangent"], result["storage_at_hz"])[1:]:
         console.print(f"  {line}")
     for line in complex_lines(summary):
         console.print(f"  {line}")
@@ -44,8 +83,6 @@ def print_result(summary: Mapping[str, Any], name: str) -> None:
         )
     kept = summary["kept_force_variance"]
     console.print(f"  the filter of the online estimators keeps {kept:.0%} of the force variance")
-    if summary.get("material"):
-        print_material(summary["material"])
 
 
 CORRECTIONS = (
@@ -55,26 +92,74 @@ CORRECTIONS = (
 """Corrections of the result: name, key in the summary, factor and unit of the shown value."""
 
 
-def result_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return lines of text with stiffness, damping and their 95 % intervals.
+class ShownValue(NamedTuple):
+    """A value of the result as a person sees it. All numbers are texts."""
 
-    A further line states how much a lag of the force changes b. If the data are not sufficient for
-    stiffness and damping, the only line states that these cannot be given.
+    name: str
+    symbol: str
+    value: str
+    """The value; empty if it is not determined."""
+    unit: str
+    low: str
+    """Lower end of the 95 % interval."""
+    high: str
+    usable: bool
+    """Whether the value can be used."""
+
+
+def result_values(result: Mapping[str, Any]) -> list[ShownValue]:
+    """Return k, k at the tip if it is known, and b of a result; none if k cannot be given."""
+    if not result["identifiable"]:
+        return []
+    values = []
+    tip = result["k_tip"]
+    for one in (STIFFNESS, DAMPING):
+        usable = one is STIFFNESS or not result["b_reason"]
+        ends = [result[f"{one.symbol}{end}"] for end in ("_low", "", "_high")]
+        values.append(shown_value(one, one.name, one.symbol, ends, usable))
+        if one is STIFFNESS and tip:
+            ends = [tip["low"], tip["value"], tip["high"]]
+            values.append(shown_value(one, "", f"{one.symbol} at the tip", ends, usable))
+    return values
+
+
+def shown_value(
+    one: Quantity, name: str, symbol: str, ends: Sequence[float | None], usable: bool
+) -> ShownValue:
+    """Return how a quantity is shown; `ends` are the low end, the value and the high end."""
+    low, value, high = ends
+    if low is None or value is None or high is None:
+        return ShownValue(name, symbol, "", one.unit, "", "", False)
+    decimals = shown_decimals(one.shown(value), one.shown(high - low))
+    texts = [rounded(one.shown(each), decimals) for each in (value, low, high)]
+    return ShownValue(name, symbol, texts[0], one.unit, texts[1], texts[2], usable)
+
+
+def result_lines(summary: Mapping[str, Any]) -> list[str]:
+    """Return lines of text with stiffness, damping and their 95 % intervals, and what they are.
+
+    If the data are not sufficient for stiffness and damping, the only line states that these cannot
+    be given.
     """
     result = summary["result"]
     if not result["identifiable"]:
         return ["no stiffness and no damping can be given:"]
+    lines = [
+        f"{one.name:9} {one.symbol} = {one.value} {one.unit} "
+        f"(95 % interval {one.low} to {one.high})"
+        if one.value
+        else f"{one.name:9} {one.symbol} is not determined"
+        for one in result_values(result)
+    ]
+    return [*lines, *meaning_lines(summary)]
+
+
+def meaning_lines(summary: Mapping[str, Any]) -> list[str]:
+    """Return what kind of damping b is, and for what k and b are corrected; none without k."""
+    result = summary["result"]
+    if not result["identifiable"]:
+        return []
     lines = []
-    tip = result["k_tip"]
-    for one in (STIFFNESS, DAMPING):
-        values = [result[f"{one.symbol}{end}"] for end in ("_low", "", "_high")]
-        if None in values:
-            lines.append(f"{one.name:9} {one.symbol} is not determined")
-            continue
-        lines.append(f"{one.name:9} {one.symbol} = {with_interval(one, *values)}")
-        if one is STIFFNESS and tip:
-            at_tip = with_interval(one, tip["low"], tip["value"], tip["high"])
-            lines.append(f"{'':9} {one.symbol} at the tip = {at_tip}")
     frequency = result["damping_at_hz"]
     if result["b"] is not None and frequency is not None:
         lines.append(f'b is the equivalent viscous damping k"/omega at {frequency:.3g} Hz')
@@ -88,7 +173,7 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
         for name, key, factor, unit in CORRECTIONS
         if transmission.get(key)
     ]
-    meaning = ["k and b: specimen and transmission in series"] if tip else []
+    meaning = ["k and b: specimen and transmission in series"] if result["k_tip"] else []
     if corrected:
         meaning.append(f"corrected for {' and '.join(corrected)}")
     if meaning:
@@ -98,9 +183,8 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
 
 def with_interval(one: Quantity, low: float, value: float, high: float) -> str:
     """Return a value with its unit and its 95 % interval, from values in SI units."""
-    width = one.shown(high - low)
-    shown = [significant(one.shown(each), width) for each in (value, low, high)]
-    return f"{shown[0]} {one.unit} (95 % interval {shown[1]} to {shown[2]})"
+    shown = shown_value(one, "", "", (low, value, high), usable=True)
+    return f"{shown.value} {one.unit} (95 % interval {shown.low} to {shown.high})"
 
 
 def motion_line(summary: Mapping[str, Any]) -> str:
@@ -219,6 +303,17 @@ def print_models(summary: Mapping[str, Any]) -> None:
         console.print(f"  {fit['name']}: {', '.join(cells)}")
 
 
+def print_best_model(summary: Mapping[str, Any]) -> None:
+    """Print the best batch model with its parameters; nothing without such a model."""
+    for fit in summary["models"]:
+        if fit["name"] == summary["best_model"]:
+            parameters = [parameter_text(name, one) for name, one in fit["parameters"].items()]
+            plain_console().print(
+                f"  best batch model: {fit['name']}, rms error {small(fit['rms'])} N: "
+                f"{', '.join(parameters)}"
+            )
+
+
 def parameter_text(name: str, one: Mapping[str, Any]) -> str:
     """Return name, value, half width of the 95 % interval and unit of a `Parameter`."""
     if not one["identifiable"]:
@@ -228,10 +323,18 @@ def parameter_text(name: str, one: Mapping[str, Any]) -> str:
 
 
 def with_half(value: float, half: float) -> str:
-    """Return "value \u00b1 half": two significant digits of the half width, if it is known."""
+    """Return "value \u00b1 half": two significant digits of the half width, if it is known.
+
+    A value has at most `MOST_DIGITS` significant digits. If the half width is less than the last of
+    them, it is rounded up to it.
+    """
     if not math.isfinite(half) or half <= 0.0:
         return small(value, 4)
-    return f"{significant(value, half)} \u00b1 {significant(half, half)}"
+    if abs(value) >= LARGE:
+        power = math.floor(math.log10(abs(value)))
+        return f"({with_half(value / 10.0**power, half / 10.0**power)})e{power}"
+    decimals = shown_decimals(value, half)
+    return f"{rounded(value, decimals)} \u00b1 {rounded(max(half, 10.0**-decimals), decimals)}"
 
 
 def shown_half(quantity: Quantity, value: float, half: float) -> str:
@@ -239,11 +342,18 @@ def shown_half(quantity: Quantity, value: float, half: float) -> str:
     return with_half(quantity.shown(value), quantity.shown(half))
 
 
-def significant(value: float, width: float) -> str:
-    """Return a value, rounded to the second significant digit of its uncertainty `width`."""
-    decimals = 3
-    if width > 0.0:
-        decimals = min(1 - math.floor(math.log10(width)), MOST_DECIMALS)
+def shown_decimals(value: float, width: float) -> int:
+    """Return the decimals that show the second significant digit of the uncertainty `width`.
+
+    They are negative if digits before the point are uncertain. The value has at most `MOST_DIGITS`
+    significant digits.
+    """
+    most = MOST_DIGITS - 1 - (math.floor(math.log10(abs(value))) if value else 0)
+    return min(1 - math.floor(math.log10(width)), most) if width > 0.0 else min(3, most)
+
+
+def rounded(value: float, decimals: int) -> str:
+    """Return a value with a number of decimals, which is negative to round before the point."""
     return number(round(value, decimals), max(decimals, 0))
 
 

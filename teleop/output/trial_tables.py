@@ -9,8 +9,9 @@ from rich.console import Console
 
 from estimation.quantities import DAMPING, STIFFNESS
 from teleop.output.console import plain_console
-from teleop.output.estimate_tables import left_out_lines, print_estimated, print_estimates
+from teleop.output.estimate_tables import left_out_lines, print_estimated, print_online
 from teleop.output.next_command import print_command
+from teleop.output.result_tables import print_best_model, print_result
 from teleop.printable import wrapped
 from teleop.recording.gaps import Gap, missing_text
 from teleop.safety.events import time_text
@@ -19,31 +20,34 @@ LONG_GAP = 0.05
 """Time between two ticks above which a warning is printed [s]."""
 
 
-def print_trial(summary: Mapping[str, Any]) -> None:
-    """Print the results of a trial."""
+def print_trial(summary: Mapping[str, Any], details: bool) -> None:
+    """Print the result of a trial as `teleop estimate` prints it, its estimates, and warnings.
+
+    Without `details`, the usual text fits a terminal of 24 lines.
+    """
     console = plain_console()
     print_fault(console, summary["safety"])
-    console.print(
-        f"{summary['condition']}, {summary['specimen']}, {duration(summary)}", style="bold"
-    )
     if summary["interrupted"]:
-        console.print("  INTERRUPTED before the end", style="bold yellow")
+        console.print("INTERRUPTED before the end", style="bold yellow")
+    title = f"{summary['condition']}, {summary['specimen']}, {duration(summary)}"
+    print_result(summary, title)
+    print_best_model(summary)
     if summary["pairs"]:
-        print_results(console, summary)
-    else:
-        console.print("  no results: the trial ended before its first sample", style="yellow")
+        print_results(console, summary, details)
     loop = summary["loop"]
-    if summary["clock"] == "virtual":
+    if summary["clock"] != "virtual":
+        print_loop(console, summary, details)
+    elif details:
         console.print(f"  loop: {summary['ticks']} ticks at {loop['rate_hz']:g} Hz, virtual time")
-    else:
-        print_loop(console, summary)
     print_rejected(console, summary["rejected"])
     print_limited(console, summary["safety"])
     recording = summary["recording"]
     if recording["path"]:
         console.print(f"  recording: {recording['path']}")
-        if summary["pairs"]:
-            print_command("  result to publish", ["teleop", "estimate", recording["path"]])
+        if summary["pairs"] and not details:
+            print_command("  details", ["teleop", "estimate", recording["path"], "--details"])
+    else:
+        console.print("  not recorded")
     print_incomplete(console, recording)
     if recording["black_box"]:
         console.print(f"  black box: {recording['black_box']}", style="red")
@@ -51,10 +55,10 @@ def print_trial(summary: Mapping[str, Any]) -> None:
         console.print(f"  {recording['black_box_problem']}", style="red")
 
 
-def print_results(console: Console, summary: Mapping[str, Any]) -> None:
+def print_results(console: Console, summary: Mapping[str, Any], details: bool) -> None:
     """Print the estimates of a trial, and quantities that help to judge them."""
     if summary["estimates"]:
-        print_estimates(summary["estimates"], {})
+        print_online(summary, {}, details)
         for line in left_out_lines(summary):
             console.print(f"  {line}")
     elif summary["interrupted"]:
@@ -64,13 +68,16 @@ def print_results(console: Console, summary: Mapping[str, Any]) -> None:
             style="yellow",
         )
     if summary["truth"]:
-        print_truth(console, summary["truth"])
+        print_truth(console, summary["truth"], details)
     print_tracking(console, summary["tracking"])
     print_feedback(console, summary["feedback"])
     print_estimated(console, summary)
-    excitation = summary["excitation"]["mean"]
-    console.print(f"  excitation: {excitation:.2f} (0 at rest, 1 for a sine of 1 Hz about zero)")
-    if summary["contact"] < 1.0:
+    if details:
+        excitation = summary["excitation"]["mean"]
+        console.print(
+            f"  excitation: {excitation:.2f} (0 at rest, 1 for a sine of 1 Hz about zero)"
+        )
+    if summary["contact"] < 1.0 and details:
         rest = f"{1.0 - summary['contact']:.0%} of the samples"
         console.print(f"  contact force near zero, and estimates held, in {rest}")
 
@@ -104,17 +111,19 @@ def duration(summary: Mapping[str, Any]) -> str:
     return planned
 
 
-def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
-    """Print the true values of the simulated rig."""
+def print_truth(console: Console, truth: Mapping[str, Any], details: bool) -> None:
+    """Print the true values of the simulated rig; its lag and lost motion only with `details`."""
     console.print(
-        f"  true values of the simulated rig: b {DAMPING.text(truth['b'], '.3g')}, "
-        "secant stiffness k\n"
-        f"  {STIFFNESS.text(truth['k_surface'])} at the surface and "
-        f"{STIFFNESS.text(truth['k_deepest'])} at the greatest depth; lag of the force\n"
-        f"  channel {truth['force_lag_s'] * 1e3:g} ms; lost motion of the slave "
-        f"{truth['lost_motion_m'] * 1e6:g} um.\n"
-        "  Lag and lost motion make the estimate of b too low."
+        f"  true values: b {DAMPING.text(truth['b'], '.3g')}; secant stiffness "
+        f"{STIFFNESS.text(truth['k_surface'])} at the surface, "
+        f"{STIFFNESS.text(truth['k_deepest'])} at the greatest depth"
     )
+    if details:
+        console.print(
+            f"  lag of the force channel {truth['force_lag_s'] * 1e3:g} ms; lost motion of the "
+            f"slave {truth['lost_motion_m'] * 1e6:g} um. They make the online estimates of b too "
+            "low."
+        )
     further = truth.get("further_laws", {})
     if further:
         console.print("  These are the values in slow motion and before any change. Others:")
@@ -165,25 +174,29 @@ def print_feedback(console: Console, feedback: Mapping[str, Any] | None) -> None
             console.print(wrapped(f"  {remark}", console.width), style="yellow")
 
 
-def print_loop(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print the timing of the control loop: its rate, and delays and durations of the ticks."""
+def print_loop(console: Console, summary: Mapping[str, Any], details: bool) -> None:
+    """Print the timing of the control loop: its rate, and with `details` the times of the ticks."""
     loop = summary["loop"]
     late, busy = loop["lateness_us"], loop["tick_us"]["busy"]
     few = summary["pairs"] < summary["ticks"]
     pairs = f" with {summary['pairs']} pairs of force and position" if few else ""
     console.print(
         f"  loop: {loop['mean_rate_hz']:.2f} of {loop['rate_hz']:g} Hz, {summary['ticks']} ticks"
-        f"{pairs}, {loop['overruns']} overruns, {loop['skipped']} periods skipped;\n"
-        f"  lateness [us]: p50 {late['p50']:.1f}, p99 {late['p99']:.1f}, "
-        f"p99.9 {late['p99_9']:.1f}, max {late['max']:.1f};\n"
-        f"  a tick takes [us]: p50 {busy['p50']:.0f}, p99 {busy['p99']:.0f}, max {busy['max']:.0f}"
+        f"{pairs}, {loop['overruns']} overruns, {loop['skipped']} periods skipped"
     )
     steps = summary["realtime"]
     missing = [f"{name} {why}" for name, why in steps.items() if why != "done"]
     if missing:
         console.print(f"  real time: {'; '.join(missing)}", style="yellow")
-    elif steps:
-        console.print(f"  real time: {', '.join(steps)}")
+    if details:
+        console.print(
+            f"  lateness [us]: p50 {late['p50']:.1f}, p99 {late['p99']:.1f}, "
+            f"p99.9 {late['p99_9']:.1f}, max {late['max']:.1f};\n"
+            f"  a tick takes [us]: p50 {busy['p50']:.0f}, p99 {busy['p99']:.0f}, "
+            f"max {busy['max']:.0f}"
+        )
+        if steps and not missing:
+            console.print(f"  real time: {', '.join(steps)}")
     if loop["longest_gap_s"] > LONG_GAP:
         console.print(
             f"  the loop stalled for {loop['longest_gap_s']:.2f} s: the estimates around that "

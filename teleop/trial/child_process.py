@@ -72,6 +72,10 @@ class ChildProcess:
         because it hangs.
         """
         self._unsent += dumps(document).encode() + b"\n"
+        self._send()
+
+    def _send(self) -> None:
+        """Send what the process can receive now of the part that is not sent yet."""
         try:
             while self._unsent:
                 written = os.write(self._input.fileno(), self._unsent)
@@ -87,6 +91,7 @@ class ChildProcess:
 
         The result is None if there was no message, or if the process has ended.
         """
+        self._send()
         while b"\n" not in self._received:
             readable, _, _ = select.select([self._output], [], [], timeout)
             part = os.read(self._output.fileno(), 1 << 16) if readable else b""

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from estimation.registry import BUILT_IN
 from estimation.transmission import RIGID as UNKNOWN_TRANSMISSION
@@ -17,6 +18,9 @@ from teleop.recording.columns import COLUMNS, DROPPED, POINTER
 from teleop.recording.recording import Recording
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.recorded_trial import recorded_truth, trial_settings, truth
+
+if TYPE_CHECKING:
+    from teleop.trial.trial_result import TrialResult
 
 PLAIN = {
     "rls": "Recursive least squares: the k and b that fit the newest samples best.",
@@ -103,6 +107,46 @@ def trial_document(
         "operator": settings.operator,
         "series": {"position": position, "of": of} if of else None,
     }
+
+
+def result_document(
+    found: TrialResult, estimates: Mapping[str, Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Return the fields of the message `summary` that the evaluation of a trial gives.
+
+    `shown` contains the texts that `teleop run` and `teleop estimate` print, so that the numbers
+    have the same digits everywhere. `estimates` are those of the online estimators at the end.
+    """
+    from teleop.output.estimate_tables import interval_table
+    from teleop.output.result_tables import (  # rich: after the loop
+        further_reasons,
+        meaning_lines,
+        result_values,
+        tangent_lines,
+        use_text,
+    )
+
+    result = found.summary["result"]
+    headings, rows = interval_table(estimates)
+    where = tangent_lines(result["tangent"], result["storage_at_hz"])[:1]
+    shown = {
+        "use": use_text(result),
+        "values": [one._asdict() for one in result_values(result)],
+        "meaning": [*where, *meaning_lines(found.summary)],
+        "reasons": further_reasons(result),
+        "headings": headings,
+        "estimates": rows,
+    }
+    return {**found.summary, "shown": shown, "picture": found.picture}
+
+
+def recorded_result(recording: Recording, path: Path) -> dict[str, Any]:
+    """Return the message `summary` with the result that `teleop estimate` gives for a recording."""
+    from teleop.trial.trial_result import trial_result  # imports scipy, which takes long
+
+    found = result_document(trial_result(recording, path), {})
+    about = {"recording": {"path": str(path), "problem": None}, "files": {}}
+    return {"type": "summary", **about, **found}
 
 
 def introduction(settings: TrialSettings) -> str:

@@ -20,7 +20,7 @@ from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Event
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.child_process import LIVE_PROCESS, ChildProcess
-from teleop.trial.live_documents import trial_document
+from teleop.trial.live_documents import result_document, trial_document
 from teleop.trial.page_requests import WAITING_SILENCE, PagePointer, PageRequests
 from teleop.trial.result import Trial
 
@@ -156,13 +156,16 @@ class LiveLink(Sink):
         return Outcome(None, 0, 0, "")
 
     def show_result(self, trial: Trial) -> None:
-        """Send the results of a trial to the live process, which shows them in the live page.
+        """Evaluate a trial, and send its results to the live process, which shows them in the page.
 
         If the drives were not armed in the trial, nothing is sent.
         """
         self.trial = trial
         if trial.armed:
-            self.tell({"type": "summary", **trial.summary()})
+            self.tell({"type": "evaluating"})
+            summary = trial.summary()
+            shown = result_document(trial.result, summary["estimates"])
+            self.tell({"type": "summary", **summary, **shown})
 
     def tell(self, document: dict[str, Any]) -> None:
         """Send a message to the live process. Do not wait."""

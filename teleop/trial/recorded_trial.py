@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,8 @@ import numpy as np
 from estimation.transmission import RIGID, TransmissionCalibration
 from sim_backend import Law, Setup
 from teleop.errors import InputError
-from teleop.evaluation.reading.recorded import Last
-from teleop.evaluation.settings import WHOLE, AveragedPart
+from teleop.evaluation.reading.recorded import Last, recorded_settings
+from teleop.evaluation.settings import WHOLE, AveragedPart, EstimateSettings
 from teleop.evaluation.teleoperation.tracking import Tracking, tracking
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
@@ -45,6 +46,16 @@ def recorded_transmission(recording: Recording) -> TransmissionCalibration:
     """Return the calibrated transmission of the rig of a recorded trial; `RIGID` if unknown."""
     settings = trial_settings(recording)
     return settings.transmission if settings else RIGID
+
+
+def estimate_settings(recording: Recording) -> EstimateSettings:
+    """Return the settings with which a recorded trial is evaluated, if nobody changes them."""
+    return replace(
+        recorded_settings(recording),
+        averaged=recorded_part(recording),
+        transmission=recorded_transmission(recording),
+        corrects_online=False,
+    )
 
 
 def performed(settings: TrialSettings) -> dict[str, str]:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from estimation.figures import Truth
+    from teleop.trial.trial_result import TrialResult
 
 LEAST_CONTACT = 1.0
 """Shortest contact time for which the summary of an interrupted trial contains estimates [s]."""
@@ -95,6 +96,23 @@ class Trial(Presented):
     def statistics(self) -> TrialStatistics:
         """Statistics of all ticks of the trial, from which `summary` is computed."""
         return TrialStatistics(self.ticks, self.settings, self.bank)
+
+    @cached_property
+    def result(self) -> TrialResult:
+        """Stiffness and damping for publication, computed from all samples after the trial.
+
+        `result.summary` is a dictionary with the parts `result`, `best_model`, `models` and
+        `transmission` of the document that `teleop estimate --json` prints for the recording. In
+        `result.summary["result"]`, k and b are None if the data are not sufficient, and `reasons`
+        states why. The trial is evaluated when this property is first used.
+        """
+        # scipy is imported here, after the trial, because this takes long
+        from teleop.trial.trial_result import trial_result, without
+
+        if not self.statistics.pairs:
+            return without("the trial ended before its first sample")
+        complete = self.outcome.path and not self.outcome.problem
+        return trial_result(self.ticks, self.outcome.path if complete else None)
 
     @cached_property
     def shown(self) -> Trial:

@@ -36,8 +36,8 @@ def recording(tmp_path):
     return str(path)
 
 
-def test_run_prints_estimates_and_timing(capsys):
-    assert main(RUN) == 0
+def test_run_prints_estimates_and_timing_in_detail(capsys):
+    assert main([*RUN, "--details"]) == 0
     out, err = capsys.readouterr()
     for word in (
         "rls",
@@ -54,7 +54,7 @@ def test_run_prints_estimates_and_timing(capsys):
 
 
 def test_run_in_real_time_prints_lateness(capsys):
-    assert main(["run", *SLOW, "--duration", "0.2", "--no-record"]) == 0
+    assert main(["run", *SLOW, "--duration", "0.2", "--no-record", "--details"]) == 0
     out = capsys.readouterr().out
     for word in ("lateness [us]", "p50", "p99", "p99.9", "max", "overruns"):
         assert word in out
@@ -132,7 +132,8 @@ def test_a_recording_is_never_overwritten_by_a_run(refused, tmp_path):
 
 def test_estimate_prints_the_estimators_beside_batch_least_squares(capsys, recording, tmp_path):
     picture, table = tmp_path / "sine.svg", tmp_path / "out.csv"
-    assert main(["estimate", recording, "--plot", str(picture), "--out", str(table)]) == 0
+    files = ["--plot", str(picture), "--out", str(table)]
+    assert main(["estimate", recording, *files, "--details"]) == 0
     out = capsys.readouterr().out
     for word in ("sine.csv", "rls", "ai", "me", "least squares", "one-step rms [N]", "datum"):
         assert word in out
@@ -274,11 +275,18 @@ def test_help_imports_nothing_heavy():
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_a_run_does_not_import_scipy_which_takes_longer_than_the_rest():
+def test_a_run_imports_scipy_which_takes_long_only_after_the_trial():
     arguments = ["run", "--clock", "virtual", "--duration", "0.2", "--no-record"]
     code = (
-        f"import sys; from teleop.cli import main; main({arguments})\n"
-        "sys.exit(', '.join({'scipy', 'matplotlib', 'pandas'} & set(sys.modules)) or 0)"
+        "import sys; from teleop.cli import main; import teleop.trial.run as run\n"
+        "found, run_trial = set(), run.run_trial\n"
+        "def noted(*arguments, **options):\n"
+        "    trial = run_trial(*arguments, **options)\n"
+        "    found.update({'scipy', 'matplotlib', 'pandas'} & set(sys.modules), {'trial'})\n"
+        "    return trial\n"
+        f"run.run_trial = noted; main({arguments})\n"
+        "found |= {'matplotlib', 'pandas'} & set(sys.modules)\n"
+        "sys.exit(', '.join(found - {'trial'}) or 'trial' not in found)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")

@@ -67,10 +67,12 @@ def harmonic_result(
         unknown = Reason(f"{drift.text}: damping is not determined")
     elif b + half_b < 0.0:
         unknown = negative_damping(b, force_lag, transmission, -b / k, 1.0 / fit.frequency)
+    unusable = unknown
     if unknown:
         found.append(unknown)
     elif half_b > abs(b):
-        found.append(Reason(DAMPING_NOT_RESOLVED))
+        unusable = Reason(DAMPING_NOT_RESOLVED)
+        found.append(unusable)
     interval = Interval(k, k - half_k, k + half_k)
     k_tip, too_compliant = stiffness_at_tip(interval, transmission)
     found += too_compliant
@@ -82,6 +84,7 @@ def harmonic_result(
         b=None if unknown else b,
         b_low=None if unknown else b - half_b,
         b_high=None if unknown else b + half_b,
+        b_reason=unusable.text if unusable else "",
         identifiable=True,
         reasons=reasons,
         hints=hints,

@@ -49,6 +49,7 @@ from teleop.evaluation.batch.reasons import (
 )
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
+    LARGEST_LAG_EFFECT,
     LARGEST_PHASE_DRIFT,
     LEAST_AMPLITUDE_FOR_B,
     LEAST_AMPLITUDE_FOR_K,
@@ -125,6 +126,8 @@ class StiffnessResult:
     inertia_at_hz: float | None = None
     """Frequency [Hz] of a sine, in which a mass beyond the force sensor changes k by the product of
     mass and squared angular frequency, and cannot be identified. None for other motions."""
+    b_reason: str = ""
+    """Reason why b cannot be used although k can; empty if b can be used."""
     parts: dict[str, Any] = field(default_factory=dict)
     """Layers, damping by depth, mass and friction of the best model
     (`teleop.evaluation.batch.extension_texts.described`)."""
@@ -283,19 +286,22 @@ def stiffness_result(
                 "sine cannot show this"
             )
         )
-    unknown = no_damping(v, local, half_b, drift, record.force_lag, transmission)
+    unusable = unknown = no_damping(v, local, half_b, drift, record.force_lag, transmission)
     if unknown:
         found.append(unknown)
     elif half_b > abs(local.b):
-        found.append(Reason(DAMPING_NOT_RESOLVED))
-    if not unknown and not record.force_lag and 1e-3 * local.k > NOTABLE_LAG * abs(local.b):
-        found.append(
-            Reason(
-                f"a lag of the force is not known: each millisecond of it makes b smaller by "
-                f"{DAMPING.text(1e-3 * local.k, '.3g')}",
-                LAG,
-            )
+        unusable = Reason(DAMPING_NOT_RESOLVED)
+        found.append(unusable)
+    by_lag = 1e-3 * local.k  # decrease of b for each millisecond
+    if not unknown and not record.force_lag and by_lag > NOTABLE_LAG * abs(local.b):
+        remark = Reason(
+            f"a lag of the force is not known: each millisecond of it makes b smaller by "
+            f"{DAMPING.text(by_lag, '.3g')}",
+            LAG,
         )
+        found.append(remark)
+        if by_lag > LARGEST_LAG_EFFECT * abs(local.b):
+            unusable = unusable or remark
     interval = Interval(local.k, local.k - half_k, local.k + half_k)
     k_tip, too_compliant = stiffness_at_tip(interval, transmission)
     found += too_compliant
@@ -327,6 +333,7 @@ def stiffness_result(
         times=reported_times(local.best.times),
         depth_error=0.5 * (point.high - point.low) if point else 0.0,
         depth_from="contact point" if point else "lowest position",
+        b_reason=unusable.text if unusable else "",
         damping_at_hz=frequency_of_loss(local),
         k_tip=k_tip,
         storage_at_hz=record.frequency if is_storage(record, phases, local) else None,
@@ -393,6 +400,7 @@ def with_lost_motion(
         text += f": the correction of k, from {STIFFNESS.text(plain.k)}, is too large"
         return without_result([Reason(text, MEASURE)])
     b = low = high = None
+    b_reason = result.b_reason
     without = f"{STIFFNESS.text(plain.k)} and {DAMPING.text(plain.b)}"
     text += f", which is removed; without this correction, k and b are {without}"
     reasons = result.reasons
@@ -401,9 +409,11 @@ def with_lost_motion(
         b, low, high = result.b, result.b - half_b, result.b + half_b
         if found.amplitude < LEAST_AMPLITUDE_FOR_B * found.half_width:
             b = low = high = None
+            b_reason = f"{amplitude} is too small beside the lost motion"
             text += f"; {amplitude} is too small for b"
         elif half_b > abs(b) and DAMPING_NOT_RESOLVED not in reasons:
-            reasons = (*reasons, DAMPING_NOT_RESOLVED)
+            b_reason = DAMPING_NOT_RESOLVED
+            reasons = (*reasons, b_reason)
     k_tip = result.k_tip and Interval(
         result.k_tip.value,
         *(
@@ -418,6 +428,7 @@ def with_lost_motion(
         b=b,
         b_low=low,
         b_high=high,
+        b_reason=b_reason,
         k_tip=k_tip,
         lost_motion=found.interval,
         reasons=(text, *reasons),

@@ -491,6 +491,9 @@ NOTABLE_INERTIA = 0.005
 NOTABLE_LAG = 0.01
 """Smallest decrease of b by 1 ms of lag of the force that is a remark, as a fraction of b. Usual
 force sensors lag by 0.5 to 5 ms."""
+LARGEST_LAG_EFFECT = 0.5
+"""Largest decrease of b by 1 ms of lag of the force, as a fraction of b, with which b can be used
+although the lag is not known. A usual lag then changes b by more than its value."""
 
 # A gap where the stiffness is stated
 

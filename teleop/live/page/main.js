@@ -20,7 +20,7 @@ import { Status } from "./status.js";
 import { Stop } from "./stop.js";
 import { Store } from "./store.js";
 import { Strips } from "./strips.js";
-import { summaryParts } from "./summary.js";
+import { evaluatingParts, summaryParts } from "./summary.js";
 import { startTheme } from "./theme.js";
 import { Tool } from "./tool.js";
 import { Trials } from "./trials.js";
@@ -109,10 +109,23 @@ connection.on("state", (message) => {
   trust.show(message.trust);
   estimates.support(message.trust);
 });
+function showResult({ title, parts, files }, isUsable) {
+  byId("summary-title").textContent = title;
+  byId("summary-title").classList.toggle("unusable", !isUsable);
+  byId("summary-body").replaceChildren(...parts);
+  byId("summary-files").replaceChildren(...files);
+  byId("summary-body").scrollTop = 0;
+  if (!byId("summary").open) byId("summary").show();
+}
+connection.on("evaluating", () => showResult(evaluatingParts(), true));
+let result = null; // the latest message `summary`
+const showSummary = () => showResult(summaryParts(result), result.result.identifiable);
 connection.on("summary", (message) => {
-  byId("summary-body").replaceChildren(...summaryParts(message, welcome.quantities));
-  byId("summary").show();
+  result = message;
+  byId("result").hidden = false;
+  if (!connection.isReplay) showSummary();
 });
+byId("result").addEventListener("click", showSummary);
 connection.on("closed", () => pointer.release());
 byId("summary-close").addEventListener("click", () => byId("summary").close());
 byId("operator-link").hash = location.hash;

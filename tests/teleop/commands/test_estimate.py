@@ -6,7 +6,7 @@ import pytest
 
 from teleop.cli import main
 from teleop.errors import InputError
-from teleop.evaluation.reading import recorded as replay
+from teleop.trial import recorded_trial
 
 SAME = "the estimates are exactly those that the run computed"
 
@@ -20,12 +20,12 @@ def hard(tmp_path_factory):
 
 
 def test_the_papers_settings_of_a_recording_are_those_for_its_cube(hard, capsys):
-    assert main(["estimate", str(hard), "--preset", "paper"]) == 0
+    assert main(["estimate", str(hard), "--preset", "paper", "--details"]) == 0
     assert SAME in capsys.readouterr().out
 
 
 def test_the_option_cube_replaces_the_cube_of_the_recording(hard, capsys):
-    assert main(["estimate", str(hard), "--preset", "paper", "--cube", "soft"]) == 0
+    assert main(["estimate", str(hard), "--preset", "paper", "--cube", "soft", "--details"]) == 0
     assert SAME not in capsys.readouterr().out
 
 
@@ -33,7 +33,7 @@ def test_the_file_whose_settings_are_not_valid_is_named(hard, tmp_path, refused,
     def settings(recording):
         raise InputError("the recording lacks the setting 'preset'")
 
-    monkeypatch.setattr(replay, "recorded_settings", settings)
+    monkeypatch.setattr(recorded_trial, "recorded_settings", settings)
     other = tmp_path / "other.mcap"
     other.write_bytes(hard.read_bytes())
     assert f"{hard}: the recording lacks the setting" in refused("estimate", hard, other)

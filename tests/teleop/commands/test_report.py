@@ -85,7 +85,7 @@ def test_the_page_states_the_force_at_which_the_stiffness_holds_as_the_terminal_
     trial, page, capsys
 ):
     capsys.readouterr()
-    assert main(["estimate", str(trial)]) == 0
+    assert main(["estimate", str(trial), "--details"]) == 0
     out = capsys.readouterr().out
     for start in ("k is the tangent stiffness at", "motion: "):
         (line,) = [line.strip() for line in out.splitlines() if line.strip().startswith(start)]

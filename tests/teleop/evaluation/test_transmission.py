@@ -116,7 +116,7 @@ def test_the_result_of_a_trial_on_the_default_rig_is_right(cube, condition, tmp_
     assert result["b_low"] <= b <= result["b_high"]
     assert not any("negative" in reason for reason in result["reasons"])
     assert not found["transmission"]["online"]
-    assert main(["estimate", path]) == 0
+    assert main(["estimate", path, "--details"]) == 0
     out = capsys.readouterr().out
     assert "corrected for a force lag of 2.661 ms and lost motion of 122 um" in out
     assert "the online estimators received the position at the encoder" in out
@@ -157,7 +157,7 @@ def test_stated_values_replace_those_of_the_rig(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--lost-motion", "50mm"), ["lost motion 5e+04 um", "travel"]),
+        (("--lost-motion", "50mm"), ["lost motion of 5e+04 um", "travel"]),
         (("--lost-motion=-1um",), ["--lost-motion", "zero or more"]),
         (("--compliance", "7um"), ["--compliance", "7um/N"]),
     ],

@@ -16,9 +16,9 @@ TOKEN = "0123456789abcdef" * 2
 
 
 @contextlib.asynccontextmanager
-async def served(feed, pages=None):
+async def served(feed, pages=None, downloads=None):
     """Serve a feed; yield the server and its address."""
-    server = Server(feed, TOKEN, pages or {})
+    server = Server(feed, TOKEN, pages or {}, downloads)
     async with server.serving("127.0.0.1", 0) as port:
         task = asyncio.create_task(server.run())
         try:

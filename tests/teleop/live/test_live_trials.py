@@ -55,7 +55,10 @@ async def test_a_trial_waits_for_start_lasts_its_whole_duration_and_its_page_sho
     assert client.latest["welcome"]["may_arm"]
     assert armed["armed_by"] == "page"
     assert armed["armed_at"] > 1.0
-    assert "stiffness" in out
+    summary = client.latest["summary"]
+    assert summary["shown"]["use"] in out
+    assert summary["files"]["recording"].endswith("/one.mcap")
+    assert "evaluating" in client.latest
     recording = load(command.folder / "one.mcap")
     active = recording["time"][recording["mode"] == 3]
     assert active[0] > 1.0

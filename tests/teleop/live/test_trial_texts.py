@@ -30,6 +30,7 @@ def trial():
         CellWriter(mmap.mmap(-1, SIZE)),
         SESSION,
         lambda request: None,
+        lambda recording: {"report": str(recording)},
     )
     layout, writer = Layout({}), RingWriter(events, 128, 4096)
     feed.receive(
@@ -97,3 +98,32 @@ def test_a_question_has_its_advice_apart(trial):
     feed.receive({"type": "prompt", **prompt})
     state = feed.state()
     assert (state["text"], state["advice"]) == ("trial 1 of 3", "NEXT runs it")
+
+
+def test_a_new_page_gets_the_result_or_that_the_trial_is_evaluated(trial):
+    feed, _ = trial
+    kinds = lambda: {document["type"] for document in feed.documents()}  # noqa: E731
+    feed.receive({"type": "evaluating"})
+    assert "evaluating" in kinds()
+    recording = {"path": "a.mcap", "problem": None}
+    feed.receive({"type": "summary", "recording": recording, "picture": {}})
+    assert "summary" in kinds()
+    assert "evaluating" not in kinds()
+
+
+@pytest.mark.parametrize(
+    ("recording", "picture", "files"),
+    [
+        ({"path": "a.mcap", "problem": None}, {"depth": []}, {"report": "a.mcap"}),
+        ({"path": "a.mcap", "problem": None}, None, {}),
+        ({"path": "a.mcap", "problem": "the disk is full"}, {"depth": []}, {}),
+        ({"path": None, "problem": None}, {"depth": []}, {}),
+    ],
+)
+def test_files_are_offered_for_a_complete_recording_and_a_report_for_an_evaluation(
+    trial, recording, picture, files
+):
+    feed, _ = trial
+    feed.receive({"type": "summary", "recording": recording, "picture": picture})
+    (found,) = (one for one in feed.documents() if one["type"] == "summary")
+    assert found["files"] == files

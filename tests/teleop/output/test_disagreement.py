@@ -23,4 +23,4 @@ def test_nothing_is_stated_where_the_estimates_agree():
 
 def test_a_record_without_a_result_supports_no_estimate():
     (line,) = disagreement_lines(summary(identifiable=False, rls=18.1))
-    assert "does not support these estimates" in line
+    assert "does not support the estimates" in line

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from teleop.cli import main
 from teleop.output.console import number, plain_console, print_table, small
 from teleop.output.next_command import broken
-from teleop.output.result_tables import with_half
+from teleop.output.result_tables import further_reasons, use_text, with_half
 from teleop.output.table_files import TextTable, markdown_text
 from teleop.printable import wrapped
 
@@ -176,9 +176,12 @@ def test_numbers_replace_the_longest_of_several_columns_with_text(monkeypatch, c
         (-0.3, 35.0, "0 \u00b1 35"),
         (-0.0005048, 0.0013, "-0.0005 \u00b1 0.0013"),
         (12.345, math.nan, "12.35"),
+        (1000.0, 1e-13, "1000.00 \u00b1 0.01"),
+        (1234.5678, 1e-3, "1234.57 \u00b1 0.01"),
+        (2.4e12, 1.2e12, "(2.4 \u00b1 1.2)e12"),
     ],
 )
-def test_a_value_has_the_digits_of_its_interval_and_no_exponent(value, half, text):
+def test_a_value_has_the_digits_of_its_interval_but_not_more_than_six(value, half, text):
     assert with_half(value, half) == text
 
 
@@ -201,3 +204,17 @@ def test_a_value_without_interval_keeps_its_zeros():
         "161.0",
         "1.330",
     ]
+
+
+RESULT = {"identifiable": True, "reasons": ["one", "two"], "b_reason": ""}
+
+
+def test_the_first_line_says_in_words_what_can_be_used_and_why_not():
+    assert use_text(RESULT) == "k and b can be used"
+    assert further_reasons(RESULT) == ["one", "two"]
+    without_b = {**RESULT, "b_reason": "two"}
+    assert use_text(without_b) == "k can be used; b cannot, because two"
+    assert further_reasons(without_b) == ["one"]
+    without = {**RESULT, "identifiable": False}
+    assert use_text(without) == "k and b cannot be used, because one"
+    assert further_reasons(without) == ["two"]

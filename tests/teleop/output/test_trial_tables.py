@@ -25,10 +25,10 @@ def test_an_interrupted_trial_states_its_real_duration(trials, capsys):
     summary = planned.summary()
     assert summary["actual_duration_s"] == pytest.approx(2.5, abs=0.01)
     assert summary["contact_s"] > 1.0
-    print_trial(summary)
+    print_trial({**summary, **planned.result.summary}, details=False)
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "autonomous, soft cube, 2.50 of 10 s"
-    assert "INTERRUPTED" in lines[1]
+    assert "INTERRUPTED" in lines[0]
+    assert lines[1] == "autonomous, soft cube, 2.50 of 10 s: k and b can be used"
     assert any("rls" in line for line in lines)
 
 
@@ -36,18 +36,21 @@ def test_an_interrupted_trial_with_less_than_a_second_of_contact_has_no_estimate
     summary = trials[0.5].summary()
     assert summary["contact_s"] < 1.0
     assert summary["estimates"] == {}
-    print_trial(summary)
+    print_trial({**summary, **trials[0.5].result.summary}, details=False)
     out = capsys.readouterr().out
     assert "no estimates: 0." in out
     assert "rls" not in out
     assert "rls" in replace(trials[0.5], interrupted=False).summary()["estimates"]
 
 
-def test_the_true_values_are_printed_with_the_causes_of_a_low_damping(trials, capsys):
-    summary = trials[2.5].summary()
-    print_trial(summary)
-    out = " ".join(capsys.readouterr().out.split())
-    truth = summary["truth"]
-    assert f"true values of the simulated rig: b {truth['b']:.3g} N s/m" in out
-    assert "lag of the force channel 2.66 ms; lost motion of the slave 122 um." in out
-    assert "Lag and lost motion make the estimate of b too low." in out
+def test_the_true_values_are_printed_and_in_detail_the_causes_of_a_low_damping(trials, capsys):
+    summary = {**trials[2.5].summary(), **trials[2.5].result.summary}
+    causes = (
+        "lag of the force channel 2.66 ms; lost motion of the slave 122 um. They make the online "
+        "estimates of b too low."
+    )
+    for details in (False, True):
+        print_trial(summary, details)
+        out = " ".join(capsys.readouterr().out.split())
+        assert f"true values: b {summary['truth']['b']:.3g} N s/m" in out
+        assert (causes in out) is details

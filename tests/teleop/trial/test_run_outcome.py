@@ -151,7 +151,7 @@ def test_a_black_box_that_cannot_be_written_does_not_make_the_recording_incomple
 def test_the_plot_is_saved_before_the_output_is_printed(tmp_path, monkeypatch):
     picture = tmp_path / "a.svg"
 
-    def closed(summary):
+    def closed(summary, details):
         assert picture.exists()
         raise BrokenPipeError
 
@@ -180,6 +180,6 @@ def test_a_trial_that_ended_before_its_first_sample_prints_no_results(
     monkeypatch.setattr("teleop.trial.stop_switch.StopSwitch.request", request)
     main([*RUN, "--record", str(tmp_path / "a.mcap")])
     text = capsys.readouterr().out
-    assert "no results: the trial ended before its first sample" in text
+    assert "k and b cannot be used, because the trial ended before its first sample" in text
     assert "nan" not in text
     assert "teleop estimate" not in text

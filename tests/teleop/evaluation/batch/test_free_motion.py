@@ -51,7 +51,7 @@ def test_no_estimate_has_a_value_and_no_model_has_parameters(path, capsys):
 
 
 def test_the_tables_have_dashes_and_the_reason(path, capsys):
-    assert main(["estimate", path, "--estimators", "rls,me,hc_log"]) == 0
+    assert main(["estimate", path, "--estimators", "rls,me,hc_log", "--details"]) == 0
     out = capsys.readouterr().out
     assert "no contact" in out
     assert "batch models: none is fitted" in out
@@ -116,5 +116,5 @@ def test_a_ramp_has_a_travel_and_no_frequency():
 
 
 def test_the_result_states_the_motion(path, capsys):
-    assert main(["estimate", path]) == 0
+    assert main(["estimate", path, "--details"]) == 0
     assert "motion: 1 Hz, amplitude 3 mm (half of a stroke), travel 6 mm" in capsys.readouterr().out

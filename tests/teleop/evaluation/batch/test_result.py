@@ -180,7 +180,7 @@ def test_the_command_prints_the_result_first_in_80_columns(capsys, tmp_path, mon
     command = ["estimate", str(path), "--indenter", "flat", "--radius", "5mm"]
     assert main(command) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert "result" in lines[0]
+    assert lines[0] == "sine.csv: k and b can be used"
     assert lines[1].startswith("  stiffness k = 200")
     assert all(len(line.rstrip()) <= 80 for line in lines)
     picture = tmp_path / "fit.png"

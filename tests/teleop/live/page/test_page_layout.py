@@ -12,6 +12,7 @@ import pytest
 from estimation.registry import BUILT_IN
 
 from .conftest import wait_for
+from .result import summary
 
 TARGET = {"frequency": 1.0, "depth": 0.015, "low": 0.0015, "count_in": 60.0}
 NAMES = tuple(BUILT_IN)
@@ -62,7 +63,7 @@ def test_the_page_is_never_wider_than_its_window(estimators, view, trial_feed, s
     feed.text = 90 * "x"
     page = open_page(serve(feed).url(view))
     wait_for(page, "teleop.rows() > 50")
-    feed.news.append({"type": "summary", **summary_of(estimators)})
+    feed.news.append(summary(estimators, recording={"path": 50 * "folder/", "problem": None}))
     if not view:
         wait_for(page, "document.getElementById('summary').open")
     for width, height in WIDTHS:
@@ -74,13 +75,6 @@ def test_the_page_is_never_wider_than_its_window(estimators, view, trial_feed, s
         shown = page.locator("#estimates tbody th").all_inner_texts()
         assert set(shown) <= set(estimators)
         assert bool(shown) is not bool(view)
-
-
-def summary_of(estimators):
-    """Return the results of a trial as the page receives them."""
-    row = {"k_end": 1.2e6, "k_interval": 6e4, "b_end": -1e5, "b_interval": 1e9}
-    row |= {"held": 1.0, "misfit": 9.99}
-    return {"estimates": dict.fromkeys(estimators, row), "recording": {"path": 50 * "folder/"}}
 
 
 def test_the_theme_follows_the_system_and_can_be_changed(trial_feed, serve, open_page):

@@ -10,6 +10,7 @@ import pytest
 from estimation.registry import BUILT_IN
 
 from .conftest import WATCH, wait_for
+from .result import summary
 
 pytestmark = pytest.mark.real_time
 
@@ -67,7 +68,7 @@ def run_trial(page, feed):
     page.mouse.down()
     page.wait_for_timeout(400)
     page.mouse.up()
-    feed.news.append({"type": "summary", "estimates": {}, "recording": {"path": "a/path"}})
+    feed.news.extend([{"type": "evaluating"}, summary()])
     for feed.mode in ("stopping", "ended"):
         wait_for(page, f"teleop.state().mode === '{feed.mode}'")
     page.wait_for_timeout(50)

@@ -13,6 +13,8 @@ import time
 import numpy as np
 import pytest
 
+from teleop.output.result_tables import result_values
+
 from .conftest import WATCH, wait_for
 
 pytestmark = pytest.mark.real_time
@@ -70,17 +72,17 @@ def test_palpation_with_the_mouse_estimates_the_stiffness(trial, open_page):
     assert depth.max() - depth.min() > 2e-3
     assert np.median(k) == pytest.approx(true, rel=0.1)
     assert np.median(k) == pytest.approx(np.median(force / depth), rel=0.1)
-    page.locator("#summary").wait_for(state="visible", timeout=20000)
+    wait_for(page, "document.querySelector('.result-value') !== null", timeout=30.0)
     shown = page.locator("#summary").inner_text()
     assert page.evaluate("[shifts, black]") == [[], []]
     process.terminate()
     out, _ = process.communicate()
     result = json.loads(out)
-    k_end, decimals = re.search(
-        r"rls\s+(\d+\.?(\d*)) ±", shown
-    ).groups()  # more in a short interval
-    rounding = 0.5001 * 10.0 ** -len(decimals)
-    assert float(k_end) == pytest.approx(result["estimates"]["rls"]["k_end"], abs=rounding)
+    values = result_values(result["result"])
+    assert [one.symbol for one in values] == ["k", "k at the tip", "b"]
+    for one in values:
+        assert f"{one.value} {one.unit}" in shown
+        assert f"{one.low} to {one.high}" in shown
     assert result["recording"]["complete"]
 
 
