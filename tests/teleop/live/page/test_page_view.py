@@ -104,10 +104,10 @@ def test_zoom_and_pan_change_the_strips_only(feed, page):
     page.keyboard.press("ArrowLeft")
     assert view(page)["span"] == 5
     assert not view(page)["follows"]
-    feed.news.append(feed.trial)  # the next trial is shown from its first sample on
-    wait_for(page, "teleop.view().follows")
     assert page.evaluate("shifts") == []
     assert page.evaluate("black") == []
+    feed.news.append(feed.trial)  # the next trial is shown from its first sample on
+    wait_for(page, "teleop.view().follows")
 
 
 def test_the_cursor_shows_the_values_at_its_time_and_the_event_beside_it(feed, page):
