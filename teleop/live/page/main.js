@@ -112,9 +112,12 @@ connection.on("state", (message) => {
 function showResult({ title, parts, files }, isUsable) {
   byId("summary-title").textContent = title;
   byId("summary-title").classList.toggle("unusable", !isUsable);
-  byId("summary-body").replaceChildren(...parts);
-  byId("summary-files").replaceChildren(...files);
-  byId("summary-body").scrollTop = 0;
+  // new elements appear at their place, and nothing that a person sees moves
+  for (const [id, content] of [["summary-body", parts], ["summary-files", files]]) {
+    const fresh = byId(id).cloneNode();
+    fresh.append(...content);
+    byId(id).replaceWith(fresh);
+  }
   if (!byId("summary").open) byId("summary").show();
 }
 connection.on("evaluating", () => showResult(evaluatingParts(), true));

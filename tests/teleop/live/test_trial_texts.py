@@ -8,6 +8,7 @@ import pytest
 
 from teleop.json_documents import dumps
 from teleop.live.cells import SIZE, CellWriter
+from teleop.live.requests import BadRequest
 from teleop.live.ring import RingReader, RingWriter, ring_size
 from teleop.live.trial_feed import TrialFeed
 from teleop.recording.columns import Layout
@@ -17,7 +18,8 @@ from teleop.safety.events import ACTIVE, FAULT, READY
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.live_documents import trial_document
 
-SESSION = {"may_arm": True, "pointer": True, "choices": {}}
+CHOICES = {"feedback": ["none", "position-force"], "estimators": ["rls", "ai", "me"]}
+SESSION = {"may_arm": True, "pointer": True, "choices": CHOICES}
 
 
 @pytest.fixture
@@ -119,9 +121,7 @@ def test_the_trials_of_the_session_are_listed_with_their_results(trial):
     for values in ([k], []):
         recording = {"path": None, "problem": None}
         shown = {"values": values}
-        feed.receive(
-            {"type": "summary", "recording": recording, "picture": None, "shown": shown}
-        )
+        feed.receive({"type": "summary", "recording": recording, "picture": None, "shown": shown})
     (found,) = (one for one in feed.documents() if one["type"] == "trials")
     about = {"number": 1, "condition": "free", "specimen": "soft cube", "feedback": "none"}
     about["stopped"] = True

@@ -92,8 +92,9 @@ def test_the_buttons_lead_to_the_files_of_the_trial(shown):
 
 def test_a_file_that_cannot_be_written_is_reported_and_the_page_stays(shown):
     page = shown(summary())
-    page.locator("#summary a", has_text="CSV").click()  # the server of the test has no files
-    wait_for(page, "document.getElementById('summary-files').textContent.includes('not found')")
+    page.route("**/a.csv", lambda route: route.fulfill(body="the disk is full"))
+    page.locator("#summary a", has_text="CSV").click()
+    wait_for(page, "document.getElementById('summary-files').textContent.includes('disk is full')")
     assert page.evaluate(IS_OPEN)
 
 

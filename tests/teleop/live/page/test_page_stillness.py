@@ -58,6 +58,7 @@ def varied(feed):
 def run_trial(page, feed):
     """Go through the modes of a trial, in which the mouse rests with its button pressed."""
     feed.mode, feed.requests = "ready", []
+    page.evaluate("document.getElementById('summary')?.close()")  # it covers the tool
     wait_for(page, "teleop.state().mode === 'ready'")
     page.wait_for_timeout(100)
     page.evaluate("shifts.length = 0")
