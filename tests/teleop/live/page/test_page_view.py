@@ -80,11 +80,11 @@ def test_zoom_and_pan_change_the_strips_only(feed, page):
     assert view(page)["follows"]
     assert page.input_value("#window") == "5"
     page.mouse.down()
-    hover(page, 0.9)  # 2 s back
+    hover(page, 0.85)  # 1.75 s back
     page.mouse.up()
     wait_for(page, "!teleop.view().follows")
     past = view(page)["time"]
-    assert past == pytest.approx(page.evaluate("teleop.last('time')") - 2.0, abs=0.5)
+    assert past == pytest.approx(page.evaluate("teleop.last('time')") - 1.75, abs=0.5)
     page.wait_for_timeout(300)
     assert view(page)["time"] == past
     box = plot(page)
