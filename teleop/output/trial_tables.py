@@ -240,7 +240,7 @@ def print_fault(console: Console, safety: Mapping[str, Any]) -> None:
     if safety["fault"]:
         fault = safety["fault"]
         console.print(
-            f"STOPPED for safety {time_text(fault['time'])}: {fault['text']}", style="bold red"
+            f"STOPPED for safety {time_text(safety['fault_s'])}: {fault['text']}", style="bold red"
         )
         for text in safety["further_faults"]:
             console.print(f"  also: {text}", style="red")

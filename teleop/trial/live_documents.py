@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from estimation.registry import BUILT_IN
@@ -78,6 +79,8 @@ def trial_document(
             "condition": settings.condition,
             "specimen": settings.cube if settings.is_simulated else settings.palpated,
             "duration": settings.duration,
+            "feedback": settings.feedback.law,
+            "estimators": [*settings.estimation_preset.estimators],
         },
         "depth": settings.depth if settings.rig else settings.setup.depth,
         "rig": settings.rig_name,
@@ -135,6 +138,15 @@ def result_document(
         "estimates": rows,
     }
     return {**found.summary, "shown": shown, "picture": found.picture}
+
+
+def recorded_result(recording: Recording, path: Path) -> dict[str, Any]:
+    """Return the message `summary` with the result that `teleop estimate` gives for a recording."""
+    from teleop.trial.trial_result import trial_result  # imports scipy, which takes long
+
+    found = result_document(trial_result(recording, path), {})
+    about = {"recording": {"path": str(path), "problem": None}, "files": {}}
+    return {"type": "summary", **about, **found}
 
 
 def introduction(settings: TrialSettings) -> str:

@@ -72,7 +72,11 @@ class Trial(Presented):
         grave = (Fault.MOVES_AFTER_STOP, Fault.NOT_STOPPED)
         texts = [faults[0]["text"]]
         texts += [event["text"] for event in faults[1:] if event["fault"] in grave]
-        return f"stopped {time_text(faults[0]['time'])}: {'; '.join(texts)}"
+        return f"stopped {time_text(self.since_armed(faults[0]))}: {'; '.join(texts)}"
+
+    def since_armed(self, event: dict[str, Any]) -> float | None:
+        """Return the time of an event since the drives were armed [s]; None if they were not."""
+        return float(event["time"] - self.armed["time"]) if self.armed else None
 
     @cached_property
     def recording(self) -> Recording:
@@ -317,6 +321,7 @@ class Trial(Presented):
             "loop": found.loop,
             "safety": {
                 "fault": self.fault,
+                "fault_s": self.since_armed(self.fault) if self.fault else None,
                 "further_faults": [
                     event["text"]
                     for event in self.ticks.events

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from teleop.live.history import History
-from teleop.live.trust import Trust
+from teleop.live.trust import JUDGED, Trust
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.live_documents import transmission_document
 
@@ -39,7 +39,7 @@ def add(trust, history, start, end, motion=None, rls=None, me=None):
     for t in np.arange(start, end, 4e-3):
         values |= {"time": t, "v": 0.05 * math.cos(2.0 * math.pi * t)}
         history.add(np.array([[values[name] for name in COLUMNS]]))
-        trust.update(history)
+        trust.update(history.latest(JUDGED))
 
 
 def both(**own):
