@@ -124,5 +124,15 @@ class TransmissionCalibration:
         return Interval(tip, tip - error, tip + error) if error < 0.5 * tip else None
 
 
+def stated_lag(known: TransmissionCalibration, lag: float) -> TransmissionCalibration:
+    """Return the calibration with a stated lag [s], of which the form is not known.
+
+    The lag is between a pure delay and a first-order lag.
+    """
+    return replace(
+        known, force_lag=lag, force_lag_error=0.0, delay_share=0.5, delay_share_error=0.5
+    )
+
+
 RIGID = TransmissionCalibration()
 """Rigid transmission, and a force channel without lag."""

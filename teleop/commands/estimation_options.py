@@ -111,6 +111,7 @@ AS_RECORDED = FileOptions()
 
 def file_settings(recording: Recording | None, changes: Mapping[str, Any]) -> EstimateSettings:
     """Settings of the recorded trial, or the defaults for a foreign file, with these changes."""
+    from estimation.transmission import stated_lag
     from teleop.evaluation.settings import EstimateSettings
 
     settings = EstimateSettings()
@@ -120,11 +121,10 @@ def file_settings(recording: Recording | None, changes: Mapping[str, Any]) -> Es
         settings = estimate_settings(recording)
     # A value that the user states replaces that of the file or rig, and has no error.
     stated = {name: changes[name] for name in OF_TRANSMISSION if name in changes}
-    known = replace(
-        changes.get("transmission", settings.transmission),
-        **stated,
-        **{f"{name}_error": 0.0 for name in stated},
-    )
+    known = changes.get("transmission", settings.transmission)
+    if "force_lag" in stated:
+        known = stated_lag(known, stated["force_lag"])
+    known = replace(known, **stated, **{f"{name}_error": 0.0 for name in stated})
     online = settings.online and replace(settings.online, **stated)
     others = {name: v for name, v in changes.items() if name not in ("lost_motion", "compliance")}
     return replace(settings, **{**others, "transmission": known, "online": online})

@@ -24,6 +24,7 @@ from estimation.conditioning import BANDWIDTH, make_conditioner
 from estimation.excitation import dominant_frequency
 from estimation.model import KELVIN_VOIGT
 from estimation.registry import PAPER
+from estimation.transmission import stated_lag
 from teleop.errors import InputError, as_input_error
 from teleop.evaluation.batch.analysis import Analysis, analyse
 from teleop.evaluation.evaluation import Evaluation
@@ -85,7 +86,8 @@ def evaluate(
     # and the times without contact, in which they hold their estimates.
     with as_input_error():
         batch = within(at_tip.signals, settings.averaged)
-        analysis = analyse(batch, replace(transmission, force_lag=transmission.force_lag or lag))
+        known = transmission if transmission.force_lag else stated_lag(transmission, lag)
+        analysis = analyse(batch, known)
     datum = find_datum(signals, settings.datum, analysis.phases)
     frequency, highest = motion_frequencies(analysis, signals, motion)
     bandwidth = settings.bandwidth

@@ -252,18 +252,18 @@ class Analysis:
 
         The dictionary contains the storage stiffness k' [N/m], the loss stiffness k'' [N/m] and
         tan delta = k'' / k'. For each of them, it also contains the half width of the 95 %
-        interval. On a linear body they are k and b omega of the result. On a nonlinear body in a
-        sine in contact throughout, they are computed from the fundamentals of force and position
-        (`complex_stiffness`), and differ from the tangent stiffness k. The result is None in all
-        other cases: the motion has no cycles, k or b is not identifiable, or the best model
-        contains relaxation (a decay of the force at constant position), so that b describes only a
-        part of the loss of energy.
+        interval. The motion must be a sine in contact throughout. On a linear body they are then k
+        and b omega of the result. On a nonlinear body they are computed from the fundamentals of
+        force and position (`complex_stiffness`), and differ from the tangent stiffness k. The
+        result is None in all other cases: another motion, k or b is not identifiable, or the best
+        model contains relaxation (a decay of the force at constant position), so that b describes
+        only a part of the loss of energy.
         """
         result, record = self.result, self.record
-        cyclic = math.isfinite(record.frequency) and not result.times
+        steady = record.sinusoidal and self.phases.free_force is None and not result.times
         if self.harmonic:
             return complex_row(self.harmonic.stiffness, self.harmonic.frequency)
-        if not cyclic or result.k is None or result.b is None or self.local is None:
+        if not steady or result.k is None or result.b is None or self.local is None:
             return None
         assert result.k_low is not None
         assert result.b_low is not None
@@ -275,7 +275,7 @@ class Analysis:
                 result.b * omega,
                 (result.b - result.b_low) * omega,
             )
-        elif record.sinusoidal and self.phases.free_force is None:
+        else:
             lock_in = complex_stiffness(record)
             if lock_in is None:
                 return None
@@ -285,8 +285,6 @@ class Analysis:
                 found = lock_in._replace(
                     loss=result.b * omega, loss_half=(result.b - result.b_low) * omega
                 )
-        else:
-            return None
         return complex_row(found, record.frequency)
 
 

@@ -10,7 +10,11 @@ from estimation.stiffening import Interval
 from estimation.transmission import TransmissionCalibration
 from teleop.evaluation.batch.constancy import change_over_cycles, drift_of_lag
 from teleop.evaluation.batch.harmonic_fit import HarmonicFit
-from teleop.evaluation.batch.reasons import DAMPING_NOT_RESOLVED, negative_damping
+from teleop.evaluation.batch.reasons import (
+    DAMPING_NOT_RESOLVED,
+    negative_damping,
+    unknown_form,
+)
 from teleop.evaluation.batch.stiffness_result import (
     StiffnessResult,
     stiffness_at_tip,
@@ -47,7 +51,7 @@ def harmonic_result(
         change = None  # in a drift, the rounding error of the fundamental changes
     if half_k > WIDEST_INTERVAL * k or (drift and drift.phase > LARGEST_PHASE_DRIFT):
         return None
-    found = [*faults]
+    found = [*faults, *unknown_form(transmission, omega)]
     if fit.line and not change:  # a change of the stiffness also gives lines
         found.append(Reason(fit.line.text))
     if change:
