@@ -215,7 +215,10 @@ def test_files_and_options_state_the_transmission(record, tmp_path, capsys):
     columns = np.column_stack([record.t, record.x * 1e3, record.f])
     np.savetxt(table, columns, delimiter=",", header="t [s],x [mm],F [N]", comments="")
     file = tmp_path / "transmission.toml"
-    file.write_text("lag_ms = 3.0\nlost_motion_um = 90\ncompliance_um_per_n = 12.0\n")
+    file.write_text(
+        "lag_ms = 3.0\ndelay_share = 0.5\ndelay_share_error = 0.5\n"  # as for a stated lag
+        "lost_motion_um = 90\ncompliance_um_per_n = 12.0\n"
+    )
     found = []
     for options in (
         ("--transmission", str(file)),
