@@ -126,10 +126,10 @@ class TrialSettings:
     """Signal conditioning before the estimators."""
     bandwidth: Annotated[Hertz, Field(alias="bandwidth_hz")] = BANDWIDTH
     """Bandwidth of the filter in the signal conditioning [Hz]."""
-    force_lag: Annotated[Seconds | None, Field(alias="force_lag_s")] = None
+    force_lag: Annotated[Seconds | None, Field(alias="force_lag_s", ge=0.0)] = None
     """Lag of the force channel [s], for which matched conditioning corrects the position. Default:
     the calibrated lag of the rig, or 0 with another conditioning."""
-    lost_motion: Annotated[Metres | None, Field(alias="lost_motion_m")] = None
+    lost_motion: Annotated[Metres | None, Field(alias="lost_motion_m", ge=0.0)] = None
     """Half width of the play between encoder and tip [m], for which the conditioning corrects the
     position. Default: the calibrated lost motion of the rig."""
     preset: Annotated[Preset | None, Field(alias="custom_preset")] = None

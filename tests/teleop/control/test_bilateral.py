@@ -192,7 +192,8 @@ def test_without_feedback_and_channel_the_recording_is_that_of_before(condition,
             memories.append(self)
 
     monkeypatch.setattr(outputs, "Memory", Kept)
-    trial = run_trial(TrialSettings(condition=condition, clock="virtual", duration=5.0, seed=3))
+    settings = TrialSettings(condition, clock="virtual", duration=5.0, seed=3)
+    trial = run_trial(replace(settings, force_lag=0.0, lost_motion=0.0))
     messages, ticks = bytes(memories[0].messages), len(trial.recording)
     later = np.flatnonzero(trial.recording["mode"] == Mode.IDLE)
     stopped = later[later > ticks // 2][0] + 1  # the former recordings ended with this tick

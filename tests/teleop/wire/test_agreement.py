@@ -32,6 +32,8 @@ def test_estimates_are_those_of_the_simulated_rig(in_memory, name):
         rate=wired.settings.loop_rate,
         duration=SECONDS,
         custom_limits=wired.settings.custom_limits,
+        force_lag=0.0,  # the rig files state no transmission
+        lost_motion=0.0,
     )
     b, k = final(wired.run())
     true_b, true_k = final(run_trial(plain))
