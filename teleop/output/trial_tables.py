@@ -114,9 +114,9 @@ def duration(summary: Mapping[str, Any]) -> str:
 def print_truth(console: Console, truth: Mapping[str, Any], details: bool) -> None:
     """Print the true values of the simulated rig; its lag and lost motion only with `details`."""
     console.print(
-        f"  true values: b {DAMPING.text(truth['b'], '.3g')}; secant stiffness "
+        f"  true b {DAMPING.text(truth['b'], '.3g')}; secant k "
         f"{STIFFNESS.text(truth['k_surface'])} at the surface, "
-        f"{STIFFNESS.text(truth['k_deepest'])} at the greatest depth"
+        f"{STIFFNESS.text(truth['k_deepest'])} at full depth"
     )
     if details:
         console.print(

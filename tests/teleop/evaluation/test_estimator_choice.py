@@ -104,7 +104,7 @@ def test_estimators_whose_model_is_not_linear_in_x_need_the_contact(capsys, tmp_
 
 def test_more_estimators_are_compared(capsys, tmp_path):
     table = write_table(tmp_path / "sine.csv", 1.0, 20.0, 2100.0)
-    assert main(["estimate", str(table), "--estimators", "rls,kalman,window"]) == 0
+    assert main(["estimate", str(table), "--estimators", "rls,kalman,window", "--details"]) == 0
     out = capsys.readouterr().out
     for word in ("rms/window", "k within", "kalman", "window", "least squares"):
         assert word in out

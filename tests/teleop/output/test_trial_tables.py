@@ -52,5 +52,5 @@ def test_the_true_values_are_printed_and_in_detail_the_causes_of_a_low_damping(t
     for details in (False, True):
         print_trial(summary, details)
         out = " ".join(capsys.readouterr().out.split())
-        assert f"true values: b {summary['truth']['b']:.3g} N s/m" in out
+        assert f"true b {summary['truth']['b']:.3g} N s/m" in out
         assert (causes in out) is details

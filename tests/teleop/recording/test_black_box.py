@@ -183,5 +183,5 @@ def test_a_run_stopped_by_a_fault_reports_it_and_exits_with_3(tmp_path, capsys, 
     assert err == "teleop: stopped at 0.450 s: slave position is inf: expected a number\n"
     stopped, _, title, *_ = out.splitlines()
     assert stopped == "STOPPED for safety at 0.450 s: slave position is inf: expected a number"
-    assert title == "free, soft cube, 0.45 of 1 s"
+    assert title.startswith("free, soft cube, 0.45 of 1 s: k and b can")
     assert "black box: recordings/" in out
