@@ -204,7 +204,7 @@ def estimated(case: Case, known: TransmissionCalibration) -> StiffnessResult:
     samples = Samples(Signals(log.t, log.x, log.f, periods(log.t), "position"))
     if known.lost_motion:
         samples = SamplesAtTip(samples, known.lost_motion)
-    return analyse(samples.signals, known.force_lag, known).result
+    return analyse(samples.signals, known).result
 
 
 def compared(case: Case, result: StiffnessResult) -> dict[str, Checked]:

@@ -36,7 +36,6 @@ def result_of(trial, transmission: TransmissionCalibration):
         recorded_settings(trial.recording),
         averaged=averaged_part(trial.recording, trial.settings),
         transmission=transmission,
-        corrects_online=False,
     )
     evaluation = evaluate(recorded_signals(trial.recording), settings)
     local = evaluation.analysis.local

@@ -14,6 +14,7 @@ from drivers.rig import AXES, CHANNELS
 
 Positive = Annotated[FiniteFloat, Field(gt=0)]
 NonNegative = Annotated[FiniteFloat, Field(ge=0)]
+UpTo1 = Annotated[FiniteFloat, Field(ge=0, le=1)]
 UpTo500 = Annotated[FiniteFloat, Field(ge=0, le=500)]
 UpTo10000 = Annotated[FiniteFloat, Field(ge=0, le=10_000)]
 
@@ -197,9 +198,12 @@ class TransmissionSettings(Section):
     """
 
     lag_ms: UpTo500 = 0.0
-    """First-order lag of the force that remains in the recordings. It is not the delay
+    """Lag of the force that remains in the recordings. It is not the delay
     `channels.contact_force.lag_ms`, by which the recorded samples are shifted."""
     lag_error_ms: UpTo500 = 0.0
+    delay_share: UpTo1 = 0.0
+    """Share of a pure delay in this lag; the rest is a lag of first order."""
+    delay_share_error: UpTo1 = 0.0
     lost_motion_um: UpTo10000 = 0.0
     """Half width of the play between encoder and tip."""
     lost_motion_error_um: UpTo10000 = 0.0

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from estimation.arrays import Floats
 from estimation.checks import checked_samples, is_valid, sample_error
 from estimation.compiled import looped
-from estimation.filters import Lag, LowPass, angular, difference, difference_series
+from estimation.filters import Lag, LowPass, Play, angular, difference, difference_series
 from estimation.model import KELVIN_VOIGT, Model
 
 BANDWIDTH = 20.0
@@ -301,6 +301,41 @@ class MatchedFilter(Conditioner):
         return Regression(y, rate, force, dt, np.reshape(further, (len(further), len(x))).T.copy())
 
 
+class WithoutLostMotion(Conditioner):
+    """Remove the lost motion of the transmission from the position, before another conditioner.
+
+    The position at the encoder is replaced by the output of the play operator. This is the position
+    of the tip plus the stretch of the transmission. The first output is the first position.
+
+    Parameters
+    ----------
+    conditioner
+        The conditioner that receives this position.
+    lost_motion
+        Half width of the play [m].
+    """
+
+    def __init__(self, conditioner: Conditioner, lost_motion: float) -> None:
+        self._conditioner = conditioner
+        self._play = Play(lost_motion)
+        self.settling = conditioner.settling
+
+    def reset(self) -> None:
+        """Reset play and filter to their states before the first sample."""
+        self._play.reset()
+        self._conditioner.reset()
+
+    def correlation(self, dt: float) -> float:
+        """Return the `correlation` of the other conditioner."""
+        return self._conditioner.correlation(dt)
+
+    def _condition(self, x: float, f: float, dt: float) -> ConditionedSample:
+        return self._conditioner._condition(self._play.update(x), f, dt)
+
+    def _condition_all(self, x: Floats, f: Floats, dt: Floats) -> Regression:
+        return self._conditioner._condition_all(self._play.run(x), f, dt)
+
+
 CONDITIONERS = ("matched", "svf", "foaw", "difference")
 """Names of the signal conditioners."""
 LONGEST_LAG = 0.5
@@ -313,6 +348,7 @@ def make_conditioner(
     resolution: float,
     force_lag: float = 0.0,
     model: Model = KELVIN_VOIGT,
+    lost_motion: float = 0.0,
 ) -> Conditioner:
     """Return a new signal conditioner with this name.
 
@@ -321,6 +357,7 @@ def make_conditioner(
 
     `bandwidth` [Hz] is not used by `foaw`. `resolution`, the distance per encoder count [m], is
     used only by `foaw`. Only `matched` supports a `force_lag` [s] and regressors besides v and x.
+    All of them support the half width of the play between encoder and tip, `lost_motion` [m].
     ValueError otherwise, or if a number is out of its range.
     """
     if name not in CONDITIONERS:
@@ -331,14 +368,17 @@ def make_conditioner(
         raise ValueError(f"force lag {force_lag:g} s: expected at most {LONGEST_LAG:g} s")
     if model.further and name != "matched":
         raise ValueError(f"model {model.name}: expected conditioning matched, not {name}")
+    made: Conditioner
     try:
         angular(bandwidth)
         if name == "matched":
-            return MatchedFilter(bandwidth, force_lag, model)
-        if name == "svf":
-            return StateVariableFilter(bandwidth)
-        if name == "difference":
-            return FilteredDifference(bandwidth)
-        return FirstOrderAdaptiveWindowing(resolution)
+            made = MatchedFilter(bandwidth, force_lag, model)
+        elif name == "svf":
+            made = StateVariableFilter(bandwidth)
+        elif name == "difference":
+            made = FilteredDifference(bandwidth)
+        else:
+            made = FirstOrderAdaptiveWindowing(resolution)
+        return WithoutLostMotion(made, lost_motion) if lost_motion else made
     except ValueError as error:
         raise ValueError(f"conditioning {name}: {error}") from error

@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 from estimation.arrays import Floats
 
-WIDTHS: dict[str, float] = {"screen": 8.0, "single": 3.5, "double": 7.16, "a4": 6.3}
+WIDTHS: dict[str, float] = {"screen": 8.0, "single": 3.5, "double": 7.16, "a4": 6.3, "page": 5.2}
 """Width of a figure [in], by its name.
 
 `single` and `double` are one and two columns of an IEEE paper. `a4` is the text width of A4 paper.
+`page` is one of two columns of a report page, whose text is readable on a phone.
 """
-FONTS: dict[str, float] = {"screen": 10.0, "single": 7.0, "double": 8.0, "a4": 9.0}
+FONTS: dict[str, float] = {"screen": 10.0, "single": 7.0, "double": 8.0, "a4": 9.0, "page": 9.0}
 """Size of the text [pt], by the name of the width."""
 CHOSEN: ContextVar[str] = ContextVar("CHOSEN", default="screen")
 """Name of the present width of figures, a key of `WIDTHS`. `figure_style` sets it."""
@@ -52,7 +53,7 @@ LINES: tuple[dict[str, Any], ...] = (
 """Line styles. They differ in colour (palette of Okabe and Ito), width, dashes and markers."""
 MARKER_SIZE = 4.0
 """Size of the markers [pt]."""
-BLUE, ORANGE, GREY, PROFILE = "#0072B2", "#D55E00", "#555555", "#8C8C8C"
+BLUE, ORANGE, PURPLE, GREY, PROFILE = "#0072B2", "#D55E00", "#A8628A", "#555555", "#8C8C8C"
 NO_ESTIMATE = "no estimate: no contact or no motion"
 """Text that is shown instead of the estimates if no estimator was updated."""
 BINS = 1000
@@ -120,6 +121,11 @@ def new_figure(ratio: float, rows: int = 1) -> Figure:
 def is_narrow() -> bool:
     """Return whether the present width of figures is less than 5 inches, see `figure_style`."""
     return WIDTHS[CHOSEN.get()] < NARROW
+
+
+def characters() -> int:
+    """Return the number of characters that fit into the width of a figure without its margins."""
+    return int((WIDTHS[CHOSEN.get()] - 0.6) * 72.0 / (0.58 * FONTS[CHOSEN.get()]))
 
 
 def line(index: int) -> dict[str, Any]:
@@ -228,9 +234,27 @@ def columns_width(names: Sequence[str], columns: int, font: float) -> float:
 
     `columns` is the number of columns, and `font` is the size of the text [pt].
     """
-    rows = -(-len(names) // columns)
-    longest = [max(map(len, names[i : i + rows])) for i in range(0, len(names), rows)]
+    parts = np.array_split(np.array([len(name) for name in names]), min(columns, len(names)))
+    longest = [int(part.max()) for part in parts]
     return sum(0.62 * length + 5.0 for length in longest) * font / 72.0
+
+
+def name_ticks(axes: Axes, places: Sequence[float], names: Sequence[str], width: float) -> None:
+    """Write names below an axis that is `width` [in] wide, at the given places.
+
+    If they do not fit side by side, each name is lower than the one before, up to three lines. If
+    this is not sufficient, the names are slanted.
+    """
+    lines = [name.split("\n") for name in names]
+    longest = max((len(part) for name in lines for part in name), default=0)
+    needed = (0.6 * longest + 1.0) * FONTS[CHOSEN.get()] / 72.0 * len(names)
+    levels = next((n for n in (1, 2, 3) if needed < n * width), 0)
+    height = max(map(len, lines), default=0)
+    if levels:
+        shown = ["\n" * (height * (i % levels)) + name for i, name in enumerate(names)]
+        axes.set_xticks(places, shown)
+    else:
+        axes.set_xticks(places, names, rotation=30, ha="right", rotation_mode="anchor")
 
 
 def explain(axes: Axes, text: str) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from textwrap import fill
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +28,8 @@ from estimation.figure_style import (
     NO_ESTIMATE,
     ORANGE,
     PROFILE,
+    PURPLE,
+    characters,
     draw,
     explain,
     extremes,
@@ -39,14 +42,25 @@ from estimation.figure_style import (
     tidy,
 )
 from estimation.metrics import predicted_force
+from estimation.misfit import LARGEST_MISFIT
 from estimation.quantities import DAMPING, POSITION, STIFFNESS, VELOCITY
+from estimation.stiffening import Interval
 
 TOGETHER = len(LINES)
 """Largest number of estimators in one panel. If there are more, each has its own panels."""
 START = 0.1
 """Fraction of the duration, at its start, that is not used to compute the limits of an axis."""
-TRUTH: dict[str, Any] = {"color": "#444444", "linewidth": 0.9, "linestyle": (0, (10, 3))}
+TRUTH: dict[str, Any] = {
+    "color": "#444444",
+    "linewidth": 0.9,
+    "linestyle": (0, (10, 3)),
+    "zorder": 1.9,
+}
 """Style of the lines at the true values of a simulated specimen."""
+RESULT: dict[str, Any] = {"color": PURPLE, "linewidth": 1.4, "zorder": 1.8}
+"""Style of the lines at the result of all samples."""
+INTERVALS = "95 % intervals"
+"""Text in the legend for the shaded intervals."""
 MOTION: dict[str, Any] = {"color": PROFILE, "linewidth": 0.7, "alpha": 0.55}
 """Style of the lines of displacement and velocity."""
 
@@ -60,6 +74,20 @@ class Truth(NamedTuple):
     """Stiffness at the surface [N/m]."""
     k_deepest: float
     """Secant stiffness at the greatest depth [N/m]."""
+
+
+class Result(NamedTuple):
+    """Stiffness and damping from all samples together, with their 95 % intervals.
+
+    A value that is not determined is None.
+    """
+
+    k: Interval | None
+    """Stiffness [N/m]."""
+    b: Interval | None
+    """Damping [N s/m]."""
+    kind: str = "tangent"
+    """Kind of the stiffness."""
 
 
 class Drawn(NamedTuple):
@@ -81,6 +109,48 @@ class Drawn(NamedTuple):
         return bool(np.isfinite(self.k).any())
 
 
+class Levels(NamedTuple):
+    """Values that do not depend on time, which are drawn as horizontal lines.
+
+    They are in the units of the axes.
+    """
+
+    truth: Truth | None
+    result: Result | None
+
+    def draw(self, panels: tuple[Axes, Axes] | np.ndarray) -> None:
+        """Draw the levels of the stiffness in the first panel, those of the damping in the second.
+
+        The true values of the stiffness are those at the surface and at the greatest depth.
+        """
+        if truth := self.truth:
+            for level in {truth.k_surface, truth.k_deepest}:
+                panels[0].axhline(level, **TRUTH)
+            panels[1].axhline(truth.b, **TRUTH)
+        for axes, one in zip(panels, self.result[:2] if self.result else (), strict=False):
+            if one:
+                axes.axhspan(one.low, one.high, color=PURPLE, alpha=0.25, linewidth=0.0)
+                axes.axhline(one.value, **RESULT)
+
+    def entries(self) -> list[tuple[Line2D, str]]:
+        """Return the lines and texts of the levels in the legend."""
+        found = []
+        if self.result and any(self.result[:2]):
+            name = f"result (k: {self.result.kind})"
+            found.append((Line2D([], [], **RESULT), name))
+        if self.truth:
+            found.append((Line2D([], [], **TRUTH), "true values (k: secants)"))
+        return found
+
+    def values(self) -> tuple[list[float], list[float]]:
+        """Return the levels that must be within the limits of the two panels."""
+        k, b = ([*(one or ())] for one in (self.result[:2] if self.result else (None, None)))
+        if truth := self.truth:
+            k += [truth.k_surface, truth.k_deepest]
+            b.append(truth.b)
+        return [0.0, *k], b
+
+
 def estimates_figure(
     title: str,
     t: Floats,
@@ -88,10 +158,13 @@ def estimates_figure(
     v: Floats,
     estimates: Mapping[str, Estimates],
     truth: Truth | None = None,
+    result: Result | None = None,
+    remark: str = "",
 ) -> Figure:
     """Return a figure of the estimated stiffness, the estimated damping and the motion over time.
 
     If there are more than five estimators, each has its own panels, and the motion is not drawn.
+    `result` is drawn as horizontal lines. `remark` is a text below the title.
     """
     scale, unit = k_scale(estimates)
     shown = {name: drawn(series, scale) for name, series in estimates.items()}
@@ -99,36 +172,41 @@ def estimates_figure(
         f"{STIFFNESS.name} {STIFFNESS.hat} [{unit}]",
         f"{DAMPING.name} {DAMPING.hat} [{DAMPING.unit}]",
     )
+    levels = Levels(scaled(truth, scale), scaled_result(result, scale))
+    title = "\n".join(filter(None, (title, fill(remark, characters()))))
     if len(shown) > TOGETHER and any(one.exists for one in shown.values()):
-        return small_multiples(title, t, shown, labels, scaled(truth, scale))
+        return small_multiples(title, t, shown, labels, levels)
     figure = new_figure(0.75, rows=2)
     panels = figure.subplots(2, 1, sharex=True)
     for i, (name, one) in enumerate(shown.items()):
         if one.exists:
             draw(panels[0], t, one.k, label=name, **line(i))
             draw(panels[1], t, one.b, **line(i))
-    first = next(iter(shown))
-    interval(panels[0], t, shown[first].k, shown[first].k_half)
-    interval(panels[1], t, shown[first].b, shown[first].b_half)
     missing = [name for name, one in shown.items() if not one.exists]
     if len(missing) == len(shown):
         for axes in panels:
             explain(axes, NO_ESTIMATE)
             axes.set_yticks([])
-    panels[0].set_title(title, loc="left")
+    panels[0].set_title(title, loc="left", fontsize="medium")
     for axes, label in zip(panels, labels, strict=True):
         axes.set_ylabel(label)
     handles, names = panels[0].get_legend_handles_labels()
-    if np.isfinite(shown[first].k_half).any():
-        handles.append(Patch(facecolor=BLUE, alpha=0.12))
-        names.append(f"95 % interval of {first}")
+    if any(np.isfinite(one.k_half).any() for one in shown.values()):
+        handles.append(Patch(facecolor=GREY, alpha=0.25))
+        names.append(INTERVALS)
     handles.append(Line2D([], [], **MOTION))
     names.append("motion (right axis)")
     if 0 < len(missing) < len(shown):
         handles.append(Line2D([], [], linestyle="none"))
         names.append(f"no estimate: {', '.join(missing)}")
-    handles, names = draw_truth(panels, scaled(truth, scale), handles, names)
-    frame(panels, t, shown, scaled(truth, scale))
+    levels.draw(panels)
+    for handle, name in levels.entries():
+        handles.append(handle)
+        names.append(name)
+    frame(panels, t, shown, levels)
+    for i, one in enumerate(shown.values()):
+        interval(panels[0], t, one.k, one.k_half, line(i)["color"])
+        interval(panels[1], t, one.b, one.b_half, line(i)["color"])
     panels[1].set_xlabel("time [s]")
     panels[1].set_xlim(t[0], t[-1])
     profile(panels[0], t, x * POSITION.factor, f"displacement [{POSITION.unit}]")
@@ -142,7 +220,7 @@ def small_multiples(
     t: Floats,
     shown: Mapping[str, Drawn],
     labels: tuple[str, str],
-    truth: Truth | None,
+    levels: Levels,
 ) -> Figure:
     """Return a figure with two panels for each estimator: stiffness and damping over time.
 
@@ -163,8 +241,7 @@ def small_multiples(
         for axes in panels[0, (quantity == "b") :: 2]:
             axes.set_title(label, loc="left", fontsize="medium")
     for (name, one), k_axes, b_axes in zip(shown.items(), columns["k"], columns["b"], strict=True):
-        for axes, values, half in ((k_axes, one.k, one.k_half), (b_axes, one.b, one.b_half)):
-            interval(axes, t, values, half)
+        for axes, values in ((k_axes, one.k), (b_axes, one.b)):
             draw(axes, t, values, color="#000000", linewidth=0.9)
             if not one.exists:
                 explain(axes, "no estimate")
@@ -176,8 +253,11 @@ def small_multiples(
             fontsize="small",
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8},
         )
-        draw_truth((k_axes, b_axes), truth, [], [])
-    frame((columns["k"][0], columns["b"][0]), t, shown, truth)
+        levels.draw((k_axes, b_axes))
+    frame((columns["k"][0], columns["b"][0]), t, shown, levels)
+    for one, k_axes, b_axes in zip(shown.values(), columns["k"], columns["b"], strict=True):
+        interval(k_axes, t, one.k, one.k_half, BLUE)
+        interval(b_axes, t, one.b, one.b_half, BLUE)
     for column in panels.T:
         used = [axes for axes in column if axes.has_data()]
         for axes in used:
@@ -188,11 +268,11 @@ def small_multiples(
             axes.set_visible(False)
     panels[0, 0].set_xlim(t[0], t[-1])
     handles = [Line2D([], [], color="#000000", linewidth=0.9), Patch(facecolor=BLUE, alpha=0.25)]
-    names = ["estimate", "95 % interval"]
-    if truth:
-        handles.append(Line2D([], [], **TRUTH))
-        names.append("true values")
-    figure.suptitle(title, x=0.01, ha="left")
+    names = ["estimate", INTERVALS]
+    for handle, name in levels.entries():
+        handles.append(handle)
+        names.append(name)
+    figure.suptitle(title, x=0.01, ha="left", fontsize="medium")
     legend(figure, handles, names, "lower")
     return figure
 
@@ -219,48 +299,56 @@ def scaled(truth: Truth | None, scale: float) -> Truth | None:
     return truth and Truth(DAMPING.shown(truth.b), truth.k_surface * scale, truth.k_deepest * scale)
 
 
-def draw_truth(
-    panels: tuple[Axes, Axes] | np.ndarray,
-    truth: Truth | None,
-    handles: list[Line2D | Patch],
-    names: list[str],
-) -> tuple[list[Line2D | Patch], list[str]]:
-    """Draw horizontal lines at the true values; return the lines and the texts of the legend.
-
-    The lines in the first panel are the stiffness at the surface and at the greatest depth. The
-    line in the second panel is the damping. One entry for the true values is added to `handles` and
-    `names`, the lines and texts of the legend so far. If `truth` is None, nothing is added.
-    """
-    if truth is None:
-        return handles, names
-    for level in {truth.k_surface, truth.k_deepest}:
-        panels[0].axhline(level, **TRUTH)
-    panels[1].axhline(truth.b, **TRUTH)
-    return [*handles, Line2D([], [], **TRUTH)], [*names, "true values (k: surface, deepest)"]
+def scaled_result(result: Result | None, scale: float) -> Result | None:
+    """Return the result in the units of the axes."""
+    if result is None:
+        return None
+    k, b = (
+        one and Interval(*(factor * value for value in one))
+        for one, factor in ((result.k, scale), (result.b, DAMPING.factor))
+    )
+    return Result(k, b, result.kind)
 
 
 def frame(
     panels: tuple[Axes, Axes] | np.ndarray,
     t: Floats,
     shown: Mapping[str, Drawn],
-    truth: Truth | None,
+    levels: Levels,
 ) -> None:
     """Set the vertical limits and the style of the panels of stiffness and damping.
 
-    The limits are computed from the estimates and the true values. The estimates in the first 10 %
-    of the time are ignored, because an estimator may not have converged yet.
+    The limits are computed from the estimates, their intervals and the levels. The estimates in the
+    first 10 % of the time are ignored, because an estimator may not have converged yet.
     """
     later = t >= t[0] + START * (t[-1] - t[0])
-    k_levels = (0.0, truth.k_surface, truth.k_deepest) if truth else (0.0,)
-    limits(panels[0], [one.k[later] for one in shown.values()], k_levels)
-    limits(panels[1], [one.b[later] for one in shown.values()], (truth.b,) if truth else ())
+    k_levels, b_levels = levels.values()
+    k = [end for one in shown.values() for end in shown_ends(one.k[later], one.k_half[later])]
+    b = [end for one in shown.values() for end in shown_ends(one.b[later], one.b_half[later])]
+    limits(panels[0], k, k_levels)
+    limits(panels[1], b, b_levels)
     for axes in panels:
         tidy(axes)
 
 
-def interval(axes: Axes, t: Floats, values: Floats, half: Floats) -> None:
-    """Shade the 95 % confidence interval of an estimate, from values - half to values + half."""
-    shade(axes, t, values - half, values + half, color=BLUE, alpha=0.12)
+def shown_ends(values: Floats, half: Floats) -> list[Floats]:
+    """Return the lines that must be within a panel: the estimates, and their median interval.
+
+    The interval is left out if its median half width is larger than the median estimate.
+    """
+    known = half[np.isfinite(half)]
+    if not len(known) or np.median(known) > np.median(np.abs(values[np.isfinite(values)])):
+        return [values]
+    return [values, values - np.median(known), values + np.median(known)]
+
+
+def interval(axes: Axes, t: Floats, values: Floats, half: Floats, colour: str) -> None:
+    """Shade the 95 % confidence interval of an estimate, where an end of it is within the panel."""
+    low, high = values - half, values + half
+    bottom, top = axes.get_ylim()
+    wide = (low < bottom) & (high > top)
+    low, high = np.where(wide, np.nan, low), np.where(wide, np.nan, high)
+    shade(axes, t, low, high, color=colour, alpha=0.15)
 
 
 def profile(axes: Axes, t: Floats, values: Floats, label: str) -> None:
@@ -285,10 +373,24 @@ def known_truth(values: Mapping[str, float] | None) -> Truth | None:
     return Truth(*(values[name] for name in Truth._fields))
 
 
-MEASURED: dict[str, Any] = {"color": GREY, "linewidth": 1.6, "alpha": 0.5}
-PREDICTED: dict[str, Any] = {"color": ORANGE, "linewidth": 0.9, "linestyle": (0, (4, 2))}
-MODEL: dict[str, Any] = {"color": "#000000", "linewidth": 0.9}
+def misfit_remark(misfit: Mapping[str, float]) -> str:
+    """Return which estimators have a large misfit, from the misfits by name; empty if none has."""
+    large = [
+        f"{name} {one:.{0 if one >= 0.1 else 1}%}"
+        for name, one in misfit.items()
+        if one > LARGEST_MISFIT
+    ]
+    if not large:
+        return ""
+    return f"misfit above {LARGEST_MISFIT:.0%}, estimates cannot be used: {', '.join(large)}"
+
+
+MEASURED: dict[str, Any] = {"color": "#000000", "linewidth": 0.9}
+PREDICTED: dict[str, Any] = {"color": ORANGE, "linewidth": 2.4, "alpha": 0.55}
+MODEL: dict[str, Any] = {"color": ORANGE, "alpha": 0.35, "linewidth": 1.0}
 LEAST_SQUARES = "least squares of the model"
+RANGES = 200
+"""Number of intervals of displacement for which the range of the fitted force is drawn."""
 
 
 def force_figure(
@@ -298,7 +400,8 @@ def force_figure(
 
     The first panel shows the force over time, measured and predicted by an online estimator. The
     second panel shows the error of this prediction. The third panel shows the force over
-    displacement, measured and computed by a least-squares fit to all samples.
+    displacement: measured, and the range of the force that a least-squares fit to all samples gives
+    at each displacement.
 
     Each sample of the force is predicted with the estimate after the previous sample. If all values
     of the fit are NaN, no fit is drawn.
@@ -310,17 +413,18 @@ def force_figure(
     x, f = regression.x * POSITION.factor, regression.f
     predicted = predicted_force(regression, estimates)
     predicted = np.where(np.logical_and.accumulate(estimates.held), np.nan, predicted)
-    draw(over_t, t, f, label="measured", **MEASURED)
     if np.isfinite(predicted).any():
         draw(over_t, t, predicted, label=f"predicted by {name}", **PREDICTED)
         draw(error, t, f - predicted, color=ORANGE, linewidth=0.6)
     else:
         explain(error, f"{name}: {NO_ESTIMATE}")
         error.set_yticks([])
+    draw(over_t, t, f, label="measured", **MEASURED)
     shown = extremes(f)
-    over_x.plot(x[shown], f[shown], label="measured", **MEASURED)
     if np.isfinite(fit.residual).any():
-        over_x.plot(x[shown], (f - fit.residual)[shown], label=LEAST_SQUARES, **MODEL)
+        place, low, high = force_range(x, f - fit.residual)
+        over_x.fill_between(place, low, high, label=LEAST_SQUARES, **MODEL)
+    over_x.plot(x[shown], f[shown], label="measured", **MEASURED)
     over_t.set_title(title, loc="left")
     over_t.set_ylabel("force [N]")
     over_t.tick_params(labelbottom=False)
@@ -335,5 +439,16 @@ def force_figure(
         tidy(axes)
     handles, names = over_t.get_legend_handles_labels()
     model, text = over_x.get_legend_handles_labels()
-    legend(figure, [*handles, *model[1:]], [*names, *text[1:]])
+    legend(figure, [*handles, *model[:-1]], [*names, *text[:-1]])
     return figure
+
+
+def force_range(x: Floats, f: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return displacements, and the smallest and the largest force near each of them."""
+    edges = np.linspace(x.min(), x.max(), RANGES + 1)
+    index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, RANGES - 1)
+    low, high = np.full(RANGES, np.inf), np.full(RANGES, -np.inf)
+    np.minimum.at(low, index, f)
+    np.maximum.at(high, index, f)
+    filled = low <= high
+    return 0.5 * (edges[:-1] + edges[1:])[filled], low[filled], high[filled]

@@ -215,22 +215,24 @@ class Play:
         if not 0.0 <= half_width < math.inf:
             raise ValueError(f"half width of the play must be >= 0, got {half_width}")
         self._half_width = half_width
+        self.reset()
+
+    def reset(self) -> None:
+        """Discard all inputs. The next input is processed as the first input."""
         self.y = math.nan
 
-    def run(self, u: Floats) -> Floats:
-        """Process n inputs, and return n outputs."""
+    def update(self, u: float) -> float:
+        """Process one input, and return the output."""
         d = self._half_width
-        if d == 0.0 or not len(u):
+        if not abs(self.y - u) <= d:
+            self.y = u if math.isnan(self.y) else u - d if self.y < u else u + d
+        return self.y
+
+    def run(self, u: Floats) -> Floats:
+        """Process n inputs; return n outputs, which are those of n calls of `update`."""
+        if self._half_width == 0.0 or not len(u):
             return u
-        y, out = float(u[0]) if math.isnan(self.y) else self.y, np.empty(len(u))
-        for i, value in enumerate(u.tolist()):
-            if y < value - d:
-                y = value - d
-            elif y > value + d:
-                y = value + d
-            out[i] = y
-        self.y = y
-        return out
+        return np.array([self.update(value) for value in u.tolist()])
 
 
 def angular(bandwidth: float) -> float:

@@ -67,9 +67,9 @@ class Presented:
     ) -> Figure:
         """Return a figure of the estimated stiffness and damping, and of the motion, over time.
 
-        The 95 % confidence interval of the first estimator is also drawn. If there are more than
-        five estimators, each estimator has its own panels with its interval. In this case the
-        motion (displacement and velocity) is not drawn.
+        The 95 % confidence intervals are also drawn. If there are more than five estimators, each
+        estimator has its own panels. In this case the motion (displacement and velocity) is not
+        drawn.
 
         Parameters
         ----------

@@ -64,8 +64,8 @@ class FigureOptions:
     """Options of the figures of an evaluation."""
 
     plot: Path | None = None
-    """Plot the estimated stiffness and damping, as in the paper's Figure 3, to a .png, .svg or .pdf
-    file."""
+    """Plot the estimated stiffness and damping with 95 % intervals, as in the paper's Figure 3, and
+    the result, to a .png, .svg or .pdf file."""
     plot_force: Path | None = None
     """Plot the measured and the predicted force to a .png, .svg or .pdf file."""
     plot_fit: Path | None = None
@@ -93,17 +93,17 @@ class FigureOptions:
         from estimation.figure_style import figure_style
         from teleop.errors import InputError
         from teleop.output.figure_files import plain, save
+        from teleop.output.fit_figures import complex_stiffness_figure, fit_figure, result_title
 
         title = plain(name)
         with figure_style(self.width):
             if self.plot:
                 truth = true_values(recording) if recording else None
-                save(evaluation.plot(self.width, title, truth), self.plot, overwrite)
+                figure = evaluation.plot(self.width, result_title(title, evaluation), truth)
+                save(figure, self.plot, overwrite)
             if self.plot_force:
                 save(evaluation.plot_force(self.width, title), self.plot_force, overwrite)
             if self.plot_fit:
-                from teleop.output.fit_figures import complex_stiffness_figure, fit_figure
-
                 if together is None:
                     figure = fit_figure(name, evaluation)
                 elif together["complex_stiffness"]:

@@ -39,8 +39,12 @@ class EstimationOptions:
     frequency at which force follows displacement."""
     force_lag: Seconds | None = None
     """Lag of the force channel, such as 2.66ms, as measured by `teleop lag`; matched conditioning
-    compensates for it. Default: that of the recording, and otherwise 0; for other files, the delay
-    of the force filter if the file states this filter."""
+    compensates for it. Default: that of the recording; for a new trial, that of the rig if it is
+    known; for other files, the delay of the force filter if the file states this filter."""
+    lost_motion: Length | None = None
+    """Lost motion between encoder and tip in either direction, such as 120um. Default: that of the
+    recording; for a new trial, that of the rig if it is known. 0 here and in --force-lag gives the
+    estimates of the paper, from the position at the encoder."""
     estimators: str | None = None
     """Names of estimators, such as rls,kalman,rls_sift, or all. The message about an unknown name
     lists all names. Default: the estimators of the recording, and rls,ai,me for a new trial or a
@@ -75,8 +79,6 @@ class FileOptions(EstimationOptions):
     """File of `teleop lag --out` with the lag, lost motion and compliance between encoder and tip,
     for which the result is corrected; or none, for no correction. Default: the values of the rig of
     a recording, if known. --force-lag, --lost-motion and --compliance replace single values."""
-    lost_motion: Length | None = None
-    """Lost motion between encoder and tip in either direction, such as 120um."""
     compliance: Compliance | None = None
     """Compliance between encoder and tip, such as 7um/N; gives the stiffness at the tip."""
 
@@ -109,6 +111,7 @@ AS_RECORDED = FileOptions()
 
 def file_settings(recording: Recording | None, changes: Mapping[str, Any]) -> EstimateSettings:
     """Settings of the recorded trial, or the defaults for a foreign file, with these changes."""
+    from estimation.transmission import stated_lag
     from teleop.evaluation.settings import EstimateSettings
 
     settings = EstimateSettings()
@@ -118,13 +121,13 @@ def file_settings(recording: Recording | None, changes: Mapping[str, Any]) -> Es
         settings = estimate_settings(recording)
     # A value that the user states replaces that of the file or rig, and has no error.
     stated = {name: changes[name] for name in OF_TRANSMISSION if name in changes}
-    known = replace(
-        changes.get("transmission", settings.transmission),
-        **stated,
-        **{f"{name}_error": 0.0 for name in stated},
-    )
+    known = changes.get("transmission", settings.transmission)
+    if "force_lag" in stated:
+        known = stated_lag(known, stated["force_lag"])
+    known = replace(known, **stated, **{f"{name}_error": 0.0 for name in stated})
+    online = settings.online and replace(settings.online, **stated)
     others = {name: v for name, v in changes.items() if name not in ("lost_motion", "compliance")}
-    return replace(settings, **{**others, "transmission": known})
+    return replace(settings, **{**others, "transmission": known, "online": online})
 
 
 def true_values(recording: Recording) -> Truth | None:

@@ -33,12 +33,17 @@ def live(
         Open the page in the browser.
     """
     import asyncio
+    from threading import Thread
 
     from teleop.commands.live_options import check_installed, show_address
     from teleop.errors import InputError
     from teleop.interruption import stop_signals
     from teleop.recording.recording import load
-    from teleop.trial.live_documents import column_documents, recorded_document
+    from teleop.trial.live_documents import (
+        column_documents,
+        recorded_document,
+        recorded_result,
+    )
 
     check_installed()
     from teleop.live.replay import Replay
@@ -54,6 +59,8 @@ def live(
         recording.events,
         recorded_document(recording),
     )
+    # The page is open before the evaluation, which can take some seconds, has ended.
+    Thread(target=lambda: replay.publish(recorded_result(recording, file)), daemon=True).start()
     with stop_signals() as stopped:
         asyncio.run(serve(stopped, replay, host, port, lambda url: show_address(url, host, open)))
     return 0

@@ -126,10 +126,11 @@ class LiveOptions:
 
         pointer = any(one.operator == POINTER for one in settings)
         operator = PointerOperator(lambda: (0.0, False)) if pointer else None
-        size = max(
-            make_layout(one, one.estimation_preset.bank(), operator).size for one in settings
-        )
         choices = choices_of(settings[0]) if choose else NO_CHOICES
+        possible = [*settings, *([largest(settings[0], choices)] if choose else [])]
+        size = max(
+            make_layout(one, one.estimation_preset.bank(), operator).size for one in possible
+        )
         foxglove = free_port(FOXGLOVE_PORT) if self.foxglove else None
         link = LiveLink(size, self.host, self.port, by_page, pointer, choices, foxglove, page)
         try:
@@ -160,7 +161,13 @@ def for_pointer(settings: TrialSettings) -> TrialSettings:
 
 NOT_LIVE = LiveOptions()
 Live = Annotated[LiveOptions, Parameter(name="*", group=LIVE)]
-NO_CHOICES: dict[str, list[Any]] = {"condition": [], "specimen": [], "duration": []}
+NO_CHOICES: dict[str, list[Any]] = {
+    "condition": [],
+    "specimen": [],
+    "duration": [],
+    "feedback": [],
+    "estimators": [],
+}
 
 
 def choices_of(settings: TrialSettings) -> dict[str, list[Any]]:
@@ -168,20 +175,35 @@ def choices_of(settings: TrialSettings) -> dict[str, list[Any]]:
 
     `settings` are those of the first trial. A hardware rig or a custom setup leaves no choice.
     """
+    from estimation.registry import METHODS
     from sim_backend import CUBES
     from teleop.control.conditions import BY_HAND, CONDITIONS
+    from teleop.control.feedback.settings import LAWS
 
+    of_estimation = {"estimators": list(settings.estimators if settings.preset else METHODS)}
     if settings.rig or settings.custom_setup:
         return {
             "condition": [settings.condition],
             "specimen": [settings.palpated],
             "duration": [settings.duration],
+            "feedback": [settings.feedback.law],
+            **of_estimation,
         }
     return {
         "condition": list(BY_HAND if settings.operator == POINTER else CONDITIONS),
         "specimen": list(CUBES),
         "duration": sorted({*DURATIONS, settings.duration}),
+        "feedback": list(LAWS),
+        **of_estimation,
     }
+
+
+def largest(settings: TrialSettings, choices: dict[str, list[Any]]) -> TrialSettings:
+    """The settings of a possible trial with the largest number of recorded columns."""
+    from teleop.control.channel import ChannelSettings
+
+    channel = settings.channel or ChannelSettings()
+    return replace(settings, channel=channel, estimators=tuple(choices["estimators"]))
 
 
 def free_port(port: int) -> int:

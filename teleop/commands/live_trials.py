@@ -32,6 +32,9 @@ def next_request(link: LiveLink) -> dict[str, Any] | None:
 def run_from_page(link: LiveLink, settings: TrialSettings, runner: TrialRunner, once: bool) -> int:
     """Run each trial that the page requests, and return the exit code of the last one.
 
+    `settings` do not contain yet what the pointer needs (`for_pointer`), because this depends on
+    the feedback law, which the page can change.
+
     The function returns after a trial that a signal has ended, when the process that serves the
     page has ended, or, with `once`, after the first trial in which the drives were armed.
     SafetyStop is raised only with `once`; otherwise the page can start another trial. A trial that
@@ -40,6 +43,7 @@ def run_from_page(link: LiveLink, settings: TrialSettings, runner: TrialRunner, 
     begin raise their InputError.
     """
     from drivers import RigError
+    from teleop.commands.live_options import for_pointer
     from teleop.errors import InputError, SafetyStop
     from teleop.printable import print_error
     from teleop.trial.rehearsal import TooSlowError
@@ -48,7 +52,7 @@ def run_from_page(link: LiveLink, settings: TrialSettings, runner: TrialRunner, 
         problem = ""
         begun = link.trials
         try:
-            code = runner.run(settings)
+            code = runner.run(for_pointer(settings))
         except SafetyStop as error:
             if once:
                 raise
@@ -82,15 +86,23 @@ def next_settings(
     so that the page shows the trial that START would run. None if the live process has ended.
     `problem` is the reason why no trial began, or why its recording is not complete.
     """
+    from teleop.errors import InputError
+
     waiting = not problem and link.trial is not None and not link.trial.armed
     why = problem
     if link.trial and waiting:
         why = link.trial.ticks.events[-1]["text"]
-    link.ask(why, ("next", "repeat", "notes"), "NEXT prepares another trial")
+    answers, advice = ("next", "repeat", "notes"), "NEXT prepares another trial"
+    link.ask(why, answers, advice)
     while request := next_request(link):
         kind = request["type"]
         if kind == "choose":
-            settings = chosen(settings, request)
+            try:
+                settings = chosen(settings, request)
+            except InputError as error:
+                link.refuse()
+                link.ask(str(error), answers, f"{advice} with the settings before")
+                continue
             if waiting:
                 return settings
         elif kind == "notes":
@@ -101,13 +113,25 @@ def next_settings(
 
 
 def chosen(settings: TrialSettings, request: dict[str, Any]) -> TrialSettings:
-    """The settings, changed by a request of the page, whose values are already checked."""
+    """The settings, changed by a request of the page, whose values are in the list of choices.
+
+    InputError if the settings do not fit together, for example a feedback law that is not stable.
+    """
+    from teleop.commands.live_options import for_pointer
+    from teleop.settings.feedback_checks import check_feedback
+
     changes: dict[str, Any] = {
         name: request[name] for name in ("condition", "duration") if name in request
     }
     if "specimen" in request and not settings.rig:
         changes["cube"] = request["specimen"]
-    return replace(settings, **changes)
+    if "feedback" in request:
+        changes["feedback"] = replace(settings.feedback, law=request["feedback"])
+    if "estimators" in request:
+        changes["estimators"] = tuple(dict.fromkeys(request["estimators"]))
+    changed = replace(settings, **changes)
+    check_feedback(for_pointer(changed))
+    return changed
 
 
 class PageOfSeries:

@@ -27,11 +27,13 @@ def report(
 ) -> int:
     """Write the results and figures of a recording to one HTML page that can be read offline.
 
-    The page contains the result (stiffness and damping with 95 % intervals), the estimates of each
-    estimator, figures, and a link to the recording. One figure shows over time which values of
-    stiffness and damping fit the data about equally well. For a recording of teleop run, the page
-    also contains the safety events and the settings of the trial. If a fault stopped the trial, the
-    page describes the fault, and a figure shows the measured signals before and after the fault.
+    The page begins with the result: stiffness and damping with 95 % intervals, whether they can be
+    used, and the force over the depth with the fit. The estimates of each estimator, further
+    figures and a link to the recording follow. One figure shows over time which values of stiffness
+    and damping fit the data about equally well. For a recording of teleop run, the page also
+    contains the true values if the rig was simulated, the safety events and the settings of the
+    trial. If a fault stopped the trial, the page begins with the fault, and a figure shows the
+    measured signals before and after the fault.
 
     Example: `teleop report run.mcap --out run.html`
 
@@ -50,7 +52,7 @@ def report(
     from teleop.files import check_ending, check_outputs, write_text
     from teleop.output import console
     from teleop.output.report_page import report_page
-    from teleop.trial.recorded_trial import recorded_motion, recorded_tracking
+    from teleop.trial.recorded_trial import recorded_motion, recorded_tracking, true_result
 
     page = out or file.with_suffix(".html")
     check_ending(page, ".html")
@@ -67,7 +69,12 @@ def report(
     found = recorded_tracking(recording) if recording else None
     tracking = found and found._asdict()
     motion = recorded_motion(recording) if recording else None
-    text = report_page(file.name, evaluation, summary, recording, truth, link, tracking, motion)
+    true = None
+    if recording and evaluation:
+        true = true_result(recording, evaluation.analysis.result.position)
+    text = report_page(
+        file.name, evaluation, summary, recording, truth, link, tracking, motion, true
+    )
     write_text(page, text, overwrite)
     if json:
         console.print_json({"page": str(page), "file": str(file), **(summary or {})})

@@ -47,7 +47,8 @@ def run(
     from teleop.trial.arming import arming_text, check_stated, is_armed
 
     with live.starting() as page:
-        settings = for_pointer(trial.settings(estimation.given()))
+        stated = trial.settings(estimation.given())
+        settings = for_pointer(stated)
         check_stated(settings)
         if warning := check_feedback(settings):
             print_error(warning)
@@ -60,5 +61,5 @@ def run(
         with live.linked([settings], by_page, choose=by_page, page=page) as link:
             runner = TrialRunner(output, realtime, link, explained=bool(asked))
             if link and by_page:
-                return run_from_page(link, settings, runner, once=output.is_for_one_trial)
+                return run_from_page(link, stated, runner, once=output.is_for_one_trial)
             return runner.run(settings)

@@ -56,7 +56,8 @@ def sweep(
         Run on a Dask cluster: the address of its scheduler, such as tcp://10.0.0.1:8786, or local
         for a cluster on this machine. Needs the extra `sweep`.
     plot
-        Plot the mean of the --response for each level of each factor to a .png, .svg or .pdf file.
+        Plot the mean of the --response for each level of each factor, without the effects of the
+        other factors, to a .png, .svg or .pdf file.
     plot_map
         Plot a map of the mean of the --response over two factors to a .png, .svg or .pdf file.
     map_factors

@@ -24,6 +24,7 @@ from estimation.conditioning import BANDWIDTH, make_conditioner
 from estimation.excitation import dominant_frequency
 from estimation.model import KELVIN_VOIGT
 from estimation.registry import PAPER
+from estimation.transmission import stated_lag
 from teleop.errors import InputError, as_input_error
 from teleop.evaluation.batch.analysis import Analysis, analyse
 from teleop.evaluation.evaluation import Evaluation
@@ -43,7 +44,7 @@ from teleop.evaluation.reading.force_filter import without_filter_delay
 from teleop.evaluation.reading.samples import Samples, SamplesAtTip
 from teleop.evaluation.reading.signals import Signals, closed_up
 from teleop.evaluation.reason import Reason
-from teleop.evaluation.settings import EstimateSettings, known_lag
+from teleop.evaluation.settings import EstimateSettings, known_lag, online_transmission
 
 KEPT = 1 << 17
 """Value that the commands use for the parameter `most` of `evaluate`: largest number of estimates
@@ -71,17 +72,9 @@ def evaluate(
     transmission = settings.transmission
     samples, lag, filter_note = with_known_lag(samples, known_lag(settings))
     check_changes(samples.signals)
-    at_tip: Samples = samples
-    if transmission.lost_motion:
-        travel = float(np.ptp(samples.signals.x))
-        if not 2.0 * transmission.lost_motion < travel:
-            raise InputError(
-                f"the motion is too small: travel {travel * 1e6:.4g} um, expected more than twice "
-                f"the lost motion of {transmission.lost_motion * 1e6:.4g} um"
-            )
-        at_tip = SamplesAtTip(samples, transmission.lost_motion)
-    if settings.corrects_online:
-        samples = at_tip
+    at_tip = without_lost_motion(samples, transmission.lost_motion)
+    online_known = online_transmission(settings)
+    samples = without_lost_motion(samples, online_known.lost_motion)
     signals = samples.signals
     motion = slice(None) if settings.whole else moving_part(signals.x)
     if len(signals.dt[motion]) < FEWEST_SAMPLES:
@@ -93,7 +86,8 @@ def evaluate(
     # and the times without contact, in which they hold their estimates.
     with as_input_error():
         batch = within(at_tip.signals, settings.averaged)
-        analysis = analyse(batch, transmission.force_lag or lag, transmission)
+        known = transmission if transmission.force_lag else stated_lag(transmission, lag)
+        analysis = analyse(batch, known)
     datum = find_datum(signals, settings.datum, analysis.phases)
     frequency, highest = motion_frequencies(analysis, signals, motion)
     bandwidth = settings.bandwidth
@@ -107,7 +101,9 @@ def evaluate(
     given = settings.preset if isinstance(settings.preset, Preset) else None
     model = settings.model or (given.model if given else KELVIN_VOIGT)
     with as_input_error():
-        conditioner = make_conditioner(settings.conditioning, bandwidth, resolution, lag, model)
+        conditioner = make_conditioner(
+            settings.conditioning, bandwidth, resolution, online_known.force_lag, model
+        )
     sampled = conditioned(conditioner, signals, datum, motion)
     regression = sampled.regression
     x, v, f, dt, further = regression
@@ -196,6 +192,17 @@ def with_known_lag(
     if isinstance(samples, Signals) or samples.signals is not signals:
         samples = Samples(signals)
     return samples, lag, note
+
+
+def without_lost_motion(samples: Samples, lost_motion: float) -> Samples:
+    """Return the samples with the position behind lost motion of this half width [m]."""
+    travel = float(np.ptp(samples.signals.x))
+    if lost_motion and not 2.0 * lost_motion < travel:
+        raise InputError(
+            f"the motion is too small: travel {travel * 1e6:.4g} um, expected more than twice the "
+            f"lost motion of {lost_motion * 1e6:.4g} um"
+        )
+    return SamplesAtTip(samples, lost_motion) if lost_motion else samples
 
 
 def check_changes(signals: Signals) -> None:

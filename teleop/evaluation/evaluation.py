@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from estimation.arrays import Floats
 from estimation.batch_models import BatchFit
 from estimation.excitation import LEAST_EXCITATION
 from estimation.presentation import Presented
+from estimation.stiffening import Interval
 from estimation.summary import EstimatorSummary
 from teleop.evaluation.batch.analysis import Analysis
 from teleop.evaluation.online.conditioned import ConditionedSamples
@@ -29,6 +30,11 @@ from teleop.evaluation.online.run import OnlineResult
 from teleop.evaluation.online.thresholds import LEAST_KEPT_VARIANCE
 from teleop.evaluation.reason import Reason
 from teleop.evaluation.settings import WHOLE, AveragedPart
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from estimation.figures import Truth
 
 
 @dataclass(frozen=True, repr=False)
@@ -109,6 +115,34 @@ class Evaluation(Presented):
         motion. The value is near 1 for a sine about the datum (`estimation.excitation`).
         """
         return self.online.excitation
+
+    def plot(self, width: str = "screen", title: str = "", truth: Truth | None = None) -> Figure:
+        """Return a figure of the estimated stiffness and damping, and of the motion, over time.
+
+        k and b of the batch evaluation are drawn as horizontal lines with their 95 % intervals.
+        Below the title, the figure states which estimators have a misfit above 5 %.
+
+        Parameters
+        ----------
+        width, title, truth
+            As for a result of `estimation.identify`.
+        """
+        from estimation.figure_style import figure_style
+        from estimation.figures import Result, estimates_figure, misfit_remark
+
+        found = self.analysis.result
+        k, b = (
+            Interval(getattr(found, part), *found.interval(part))
+            if found.determines(part)
+            else None
+            for part in ("k", "b")
+        )
+        remark = misfit_remark({name: one.misfit for name, one in self.summaries().items()})
+        x, v, *_ = self.regression
+        with figure_style(width):
+            return estimates_figure(
+                title, self.t, x, v, self.estimates, truth, Result(k, b, found.kinds["k"]), remark
+            )
 
     def summary(self, cost: bool = False) -> dict[str, Any]:
         """Return all results as a dictionary, which `teleop estimate --json` prints as JSON."""

@@ -54,26 +54,35 @@ def known_lag(settings: EstimateSettings) -> float | None:
     return settings.transmission.force_lag or None if lag is None else lag
 
 
+def online_transmission(settings: EstimateSettings) -> TransmissionCalibration:
+    """Return the lag and the lost motion for which the online estimates are corrected."""
+    known = settings.online or settings.transmission
+    lag = settings.force_lag
+    if lag is None:
+        lag = known.force_lag if settings.conditioning == "matched" else 0.0
+    return TransmissionCalibration(lag, known.lost_motion)
+
+
 def settings_summary(settings: EstimateSettings) -> dict[str, Any]:
     """Return the settings that influenced the result of an evaluation, for a report.
 
     The keys are `software` (version and commit), `conditioning` (filters of position and force),
-    `force_lag_s` (the lag of the force that the online estimators compensate [s]; 0 if none was
-    set), and `transmission` (the values that correct the result, and whether they also correct the
-    online estimates; None if they are not known).
+    `force_lag_s` and `lost_motion_m` (lag of the force [s] and lost motion [m] for which the online
+    estimates are corrected; 0 if not), and `transmission` (the values that correct the result; None
+    if they are not known).
     """
-    used = settings.transmission
+    used, online = settings.transmission, online_transmission(settings)
     return {
         "software": f"teleop {software()}",
         "conditioning": settings.conditioning,
-        "force_lag_s": known_lag(settings) or 0.0,
+        "force_lag_s": online.force_lag,
+        "lost_motion_m": online.lost_motion,
         "transmission": None
         if used == RIGID
         else {
             "force_lag_s": used.force_lag or settings.force_lag or 0.0,
             "lost_motion_m": used.lost_motion,
             "compliance_m_per_n": used.compliance,
-            "online": settings.corrects_online,
         },
     }
 
@@ -103,14 +112,15 @@ class EstimateSettings:
     at which the force follows the position; for other presets, `estimation.conditioning.BANDWIDTH`.
     In both cases, the bandwidth is at most half of the sampling rate."""
     force_lag: float | None = None
-    """Lag of the measured force [s], which the conditioning `matched` compensates. None: the lag
-    of `transmission`; if it is 0, the delay of the force filter that the file states."""
+    """Lag of the measured force [s], for which the conditioning `matched` corrects the position.
+    None: the lag of `transmission`; if it is 0, the delay of the force filter that the file states.
+    """
     transmission: TransmissionCalibration = RIGID
     """Calibrated lag, lost motion and compliance between encoder and tip. The lost motion is
     removed from the position, and the result contains the stiffness at the tip."""
-    corrects_online: bool = True
-    """Whether `transmission` also corrects the online estimates. Not those of a recorded trial,
-    which are computed as they were in the trial."""
+    online: TransmissionCalibration | None = None
+    """Lag and lost motion for which the online estimates are corrected, as in a recorded trial.
+    None: those of `transmission`."""
     whole: bool = False
     """Whether the estimators also process the rest before and after the motion."""
     resolution: float | None = None

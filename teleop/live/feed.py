@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from estimation.model import UNITS
@@ -63,6 +63,22 @@ def estimator_indices(names: Sequence[str], estimators: Sequence[str]) -> list[d
         }
         for name in estimators
     ]
+
+
+MARKED = ("active", "stopping", "fault")
+"""Modes whose beginning the page marks in its plots."""
+MOST_EVENTS = 100
+"""Largest number of events of a trial that the page marks."""
+
+
+def events_document(events: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the message `events`, with time, text and kind of the events that the page marks."""
+    marks = [
+        {"time": event["time"], "text": event["text"], "fault": bool(event.get("fault"))}
+        for event in events
+        if event.get("fault") or event.get("mode") in MARKED
+    ]
+    return {"type": "events", "events": marks[:MOST_EVENTS]}
 
 
 class Feed(ABC):

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from estimation.arrays import Floats
-from teleop.live.feed import Feed, estimator_indices, shown_columns
-from teleop.live.history import SHOWN, History, decimated, decimation
+from teleop.live.feed import Feed, estimator_indices, events_document, shown_columns
+from teleop.live.history import History, decimated, decimation
 from teleop.live.requests import BadRequest
-from teleop.live.trust import Trust
+from teleop.live.trust import JUDGED, Trust
 
 POSITION_PERIOD = 0.1
 """Time between two messages with the position of the replay [s]."""
@@ -21,10 +22,15 @@ SHORTEST_PERIOD = 1e-6
 """Shortest period between two ticks of a recording [s]. Shorter periods are treated as this one."""
 FASTEST = 16.0
 """Largest speed of a replay, as a multiple of real time."""
+MOST_REPLAYED = 32_000
+"""Largest number of rows of a recording that the page receives. The page can store 32768 rows."""
 
 
 class Replay(Feed):
     """Source of data that replays a recording, at any time and speed that a person chooses.
+
+    The page receives all rows at once, and shows those up to the present time of the replay. The
+    present time is kept here, so that all pages show the same time.
 
     `columns` has the columns of the recording by name, shape (n,), n > 0. `descriptions` have the
     keys `name`, `unit` and `meaning`; a column without a description is shown, too. `trial` is the
@@ -42,12 +48,18 @@ class Replay(Feed):
     ) -> None:
         names = shown_columns(tuple(columns), estimators)
         known = {one["name"]: dict(one) for one in descriptions}
-        self.history = History(len(names))
-        self._rows = np.column_stack([columns[name] for name in names])
-        self._t = np.maximum.accumulate(columns["time"])
+        t = np.maximum.accumulate(columns["time"])
         # The rate is computed from the times, because the settings in a file may be wrong.
-        period = float(np.median(np.diff(self._t))) if len(self._t) > 1 else 1.0
-        self._step = decimation(1.0 / max(period, SHORTEST_PERIOD))
+        period = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+        step = max(
+            decimation(1.0 / max(period, SHORTEST_PERIOD)), math.ceil(len(t) / MOST_REPLAYED)
+        )
+        ticks = decimated(0, len(t), -1, step)
+        values = {**columns, "time": t}
+        self._rows = np.column_stack([values[name][ticks] for name in names])
+        self._t = t[ticks]
+        self.history = History(len(names), len(ticks))
+        self.history.add(self._rows)
         self._events = events
         armed = [event["time"] for event in events if event.get("mode") == "active"]
         self._armed_at = float(armed[0]) if armed else 0.0
@@ -55,53 +67,60 @@ class Replay(Feed):
         self._due = -math.inf
         self._told: object = None
         self._seeks = 0
-        self._welcome = {
-            "type": "welcome",
-            "version": 1,
-            "kind": "replay",
-            "columns": [
-                known.get(name, {"name": name, "unit": "-", "meaning": ""}) for name in names
-            ],
-            "estimators": estimator_indices(names, estimators),
-            "may_arm": False,
-            "pointer": False,
-            "choices": {"condition": [], "specimen": [], "duration": []},
-        }
-        self._trial = trial
+        self._news: deque[dict[str, Any]] = deque()
+        self._documents = [
+            {
+                "type": "welcome",
+                "version": 1,
+                "kind": "replay",
+                "columns": [
+                    known.get(name, {"name": name, "unit": "-", "meaning": ""}) for name in names
+                ],
+                "estimators": estimator_indices(names, estimators),
+                "may_arm": False,
+                "pointer": False,
+                "choices": {},
+            },
+            *filter(None, [trial]),
+            events_document(events),
+        ]
         self._trust = Trust(names, estimators, trial.get("transmission"))
         self._rate = 1.0
         self._at = self._from = float(self._t[0])
         self._since = now()
-        self._next = 0
 
     @property
     def end(self) -> float:
         """Time of the last tick of the recording [s]."""
         return float(self._t[-1])
 
-    def advance(self) -> list[dict[str, Any]]:
-        """Add the rows up to the present time of the replay; return the new messages.
+    def publish(self, document: dict[str, Any]) -> None:
+        """Send a message to all pages, now and when they open. Any thread may call this method."""
+        self._news.append(document)
 
-        The only message, `replay`, is due once per `POSITION_PERIOD`, and after a person has
-        changed time or speed.
+    def advance(self) -> list[dict[str, Any]]:
+        """Advance the time of the replay, and return the new messages.
+
+        The message `replay` is due once per `POSITION_PERIOD`, and after a person has changed time
+        or speed.
         """
         now = self._now()
+        news = [self._news.popleft() for _ in range(len(self._news))]
+        self._documents += news
         if self._rate:
             self._at = min(self._from + (now - self._since) * self._rate, self.end)
-        end = int(np.searchsorted(self._t, self._at, side="right"))
-        if end > self._next:
-            self._add(self._next, end)
         if self._rate and self._at >= self.end:
             self._play(0.0)
-        position = self._position()
         if now < self._due and (self._rate, self._seeks) == self._told:
-            return []
+            return news
         self._due, self._told = now + POSITION_PERIOD, (self._rate, self._seeks)
-        return [position]
+        shown = int(np.searchsorted(self._t, self._at, side="right"))
+        self._trust.update(self._rows[max(shown - JUDGED, 0) : shown])
+        return [*news, self._position()]
 
     def documents(self) -> list[dict[str, Any]]:
-        """Return `welcome`, `trial` (if there is one) and `replay`, which has time and speed."""
-        return [self._welcome, *filter(None, [self._trial]), self._position()]
+        """Return `welcome`, `trial` (if any), `events`, what was published, and `replay`."""
+        return [*self._documents, self._position()]
 
     def state(self) -> dict[str, Any]:
         """Return the fields of `state`; `text` is the latest fault before the shown time."""
@@ -150,22 +169,9 @@ class Replay(Feed):
         self._from, self._since, self._rate = self._at, self._now(), rate
 
     def _seek(self, t: float) -> None:
-        """Continue the replay at time t [s], limited to the recording.
-
-        The live page then shows the data of the `SHOWN` seconds before t.
-        """
+        """Continue the replay at time t [s], limited to the recording."""
         if not math.isfinite(t):
             raise BadRequest("seek: expected a time")
         self._at = min(max(t, float(self._t[0])), self.end)
         self._seeks += 1
         self._play(self._rate)
-        end = int(np.searchsorted(self._t, self._at, side="right"))
-        self.history.clear()
-        self._add(int(np.searchsorted(self._t, self._at - SHOWN)), end)
-
-    def _add(self, start: int, end: int) -> None:
-        """Add every `_step`-th of the ticks from index `start` to `end` - 1 to `history`."""
-        ticks = decimated(start, end, start - 1, self._step)
-        self.history.add(self._rows[ticks])
-        self._trust.update(self.history)
-        self._next = ticks[-1] + 1 if ticks else start

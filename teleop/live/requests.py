@@ -38,6 +38,8 @@ CHOICES: dict[str, tuple[type, ...]] = {
     "condition": (str,),
     "specimen": (str,),
     "duration": (int, float),
+    "feedback": (str,),
+    "estimators": (list,),
 }
 """Optional fields of the request `choose`."""
 IN_CONTROL = {"end", "unlock", "start", "pointer", "choose", *ANSWERS}

@@ -19,6 +19,8 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
+from estimation.excitation import LEAST_EXCITATION
+from estimation.misfit import LARGEST_MISFIT
 from estimation.quantities import RESULTS, SIGNALS
 from teleop.errors import InputError, reason
 from teleop.live.cells import LONGEST_ROUND_TRIP
@@ -50,6 +52,8 @@ QUANTITIES = {
     for symbol, one in (RESULTS | SIGNALS).items()
 }
 """How the page shows the quantities, by symbol."""
+THRESHOLDS = {"excitation": LEAST_EXCITATION, "misfit": LARGEST_MISFIT}
+"""Least excitation that an estimate needs, and largest misfit of an estimate that can be used."""
 
 
 def read_pages() -> dict[str, Page]:
@@ -155,7 +159,8 @@ class Server:
             own = {"view": client.view, "control": self.control.of(client)}
             for document in self._feed.documents() if client.is_new else news:
                 if document["type"] == "welcome":
-                    document = {**document, **own, "quantities": QUANTITIES}
+                    shown = {"quantities": QUANTITIES, "thresholds": THRESHOLDS}
+                    document = {**document, **own, **shown}
                 client.send(document)
             if is_due or client.is_new:
                 client.send({**state, **own})

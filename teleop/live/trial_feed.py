@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from estimation.arrays import Floats
 from teleop.json_documents import loads
 from teleop.live.cells import ARM, END, PROCESS, STOP, CellWriter
-from teleop.live.feed import Feed, estimator_indices, shown_columns
+from teleop.live.feed import Feed, estimator_indices, events_document, shown_columns
 from teleop.live.history import History, decimated, decimation
 from teleop.live.requests import ANSWERS, BadRequest
 from teleop.live.ring import RingReader
-from teleop.live.trust import Trust
+from teleop.live.trust import JUDGED, Trust
 from teleop.safety.events import ACTIVE, READY, Fault, Mode
 
 RECENT = 1.0
@@ -35,6 +35,8 @@ STOPS = {"live page": "stopped with STOP in the page", "key": "stopped at the te
 """Description of an emergency stop by a person, by its source."""
 
 
+MOST_TRIALS = 50
+"""Largest number of trials in the list of trials of the page."""
 TOLD = {"idle": "introduction", "ready": "introduction", "active": "instruction"}
 """Field of the message `trial` that is shown in a mode."""
 
@@ -92,7 +94,7 @@ class TrialFeed(Feed):
         self._begin: dict[str, Any] = {}
         self._valid: dict[str, dict[str, Any]] = {}
         self._news: list[dict[str, Any]] = []
-        self._read = self._sent = self._read_events = 0
+        self._read = self._sent = self._last_event = 0
         self._health = Health()
         self._armed_at: float | None = None
         self._step = 1
@@ -101,6 +103,8 @@ class TrialFeed(Feed):
         self._text = self._advice = ""
         self._grips = False
         """Whether the hand that follows the pointer holds the handle."""
+        self._trials: list[dict[str, Any]] = []
+        """Number, settings and result of the trials of the session."""
         self._prompt: dict[str, Any] | None = None
         """Number of the question that the control process asks, and its possible answers."""
         self._chosen: dict[str, Any] = {}
@@ -108,6 +112,8 @@ class TrialFeed(Feed):
         self._faults: list[str] = []
         self._by_person = False
         """Whether a person caused the first fault, with an emergency stop."""
+        self._events_read: list[dict[str, Any]] = []
+        """Events of the trial, with the texts that the page shows."""
         self._latest = 0.0
         self._offset = 0
         self._column: dict[str, int] = {}
@@ -118,7 +124,8 @@ class TrialFeed(Feed):
         """Process a message of the control process.
 
         The messages are `begin` or `end` of a trial, `evaluating` and then its `summary`, a
-        `prompt`, and `refused`: a trial could not begin.
+        `prompt`, and `refused`: a trial could not begin, or cannot have the settings that a person
+        has chosen.
         """
         kind = document["type"]
         if kind == "begin":
@@ -130,12 +137,14 @@ class TrialFeed(Feed):
         elif kind == "refused":
             # the fault of the trial before is no longer the present state
             self._faults, self._by_person = [], False
+            self._chosen = {}
         elif kind == "prompt":
             self._text, self._advice = document["text"], document["advice"]
             self._prompt = {name: document[name] for name in ("number", "answers")}
         elif kind == "summary":
             self._valid.pop("evaluating", None)
             self._publish({**document, "files": self._files(document)})
+            self._list(document)
         else:
             self._publish(document)
 
@@ -166,7 +175,7 @@ class TrialFeed(Feed):
         return news
 
     def documents(self) -> list[dict[str, Any]]:
-        """Return the latest messages `welcome`, `trial`, and `evaluating` or `summary`."""
+        """Return the latest message of each kind, such as `welcome`, `trial` and `summary`."""
         return list(self._valid.values())
 
     def state(self) -> dict[str, Any]:
@@ -254,7 +263,8 @@ class TrialFeed(Feed):
         """
         choices = self._session["choices"]
         for name in request.keys() - {"type"}:
-            if request[name] not in choices[name]:
+            chosen = request[name] if name == "estimators" else [request[name]]
+            if not chosen or chosen != [one for one in choices[name] if one in chosen]:
                 raise BadRequest(f"choose.{name}: expected one of {choices[name]}")
         if active:
             raise BadRequest("choose: a trial is running")
@@ -268,19 +278,20 @@ class TrialFeed(Feed):
         self._begin = begin
         self._step = decimation(begin["rate"])
         self._read = begin["first"] - 1
-        self._read_events = begin["first_event"] - 1
+        self._last_event = begin["first_event"] - 1
         self._sent, self._health, self._armed_at = self._read, Health(), None
         self._offset = begin["offset"]
         self._column = {name: place for place, name in enumerate(names)}
         self._mode, self._running, self._faults, self._by_person = Mode.IDLE, True, [], False
         self._text = self._advice = ""
+        self._events_read = []
         self._prompt = None
         self._latest = time.monotonic()
         shown = shown_columns(names, begin["estimators"])
         self._indices = [self._column[name] for name in shown]
         self._trust = Trust(shown, begin["estimators"], begin["trial"]["transmission"])
         of = {column["name"]: column for column in begin["columns"]}
-        for name in ("summary", "evaluating"):
+        for name in ("summary", "evaluating", "events"):
             self._valid.pop(name, None)
         self._describe([of[name] for name in shown], begin["estimators"], begin["rate"])
         self._news.append(self._valid["welcome"])
@@ -310,6 +321,16 @@ class TrialFeed(Feed):
         self._valid[document["type"]] = document
         self._news.append(document)
 
+    def _list(self, summary: Mapping[str, Any]) -> None:
+        """Add the present trial to the list of trials, with k and b of its result."""
+        trial = self._valid["trial"]
+        entry = {name: trial[name] for name in ("number", "condition", "specimen")}
+        entry["feedback"] = trial["choice"]["feedback"]
+        entry["stopped"] = bool(self._faults)
+        entry["values"] = summary["shown"]["values"]
+        self._trials = [*self._trials, entry][-MOST_TRIALS:]
+        self._publish({"type": "trials", "trials": self._trials})
+
     def _read_ticks(self) -> None:
         """Read all new ticks. Add those that the live page receives to `history`."""
         first, end = max(self._read + 1, self._ring.oldest), self._ring.newest + 1
@@ -327,7 +348,7 @@ class TrialFeed(Feed):
             sent = slots["written"][rows, np.newaxis]
             self.history.add(np.hstack([values[rows][:, self._indices], sent]))
             if self._mode is ACTIVE:  # the last decision of a trial remains
-                self._trust.update(self.history)
+                self._trust.update(self.history.latest(JUDGED))
 
     def _values(self, messages: NDArray[np.uint8]) -> Floats:
         """Return all columns of the messages of n ticks, shape (n, columns)."""
@@ -336,7 +357,7 @@ class TrialFeed(Feed):
 
     def _read_texts(self) -> None:
         """Read the new events of the safety supervisor: changes of its mode, and faults."""
-        first, end = max(self._read_events + 1, self._events.oldest), self._events.newest + 1
+        first, end = max(self._last_event + 1, self._events.oldest), self._events.newest + 1
         found, slots = self._events.read(range(first, end))
         for slot in slots:
             event = loads(slot["message"][: slot["length"]].tobytes())
@@ -346,10 +367,13 @@ class TrialFeed(Feed):
                     self._by_person |= not self._faults
                     text = STOPS.get(event["source"], text)
                 self._faults.append(text)
+            self._events_read.append({**event, "text": text})
             if event["mode"] == "active":
                 self._armed_at = event["time"]
             self._text = text if event["mode"] in ("idle", "stopping") else ""
-        self._read_events = found[-1] if found else self._read_events
+        if found:
+            self._last_event = found[-1]
+            self._publish(events_document(self._events_read))
 
     def _advice_in(self, mode: str, by_page: bool) -> str:
         """Return what the person in control can do next; empty if nothing can be done."""

@@ -13,12 +13,14 @@ from estimation.estimator import LEVEL_95
 from estimation.excitation import LEAST_EXCITATION
 from estimation.misfit import LARGEST_MISFIT
 from estimation.quantities import DAMPING
-from teleop.live.history import MOST_ROWS, History
+from teleop.live.history import MOST_ROWS
 
 WINDOW = 1.0
 """Length of the time window that is judged [s]: one period of the palpation. Interval and misfit
 are the largest in this window, so that an estimate that is good for a moment is not supported. The
 other values are medians."""
+JUDGED = int(WINDOW * MOST_ROWS) + 1
+"""Largest number of rows in this time window."""
 PERIOD = 0.5
 """Time between two decisions [s], so that a person can read the marks."""
 WIDEST = {"k": 0.1, "b": 0.5}
@@ -73,9 +75,8 @@ class Trust:
         nothing = Verdict(NOT_YET, "no estimate yet", math.inf)
         self.document = self._document([dict.fromkeys(PARTS, nothing) for _ in estimators])
 
-    def update(self, history: History) -> None:
-        """Decide again if the latest row is `PERIOD` later than that of the last decision."""
-        rows = history.latest(int(WINDOW * MOST_ROWS) + 1)
+    def update(self, rows: Floats) -> None:
+        """Decide again from the latest rows, if `PERIOD` has passed since the last decision."""
         if not len(rows) or not self._estimators:
             return
         t = rows[:, self._place["time"]]

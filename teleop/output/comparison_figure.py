@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from estimation.figure_style import BLUE, common_legend, new_figure, tidy
+from estimation.figure_style import BLUE, common_legend, name_ticks, new_figure, tidy
 from estimation.quantities import DAMPING, STIFFNESS
 from teleop.evaluation.across.comparison import RESULT, Compared
 from teleop.evaluation.across.groups import Group
@@ -25,8 +25,8 @@ RECORDINGS = (-0.32, 0.08)
 as fractions of the distance between two groups."""
 MEAN = 0.3
 """Position of the mean of a group, relative to the position of the group."""
-CHARACTERS = 9.0
-"""Largest number of characters per inch of width for which group names are written horizontally."""
+MARGIN = 0.8
+"""Width of the numbers and the label of the vertical axis [in]."""
 LONGEST_LEVEL = 24
 """Number of characters to which the name of a level is shortened."""
 DRAWN = {one.symbol: one for one in (STIFFNESS, DAMPING)}
@@ -145,12 +145,9 @@ def draw_panel(
 
 
 def label_groups(axes: Axes, names: Sequence[tuple[str, ...]], width: float) -> None:
-    """Write the names of the groups below an axis of this width [inch], long ones vertically."""
+    """Write the names of the groups below an axis of this width [inch]."""
     texts = ["\n".join(map(level_text, name)) for name in names]
-    axes.set_xticks(range(len(names)), texts or [""])
-    longest = max((len(part) for text in texts for part in text.split("\n")), default=0)
-    if longest * len(names) > CHARACTERS * width:
-        axes.tick_params(axis="x", labelrotation=90)
+    name_ticks(axes, range(len(names)), texts, width - MARGIN)
     axes.set_xlim(-0.6, len(names) - 0.4)
 
 

@@ -263,15 +263,19 @@ def disagreement_lines(summary: Mapping[str, Any]) -> list[str]:
 def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:
     """Return lines that state samples, datum, filters, memory and excitation of the estimates."""
     datum = summary["datum"]
-    lag = summary["force_lag_s"]
+    lag, lost = summary["force_lag_s"], summary["lost_motion_m"]
+    corrected = [
+        *([f"force lag of {lag * 1e3:.4g} ms"] if lag else []),
+        *([f"lost motion of {lost * 1e6:.4g} um"] if lost else []),
+    ]
     return [
         f"{summary['samples_used']} of {summary['samples']} samples, {summary['from_s']:.3f} to "
         f"{summary['to_s']:.3f} s; sample period: median {1e3 / summary['rate_hz']:.4g} ms, "
         f"longest {summary['longest_gap_s'] * 1e3:.4g} ms",
         f"datum: {datum['position_m'] * 1e3:.6g} mm, {datum['force_n']:.6g} N ({datum['source']})",
         f"conditioning: {summary['conditioning']}, bandwidth {summary['bandwidth_hz']:.3g} Hz; "
-        + (f"force lag {lag * 1e3:g} ms compensated" if lag else "no force lag compensated"),
-        *online_lines(summary["transmission"], lag),
+        + f"corrected for {' and '.join(corrected) or 'no force lag and no lost motion'}",
+        *online_lines(summary),
         *left_out_lines(summary),
         f"memory of the estimators: {summary['memory_s']:.3g} s",
         f"excitation: {summary['excitation']['mean']:.2f} (0 at rest, 1 for a sine about zero)",
@@ -279,26 +283,19 @@ def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def online_lines(transmission: Mapping[str, Any] | None, lag: float) -> list[str]:
-    """Return why the online estimates of a trial differ from the result: 0 or 1 line.
-
-    `lag` is the lag of the force for which the online estimates are corrected [s].
-    """
-    if not transmission or transmission["online"]:
-        return []
+def online_lines(summary: Mapping[str, Any]) -> list[str]:
+    """Return why the online estimates of a trial differ from the result: 0 or 1 line."""
+    known = summary["transmission"] or {}
     causes = [
         name
-        for name, acts in (
-            ("lag", transmission["force_lag_s"] > lag),
-            ("lost motion", transmission["lost_motion_m"] > 0.0),
-        )
-        if acts
+        for name, key in (("lag", "force_lag_s"), ("lost motion", "lost_motion_m"))
+        if known.get(key, 0.0) > summary[key]
     ]
     if not causes:
         return []
     verb = "reduce" if len(causes) > 1 else "reduces"
     return [
-        "the online estimators received the position at the encoder, as in the trial: "
+        "the online estimates are not corrected, as in the trial: "
         f"{' and '.join(causes)} {verb} their b"
     ]
 

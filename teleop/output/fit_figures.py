@@ -13,20 +13,25 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from estimation.arrays import Floats
 from estimation.batch_models import BatchFit
 from estimation.figure_style import (
     BLUE,
     GREY,
     ORANGE,
+    PURPLE,
+    characters,
     common_legend,
     explain,
     is_narrow,
     new_figure,
     tidy,
 )
-from estimation.quantities import POSITION, STIFFNESS
+from estimation.quantities import DAMPING, POSITION, STIFFNESS
+from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.evaluation import Evaluation
 from teleop.output.figure_files import plain
+from teleop.output.result_tables import with_interval
 
 PHASE_COLOURS = {
     "free": "#BBBBBB",
@@ -43,6 +48,8 @@ PHASE_LINES: dict[str, dict[str, Any]] = {
 }
 """Line width, dashes and markers of each phase, so that the phases also differ without colours."""
 MODEL = "#000000"
+TANGENT = 0.15
+"""Half of the width of the drawn tangent, as a fraction of the travel in contact."""
 MOST_POINTS = 4000
 """Approximate largest number of samples that are drawn in a line."""
 
@@ -62,10 +69,10 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
     grid = figure.add_gridspec(3, 1, height_ratios=(3.0, 2.0, 1.0))
     over_x, over_t, residual = (figure.add_subplot(grid[i]) for i in range(3))
     residual.sharex(over_t)
-    every = max(1, len(record.t) // MOST_POINTS)
-    fitted = evaluation.analysis.data or record
-    x, f, t = ((record.x - datum.x) * POSITION.factor, record.raw_f - datum.f, record.t)
-    draw_phases(over_x, evaluation, x, record.f - datum.f, every)
+    fit = evaluation.best_model
+    draw_depths(over_x, evaluation, drawn_name(evaluation, fit) if fit else "")
+    every = thinning(record)
+    f, t = record.raw_f - datum.f, record.t
     measured = f.copy()
     for start in record.starts[1:]:
         measured[start : start + every] = np.nan  # no line over a gap
@@ -76,29 +83,111 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
         over_t.axvspan(
             t[phase.start], t[phase.end - 1], color=PHASE_COLOURS[phase.name], alpha=0.10, lw=0
         )
-    fit = evaluation.best_model
     if fit is not None:
-        force = fit.predicted + record.f - fitted.f
-        draw_fit(over_x, over_t, drawn_name(evaluation, fit), (x, t, force), every)
+        force = force_of(fit, evaluation)
+        over_t.plot(t[::every], force[::every], color=MODEL, linewidth=0.6)
         left = record.f - datum.f - force
         residual.plot(t[::every], left[::every], color=MODEL, linewidth=0.6)
     else:
-        reasons = evaluation.analysis.result.reasons or ("no parameters are identifiable",)
-        explain(residual, fill(f"no model: {reasons[0]}", 45 if is_narrow() else 90))
+        explain(residual, fill(f"no model: {first_reason(evaluation)}", characters()))
         residual.set_yticks([])
     over_x.set_title(plain(title), loc="left")
-    over_x.set_xlabel("displacement from the datum [mm]")
-    for axes in (over_x, over_t):
-        axes.set_ylabel(fill("force from the datum [N]", 15 if is_narrow() else 90))
+    over_t.set_ylabel(fill("force from the datum [N]", 15 if is_narrow() else 90))
     over_t.tick_params(labelbottom=False)
     residual.set_ylabel("residual [N]")
     residual.set_xlabel("time [s]")
     residual.axhline(0.0, color="#888888", linewidth=0.6)
     over_t.set_xlim(t[0], t[-1])
-    for axes in (over_x, over_t, residual):
+    for axes in (over_t, residual):
         tidy(axes)
     common_legend(figure, (over_t, over_x))
     return figure
+
+
+def depth_figure(evaluation: Evaluation) -> Figure:
+    """Return a figure of the force against displacement: measured, best model, and tangent k."""
+    figure = new_figure(0.62)
+    axes = figure.subplots()
+    draw_depths(axes, evaluation, fit.name if (fit := evaluation.best_model) else "")
+    if not evaluation.analysis.result.identifiable:
+        explain(axes, fill(f"no stiffness: {first_reason(evaluation)}", characters() - 12))
+    common_legend(figure, [axes])
+    return figure
+
+
+def draw_depths(axes: Axes, evaluation: Evaluation, name: str) -> None:
+    """Draw the force against displacement: measured, of the best model, and the tangent k.
+
+    `name` is the name of the best model in the legend.
+    """
+    record, datum = evaluation.analysis.record, evaluation.datum
+    every = thinning(record)
+    x, f = (record.x - datum.x) * POSITION.factor, record.f - datum.f
+    draw_phases(axes, evaluation, x, f, every)
+    if (fit := evaluation.best_model) is not None:
+        force = force_of(fit, evaluation)
+        axes.plot(x[::every], force[::every], color=MODEL, linewidth=0.8, label=name)
+    draw_tangent(axes, evaluation)
+    axes.set_xlabel("displacement from the datum [mm]")
+    axes.set_ylabel(fill("force from the datum [N]", 15 if is_narrow() else 90))
+    tidy(axes)
+
+
+def draw_tangent(axes: Axes, evaluation: Evaluation) -> None:
+    """Draw the stiffness of the result as a tangent, at the force at which it is stated."""
+    result, record = evaluation.analysis.result, evaluation.analysis.record
+    if result.k is None or result.position is None:
+        return
+    loading = np.zeros(len(record.x), bool)
+    for phase in evaluation.analysis.phases.phases:
+        loading[phase.start : phase.end] = phase.name == "loading"
+    distances = np.where(loading, np.abs(record.x - result.position), np.inf)
+    force = record.f[distances.argmin()] - evaluation.datum.f
+    part = TANGENT * np.ptp(record.x[evaluation.analysis.phases.usable]) * np.array((-1.0, 1.0))
+    x = result.position - evaluation.datum.x
+    axes.plot(
+        (x + part) * POSITION.factor,
+        force + result.k * part,
+        color=PURPLE,
+        linewidth=2.4,
+        solid_capstyle="butt",
+        label="tangent with slope k",
+    )
+    axes.plot(x * POSITION.factor, force, "o", color=PURPLE, markersize=6.0)
+
+
+def result_title(title: str, evaluation: Evaluation) -> str:
+    """Return the title of a figure, and below it k and b of the result with their intervals."""
+    result = evaluation.analysis.result
+    if not result.identifiable:
+        return f"{title}\n{fill(f'no k and b: {first_reason(evaluation)}', characters())}"
+    texts = []
+    for one in (STIFFNESS, DAMPING):
+        if result.determines(one.symbol):
+            low, high = result.interval(one.symbol)
+            shown = with_interval(one, low, getattr(result, one.symbol), high)
+            texts.append(f"{one.symbol} = {shown}")
+    if result.b_reason:
+        texts.append("b cannot be used")
+    together = ", ".join(texts)
+    return "\n".join([title, *([together] if len(together) <= characters() else texts)])
+
+
+def thinning(record: SmoothedRecord) -> int:
+    """Return n, so that about `MOST_POINTS` samples are drawn if every n-th is drawn."""
+    return max(1, len(record.t) // MOST_POINTS)
+
+
+def force_of(fit: BatchFit, evaluation: Evaluation) -> Floats:
+    """Return the force of a model with the baseline, relative to the datum [N], shape (n,)."""
+    record = evaluation.analysis.record
+    fitted = evaluation.analysis.data or record
+    return np.asarray(fit.predicted + record.f - fitted.f, np.float64)
+
+
+def first_reason(evaluation: Evaluation) -> str:
+    """Return why no model with identifiable parameters is drawn."""
+    return next(iter(evaluation.analysis.result.reasons), "no parameters are identifiable")
 
 
 def drawn_name(evaluation: Evaluation, fit: BatchFit) -> str:
@@ -111,7 +200,7 @@ def drawn_name(evaluation: Evaluation, fit: BatchFit) -> str:
     if fit is evaluation.models[0]:
         return fit.name
     name = f"{fit.name} ({evaluation.models[0].name}: not all parameters identifiable)"
-    return fill(name, 45 if is_narrow() else 90)
+    return fill(name, characters())
 
 
 def draw_phases(
@@ -132,19 +221,6 @@ def draw_phases(
             label=None if phase.name in labelled else phase.name,
         )
         labelled.add(phase.name)
-
-
-def draw_fit(
-    over_x: Axes,
-    over_t: Axes,
-    name: str,
-    modelled: tuple[np.ndarray, np.ndarray, np.ndarray],
-    every: int,
-) -> None:
-    """Draw displacement [mm], time [s] and force [N] of a model in two panels."""
-    x, t, force = (values[::every] for values in modelled)
-    over_x.plot(x, force, color=MODEL, linewidth=0.6, label=name)
-    over_t.plot(t, force, color=MODEL, linewidth=0.6, label=name)
 
 
 def complex_stiffness_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:

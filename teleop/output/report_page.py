@@ -11,6 +11,7 @@ from urllib.parse import quote
 from markupsafe import Markup
 
 from estimation import MultiEstimator
+from estimation.figure_style import figure_style
 from estimation.figures import Truth
 from estimation.model import KELVIN_VOIGT
 from estimation.redundancy import ambiguity
@@ -21,15 +22,15 @@ from teleop.output.estimate_tables import (
     AVERAGES,
     HEADINGS,
     LEAST_SQUARES,
+    disagreement_lines,
     estimate_cells,
     evaluation_lines,
     further_lines,
-    interval_table,
 )
 from teleop.output.fault_report import fault_text
-from teleop.output.figure_files import plain
-from teleop.output.fit_figures import fit_figure
-from teleop.output.result_tables import motion_line, result_lines, tangent_lines
+from teleop.output.fit_figures import depth_figure, fit_figure
+from teleop.output.report_result import estimate_rows, values_of
+from teleop.output.result_tables import complex_lines, motion_line, result_lines, tangent_lines
 from teleop.output.trial_figures import (
     ambiguity_figure,
     fault_figure,
@@ -53,7 +54,7 @@ signal by at most this fraction. The data are not sufficient to choose between t
 LOOKS = 400
 """Approximate number of points in time of a recording at which the tied candidates are computed."""
 STATED = ("condition", "specimen", "cube", "operator", "notes", "duration_s", "clock")
-"""Settings that are shown at the top of the page, if they are known."""
+"""Settings that are in the table of the trial, if they are known."""
 
 
 def report_page(
@@ -65,18 +66,24 @@ def report_page(
     link: str = "",
     tracking: Mapping[str, Any] | None = None,
     motion: Mapping[str, str] | None = None,
+    true: Mapping[str, float] | None = None,
 ) -> str:
     """Return a page with the results of a file.
 
     `evaluation` and `summary` are None if a fault stopped the trial before there were enough
     samples, `recording` if another program wrote the file. `link` is the path of the recording,
-    relative to the folder of the page. `motion` has texts that describe the motion, by name.
+    relative to the folder of the page. `motion` has texts that describe the motion, by name. On the
+    simulated rig, `truth` has the true values for the estimates, and `true` those of the result.
     """
-    values = of_recording(recording, motion or {}) | of_evaluation(name, evaluation, summary, truth)
-    values["tracking"] = ""
-    if recording and tracking:
-        values["tracking"] = svg(tracking_figure("", recording, tracking))
-        values["tracking_lines"] = tracking_lines(tracking)
+    with figure_style("page"):
+        values = of_recording(recording, motion or {})
+        values |= of_evaluation(evaluation, summary, truth, true)
+        if summary and not recording:
+            values["about"] = [motion_line(summary)]
+        values["tracking"] = ""
+        if recording and tracking:
+            values["tracking"] = svg(tracking_figure("", recording, tracking))
+            values["tracking_lines"] = tracking_lines(tracking)
     address = quote(link or name, errors="surrogateescape")  # a name may have any bytes
     return web_page("report.html", title=name, link=address, **values)
 
@@ -84,6 +91,7 @@ def report_page(
 def of_recording(recording: Recording | None, motion: Mapping[str, str]) -> dict[str, Any]:
     """Return the variables of the template about a trial; empty without a recording."""
     values: dict[str, Any] = {
+        "about": [],
         "facts": [],
         "estimated_channels": [],
         "missing": "",
@@ -96,12 +104,14 @@ def of_recording(recording: Recording | None, motion: Mapping[str, str]) -> dict
     if recording is None:
         return values
     values["facts"] = [*facts(recording, motion)]
+    values["about"] = [*about(recording, motion)]
     values["events"] = event_rows(recording.events)
     values["settings"] = [*settings_rows(recording.settings)]
     values["estimated_channels"] = recording.estimated_channels
     values["missing"] = missing_text(recording.gaps)
     if fault := recording.fault:
-        values["fault"] = fault_text(recording, fault)
+        values["fault"] = f"{fault['text']} (at {fault['time']:.3f} s)"
+        values["fault_report"] = fault_text(recording, fault)
         values["fault_drawing"] = svg(fault_figure(recording, fault))
     if "displayed_force" in recording.columns and recording.settings:
         values["feedback"] = svg(feedback_figure(recording))
@@ -129,7 +139,7 @@ def event_rows(events: Iterable[Mapping[str, Any]]) -> list[list[str]]:
 
 
 def facts(recording: Recording, motion: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-    """Yield the rows of the first table of a report page, which describes the recorded trial.
+    """Yield the rows of the last table of a report page, which describes the recorded trial.
 
     Each row is a name and a text. The rows are the date, the rig, the settings named in `STATED`,
     the motion, the software with its libraries, and the computer.
@@ -149,37 +159,69 @@ def facts(recording: Recording, motion: Mapping[str, str]) -> Iterator[tuple[str
         yield name, session.get(name, "not known")
 
 
+def about(recording: Recording, motion: Mapping[str, str]) -> Iterator[str]:
+    """Yield short texts that state what was palpated, and how, for the line below the title."""
+    settings, session = stated_settings(recording.settings), recording.session
+    if condition := settings.get("condition"):
+        yield f"condition {condition}"
+    if specimen := settings.get("specimen"):
+        yield str(specimen)
+    elif cube := settings.get("cube"):
+        yield f"{cube} cube"
+    if duration := settings.get("duration_s"):
+        yield f"{duration:g} s"
+    yield from (f"{name} {text}" for name, text in motion.items() if name != "count-in")
+    if rig := session.get("rig"):
+        yield f"{rig} rig"
+    if created := session.get("created"):
+        yield f"{created[:10]} {created[11:16]}"
+
+
 def of_evaluation(
-    name: str,
     evaluation: Evaluation | None,
     summary: Mapping[str, Any] | None,
     truth: Truth | None,
+    true: Mapping[str, float] | None,
 ) -> dict[str, Any]:
     """Return the variables of the template about the evaluation; empty without one."""
     if evaluation is None or summary is None:
         return {"summary": None, "gaps": ()}
-    e = evaluation
-    headings, intervals = interval_table(summary["estimates"])
+    e, result = evaluation, summary["result"]
+    values = values_of(result, true)
+    stated = {one.reason for one in values}
+    tangent = tangent_lines(result["tangent"], result["storage_at_hz"])
+    headings, estimates = estimate_rows(summary["estimates"], truth)
     rows = summary["estimates"].items()
     return {
         "summary": summary,
-        "result": result_lines(summary),
-        "result_details": [*tangent_lines(summary["result"]["tangent"]), motion_line(summary)],
+        "values": values,
+        "remarks": [*tangent[:1], *(one for one in result["reasons"] if one not in stated)],
+        "depth": svg(depth_figure(e)),
+        "result": [
+            *result_lines(summary),
+            *tangent,
+            *complex_lines(summary),
+            motion_line(summary),
+        ],
         "gaps": e.gaps,
-        "lines": evaluation_lines(summary),
-        "further": further_lines(summary["estimates"]),
         "at_end": AT_END,
+        "headings": headings,
+        "estimates": estimates,
+        "misfit_column": headings.index("misfit"),
+        "true_row": bool(truth),
+        "misfits": any(one.misfits for one in estimates),
+        "disagreement": disagreement_lines(summary),
+        "notes": [(name, row["note"]) for name, row in rows if row["note"]],
+        "drawing": svg(e.plot("page", truth=truth)),
+        "fit": svg(fit_figure("", e)),
         "averages": AVERAGES,
-        "headings": HEADINGS,
-        "estimates": estimate_cells(
+        "averages_headings": HEADINGS,
+        "averages_cells": estimate_cells(
             {**summary["estimates"], LEAST_SQUARES: summary["least_squares"]}
         ),
-        "interval_headings": headings,
-        "intervals": intervals,
-        "notes": [(estimator, row["note"]) for estimator, row in rows if row["note"]],
-        "drawing": svg(e.plot(title=plain(name), truth=truth)),
-        "force": svg(e.plot_force(title=plain(name))),
-        "fit": svg(fit_figure(name, e)),
+        "further": further_lines(summary["estimates"]),
+        "lines": evaluation_lines(summary),
+        "force": svg(e.plot_force("page")),
         "ambiguity": ambiguity_drawing(e),
         "margin": f"{MARGIN:.0%}",
     }

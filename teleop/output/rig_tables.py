@@ -151,12 +151,17 @@ def print_lag(summary: Mapping[str, Any], out: Path | None = None) -> None:
     console = plain_console()
     low, high = summary["lag_low_s"] * 1e3, summary["lag_high_s"] * 1e3
     lost_low, lost_high = summary["lost_motion_low_m"] * 1e6, summary["lost_motion_high_m"] * 1e6
+    share = ""
     if summary["separable"]:
+        share = (
+            f"; share of a pure delay {summary['delay_share']:.2f}, "
+            f"{summary['delay_share_low']:.2f} to {summary['delay_share_high']:.2f}"
+        )
         lost = f"{summary['lost_motion_m'] * 1e6:.1f} um, 95 % interval "
     else:
         lost = "not known, "
     console.print(
-        f"lag {summary['lag_s'] * 1e3:.3f} ms, 95 % interval {low:.3f} to {high:.3f} ms\n"
+        f"lag {summary['lag_s'] * 1e3:.3f} ms, 95 % interval {low:.3f} to {high:.3f} ms{share}\n"
         f"lost motion {lost}{lost_low:.1f} to {lost_high:.1f} um in either direction\n"
         f"spring {STIFFNESS.text(summary['k'])}, residual {summary['rms']:.2g} N rms"
     )

@@ -15,8 +15,8 @@ from estimation.figure_style import (
     BLUE,
     ORANGE,
     PROFILE,
+    characters,
     draw,
-    is_narrow,
     legend,
     limits,
     line,
@@ -71,9 +71,7 @@ def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
             fontsize="small",
             frameon=False,
         )
-    figure.suptitle(
-        fill(plain(fault["text"]), 45 if is_narrow() else 90), x=0.01, ha="left", color="#CC0000"
-    )
+    figure.suptitle(fill(plain(fault["text"]), characters()), x=0.01, ha="left", color="#CC0000")
     rows[-1].set_xlabel(f"time since the fault at {fault['time']:.3f} s [ms]")
     return figure
 
@@ -169,8 +167,7 @@ def tracking_figure(title: str, recording: Recording, tracking: Mapping[str, Any
     draw(lower, t, error, color=ORANGE, linewidth=1.0)
     lower.axhline(0.0, color="#888888", linewidth=0.6)
     limits(lower, [np.repeat((error.min(), error.max()), 50)], (0.0,))
-    width = 48 if is_narrow() else 100
-    caption = fill(", ".join(tracking_lines(tracking)), width)
+    caption = fill(", ".join(tracking_lines(tracking)), characters())
     upper.set_title(f"{title}\n{caption}" if title else caption, loc="left", fontsize="medium")
     upper.set_ylabel(POSITION.heading)
     lower.set_ylabel(f"error [{POSITION.unit}]")

@@ -68,7 +68,7 @@ def print_results(console: Console, summary: Mapping[str, Any], details: bool) -
             style="yellow",
         )
     if summary["truth"]:
-        print_truth(console, summary["truth"], details)
+        print_truth(console, summary, details)
     print_tracking(console, summary["tracking"])
     print_feedback(console, summary["feedback"])
     print_estimated(console, summary)
@@ -111,18 +111,28 @@ def duration(summary: Mapping[str, Any]) -> str:
     return planned
 
 
-def print_truth(console: Console, truth: Mapping[str, Any], details: bool) -> None:
+def print_truth(console: Console, summary: Mapping[str, Any], details: bool) -> None:
     """Print the true values of the simulated rig; its lag and lost motion only with `details`."""
+    truth = summary["truth"]
     console.print(
         f"  true b {DAMPING.text(truth['b'], '.3g')}; secant k "
         f"{STIFFNESS.text(truth['k_surface'])} at the surface, "
         f"{STIFFNESS.text(truth['k_deepest'])} at full depth"
     )
+    causes = [
+        name
+        for name, key in (("lag", "force_lag_s"), ("lost motion", "lost_motion_m"))
+        if truth[key] and not summary[key]
+    ]
     if details:
         console.print(
             f"  lag of the force channel {truth['force_lag_s'] * 1e3:g} ms; lost motion of the "
-            f"slave {truth['lost_motion_m'] * 1e6:g} um. They make the online estimates of b too "
-            "low."
+            f"slave {truth['lost_motion_m'] * 1e6:g} um"
+        )
+    if details and causes:
+        console.print(
+            f"  the online estimates are not corrected for {' and '.join(causes)}: their b is too "
+            "low"
         )
     further = truth.get("further_laws", {})
     if further:
@@ -230,7 +240,7 @@ def print_fault(console: Console, safety: Mapping[str, Any]) -> None:
     if safety["fault"]:
         fault = safety["fault"]
         console.print(
-            f"STOPPED for safety {time_text(fault['time'])}: {fault['text']}", style="bold red"
+            f"STOPPED for safety {time_text(safety['fault_s'])}: {fault['text']}", style="bold red"
         )
         for text in safety["further_faults"]:
             console.print(f"  also: {text}", style="red")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from io import StringIO
 from typing import Any
 
@@ -10,6 +11,24 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from teleop.output.figure_files import render
+
+COLOURS = {
+    "#ffffff": "panel",
+    "#000000": "text",
+    "#444444": "truth",
+    "#555555": "muted",
+    "#888888": "muted",
+    "#8c8c8c": "muted",
+    "#bbbbbb": "grey",
+    "#b0b0b0": "grey",
+    "#0072b2": "e0",
+    "#d55e00": "e1",
+    "#009e73": "e2",
+    "#cc79a7": "e3",
+    "#a8628a": "tissue-line",
+    "#cc0000": "limit",
+}
+"""Colours of the figures, and the variables in the style of a page that replace them."""
 
 
 def web_page(template: str, package: str = __package__, **values: Any) -> str:
@@ -25,6 +44,7 @@ def web_page(template: str, package: str = __package__, **values: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["themed"] = themed
     return environment.get_template(template).render(values)
 
 
@@ -34,3 +54,13 @@ def svg(figure: Figure) -> Markup:
     render(figure, text, format="svg")
     drawing = text.getvalue()
     return Markup(drawing[drawing.index("<svg") :])
+
+
+def themed(drawing: str) -> Markup:
+    """Return an SVG element whose colours change with the colours of the page."""
+
+    def variable(found: re.Match[str]) -> str:
+        name = COLOURS.get(found[0].lower())
+        return f"var(--{name})" if name else found[0]
+
+    return Markup(re.sub(r"#[0-9a-fA-F]{6}\b", variable, drawing))

@@ -107,6 +107,8 @@ SHARE_ERROR = 0.5
 """Standard deviation of the share of the delay in the lag if the record does not determine it. The
 share is between 0 and 1, and each of these values is within two standard deviations of all others.
 """
+ANY_SHARE = Interval(0.0, 0.0, 1.0)
+"""Share of the delay in a lag that is not separated from lost motion."""
 
 
 class ForceLag(NamedTuple):
@@ -122,6 +124,8 @@ class ForceLag(NamedTuple):
     """Stiffness of spring and transmission in series, with its 95 % confidence interval [N/m]."""
     rms: float
     """Root mean square of the residual of the force [N]."""
+    delay_share: Interval
+    """Share of the pure delay in the lag, from 0 to 1, with its 95 % confidence interval."""
     separable: bool
     """Whether lag and lost motion can be separated. If not, `lag` is the estimate for zero lost
     motion. The confidence intervals then include every combination of lag and lost motion that
@@ -137,6 +141,9 @@ class ForceLag(NamedTuple):
             "lag_s": self.lag.value,
             "lag_low_s": self.lag.low,
             "lag_high_s": self.lag.high,
+            "delay_share": self.delay_share.value if self.separable else None,
+            "delay_share_low": self.delay_share.low,
+            "delay_share_high": self.delay_share.high,
             "lost_motion_m": self.lost_motion.value if self.separable else None,
             "lost_motion_low_m": self.lost_motion.low,
             "lost_motion_high_m": self.lost_motion.high,
@@ -182,9 +189,16 @@ class ForceLag(NamedTuple):
                 "speed, such as a chirp"
             )
         compliance = self.compliance(stiffness) if stiffness else Interval(0.0, 0.0, 0.0)
+        share = self.delay_share
         return TransmissionCalibration(
-            *(one.value for one in (self.lag, self.lost_motion, compliance)),
-            *(one.high - one.value for one in (self.lag, self.lost_motion, compliance)),
+            self.lag.value,
+            self.lost_motion.value,
+            compliance.value,
+            self.lag.high - self.lag.value,
+            self.lost_motion.high - self.lost_motion.value,
+            compliance.high - compliance.value,
+            share.value,
+            max(share.high - share.value, share.value - share.low),
         )
 
 
@@ -450,12 +464,13 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
     fit = record.fit(lag, lost, share)
     steps = (STEP * alone, STEP * equal, STEP if share < 0.5 else -STEP)
     covariance = record.covariance((lag, lost, share), steps, (math.inf, math.inf, SHARE_ERROR))
-    k_half, lag_half, lost_half, _ = half_widths(covariance)
+    k_half, lag_half, lost_half, share_half = half_widths(covariance)
     return ForceLag(
         Interval(lag, max(0.0, lag - lag_half), lag + lag_half),
         Interval(max(0.0, lost), max(0.0, lost - lost_half), max(0.0, lost + lost_half)),
         Interval(fit.k, fit.k - k_half, fit.k + k_half),
         fit.squared**0.5,
+        Interval(share, max(0.0, share - share_half), min(1.0, share + share_half)),
         True,
     )
 
@@ -476,7 +491,7 @@ def not_separated(record: SpringRecord, alone: float, equal: float) -> ForceLag:
     lag = Interval(alone, 0.0, alone + lag_half)
     if equal == 0.0:
         k = Interval(fit.k, fit.k - k_half, fit.k + k_half)
-        return ForceLag(lag, Interval(0.0, 0.0, math.inf), k, fit.squared**0.5, False)
+        return ForceLag(lag, Interval(0.0, 0.0, math.inf), k, fit.squared**0.5, ANY_SHARE, False)
     lost = float(
         minimize_scalar(
             lambda lost: record.fit(0.0, lost).squared, bounds=(0.0, 3.0 * equal), method="bounded"
@@ -484,7 +499,7 @@ def not_separated(record: SpringRecord, alone: float, equal: float) -> ForceLag:
     )
     k_lost, half = half_widths(record.covariance((0.0, lost), (None, STEP * equal)))
     k = Interval(fit.k, fit.k - k_half, max(fit.k + k_half, record.fit(0.0, lost).k + k_lost))
-    return ForceLag(lag, Interval(0.0, 0.0, lost + half), k, fit.squared**0.5, False)
+    return ForceLag(lag, Interval(0.0, 0.0, lost + half), k, fit.squared**0.5, ANY_SHARE, False)
 
 
 def covariance_of(

@@ -100,12 +100,13 @@ class Event(NamedTuple):
     """Time at which the fault began [s]; NaN if there is no fault."""
 
 
-def time_text(time: float) -> str:
+def time_text(time: float | None) -> str:
     """Return the time of a fault as a part of a sentence, such as `at 1.250 s`.
 
-    `time` is the time in the trial [s]. A negative time is before the drives were armed.
+    `time` is the time since the drives were armed [s]; negative before, and None if they were not.
     """
-    return f"at {time:.3f} s" if time >= 0.0 else "before the drives were armed"
+    armed = time is not None and time >= 0.0
+    return f"at {time:.3f} s" if armed else "before the drives were armed"
 
 
 UNITS = {"force": "N", "position": "m", "velocity": "m/s", "": ""}

@@ -75,7 +75,8 @@ def as_recorded_now(document: Mapping[str, Any]) -> dict[str, Any]:
 
     Values that were computed from other settings are removed. Two settings are removed if they had
     no effect in the recorded trial: `cube` (the simulated body) on a hardware rig, and `signal`
-    (the excitation signal) in the condition `mimic` before version 0.2.
+    (the excitation signal) in the condition `mimic` before version 0.2. Without `lost_motion_m`,
+    the version of the recording did not correct the estimators for lost motion.
     """
     ignored = document.get("condition") == "mimic" and KEYS["count_in"] not in document
     removed = {
@@ -83,7 +84,8 @@ def as_recorded_now(document: Mapping[str, Any]) -> dict[str, Any]:
         *(["signal"] if ignored else []),
         *(["cube"] if document.get("rig") else []),
     }
-    return {key: value for key, value in document.items() if key not in removed}
+    lost = {} if KEYS["lost_motion"] in document else {KEYS["lost_motion"]: 0.0}
+    return {key: value for key, value in document.items() if key not in removed} | lost
 
 
 def read_toml(path: Path) -> dict[str, Any]:

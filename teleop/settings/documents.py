@@ -30,6 +30,10 @@ def to_document(settings: TrialSettings) -> dict[str, Any]:
         "encoder_resolution_m": settings.encoder_resolution,
         "loop_rate_hz": settings.loop_rate,
         "limits": asdict(settings.limits),
+        "online_transmission": {
+            name: getattr(settings.online_transmission, name)
+            for name in ("force_lag", "lost_motion")
+        },
         **({"setup": settings.setup} if settings.is_simulated else {}),
     }
     text = json.dumps(to_jsonable_python(document))

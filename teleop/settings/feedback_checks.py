@@ -80,7 +80,7 @@ def sensor_lag(settings: TrialSettings) -> float:
     """
     if settings.rig is None:
         return settings.plant_parameters.contact_force_lag
-    return settings.force_lag + settings.rig.sections.channels.contact_force.lag_ms * 1e-3
+    return (settings.force_lag or 0.0) + settings.rig.sections.channels.contact_force.lag_ms * 1e-3
 
 
 def arm_lag(settings: TrialSettings) -> float:

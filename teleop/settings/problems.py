@@ -20,6 +20,7 @@ DERIVED = {
     "loop_rate_hz": ": expected rate_hz",
     "limits": ": expected tightened_limits",
     "setup": ": expected custom_setup",
+    "online_transmission": ": expected force_lag_s or lost_motion_m",
 }
 """Keys of values that `to_document` computes from the settings. They are not permitted in a
 configuration file. The value of a key is the end of the error message in this case."""

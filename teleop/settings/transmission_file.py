@@ -31,6 +31,8 @@ def calibration(section: TransmissionSettings) -> TransmissionCalibration:
         force_lag_error=section.lag_error_ms * 1e-3,
         lost_motion_error=section.lost_motion_error_um * 1e-6,
         compliance_error=section.compliance_error_um_per_n * 1e-6,
+        delay_share=section.delay_share,
+        delay_share_error=section.delay_share_error,
     )
 
 
@@ -76,10 +78,14 @@ def transmission_text(measured: TransmissionCalibration, origin: str) -> str:
     values = (
         ("lag_ms", measured.force_lag, 1e3),
         ("lag_error_ms", measured.force_lag_error, 1e3),
+        ("delay_share", measured.delay_share, 1.0),
+        ("delay_share_error", measured.delay_share_error, 1.0),
         ("lost_motion_um", measured.lost_motion, 1e6),
         ("lost_motion_error_um", measured.lost_motion_error, 1e6),
         ("compliance_um_per_n", measured.compliance, 1e6),
         ("compliance_error_um_per_n", measured.compliance_error, 1e6),
     )
-    lines = [f"{key} = {float(f'{value * factor:.4g}')}\n" for key, value, factor in values]
+    lines = [
+        f"{key} = {round(float(f'{value * factor:.4g}'), 9)}\n" for key, value, factor in values
+    ]
     return f"# {origin}. An error is the half width of a 95 % interval.\n" + "".join(lines)

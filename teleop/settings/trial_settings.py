@@ -126,8 +126,12 @@ class TrialSettings:
     """Signal conditioning before the estimators."""
     bandwidth: Annotated[Hertz, Field(alias="bandwidth_hz")] = BANDWIDTH
     """Bandwidth of the filter in the signal conditioning [Hz]."""
-    force_lag: Annotated[Seconds, Field(alias="force_lag_s")] = 0.0
-    """Lag of the force channel [s], which matched conditioning compensates."""
+    force_lag: Annotated[Seconds | None, Field(alias="force_lag_s")] = None
+    """Lag of the force channel [s], for which matched conditioning corrects the position. Default:
+    the calibrated lag of the rig, or 0 with another conditioning."""
+    lost_motion: Annotated[Metres | None, Field(alias="lost_motion_m")] = None
+    """Half width of the play between encoder and tip [m], for which the conditioning corrects the
+    position. Default: the calibrated lost motion of the rig."""
     preset: Annotated[Preset | None, Field(alias="custom_preset")] = None
     """All settings of the estimators. Default: those of the paper, with the adaptation gain for the
     cube. On a hardware rig, this gain is that for the soft cube times (d / depth)^2, where d is the
@@ -317,14 +321,24 @@ class TrialSettings:
             return simulated_transmission()
         return UNKNOWN_TRANSMISSION
 
+    @property
+    def online_transmission(self) -> TransmissionCalibration:
+        """Lag and lost motion for which the online estimates are corrected."""
+        known, lag, lost = self.transmission, self.force_lag, self.lost_motion
+        if lag is None:
+            lag = known.force_lag if self.conditioning == "matched" else 0.0
+        return TransmissionCalibration(lag, known.lost_motion if lost is None else lost)
+
     def make_conditioner(self) -> Conditioner:
         """Return a new signal conditioner, which computes the input of the estimators."""
+        correction = self.online_transmission
         return make_conditioner(
             self.conditioning,
             self.bandwidth,
             self.encoder_resolution,
-            self.force_lag,
+            correction.force_lag,
             self.preset.model if self.preset else self.model,
+            correction.lost_motion,
         )
 
     @property

@@ -128,7 +128,9 @@ def make_link(settings: TrialSettings) -> Link:
     if glued is None:
         glued = settings.setup.cube.glued if settings.rig is None else True
     stiffness = expected_stiffness(settings)
-    given = LawInputs(admittance, coupling, feedback.gain, settings.force_lag, glued, stiffness)
+    given = LawInputs(
+        admittance, coupling, feedback.gain, settings.force_lag or 0.0, glued, stiffness
+    )
     halves = feedback.law_type.halves(given)
     channel = settings.channel or ChannelSettings()
     closed = feedback.law != "none"

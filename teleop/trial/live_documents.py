@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from estimation.registry import BUILT_IN
@@ -78,6 +79,8 @@ def trial_document(
             "condition": settings.condition,
             "specimen": settings.cube if settings.is_simulated else settings.palpated,
             "duration": settings.duration,
+            "feedback": settings.feedback.law,
+            "estimators": [*settings.estimation_preset.estimators],
         },
         "depth": settings.depth if settings.rig else settings.setup.depth,
         "rig": settings.rig_name,
@@ -137,6 +140,15 @@ def result_document(
     return {**found.summary, "shown": shown, "picture": found.picture}
 
 
+def recorded_result(recording: Recording, path: Path) -> dict[str, Any]:
+    """Return the message `summary` with the result that `teleop estimate` gives for a recording."""
+    from teleop.trial.trial_result import trial_result  # imports scipy, which takes long
+
+    found = result_document(trial_result(recording, path), {})
+    about = {"recording": {"path": str(path), "problem": None}, "files": {}}
+    return {"type": "summary", **about, **found}
+
+
 def introduction(settings: TrialSettings) -> str:
     """Return a sentence that states what happens in a trial, for a person who sees it first."""
     specimen = f"the simulated {settings.palpated}" if settings.is_simulated else settings.palpated
@@ -190,17 +202,18 @@ def feedback_document(settings: TrialSettings) -> dict[str, Any] | None:
 
 
 def transmission_document(settings: TrialSettings) -> dict[str, float] | None:
-    """Return the lag of the force that is not compensated [s], and the lost motion [m].
+    """Return the lag [s] and the lost motion [m] for which the estimates are not corrected.
 
     The result is None if the lag is unknown: it was neither measured nor stated.
     """
-    measured, compensated = settings.transmission, settings.force_lag
+    measured, online = settings.transmission, settings.online_transmission
     in_rig_file = settings.rig and settings.rig.sections.transmission
     is_measured = bool(in_rig_file) or measured != UNKNOWN_TRANSMISSION
-    if not (is_measured or compensated):
+    if not (is_measured or online.force_lag):
         return None
-    lag = measured.force_lag - compensated if is_measured else 0.0
-    return {"force_lag": lag, "lost_motion": measured.lost_motion}
+    lag = measured.force_lag - online.force_lag if is_measured else 0.0
+    lost = measured.lost_motion - online.lost_motion if measured.lost_motion else 0.0
+    return {"force_lag": lag, "lost_motion": lost}
 
 
 def recorded_document(recording: Recording) -> dict[str, Any]:

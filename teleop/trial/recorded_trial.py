@@ -43,9 +43,19 @@ def recorded_part(recording: Recording) -> AveragedPart:
 
 
 def recorded_transmission(recording: Recording) -> TransmissionCalibration:
-    """Return the calibrated transmission of the rig of a recorded trial; `RIGID` if unknown."""
+    """Return the transmission that corrects the result of a recorded trial; `RIGID` if unknown.
+
+    Lag and lost motion are those of the rig, or else those that the settings of the trial state.
+    """
     settings = trial_settings(recording)
-    return settings.transmission if settings else RIGID
+    if not settings:
+        return RIGID
+    known, stated = settings.transmission, settings.online_transmission
+    return replace(
+        known,
+        force_lag=known.force_lag or stated.force_lag,
+        lost_motion=known.lost_motion or stated.lost_motion,
+    )
 
 
 def estimate_settings(recording: Recording) -> EstimateSettings:
@@ -54,7 +64,6 @@ def estimate_settings(recording: Recording) -> EstimateSettings:
         recorded_settings(recording),
         averaged=recorded_part(recording),
         transmission=recorded_transmission(recording),
-        corrects_online=False,
     )
 
 
@@ -134,3 +143,23 @@ def recorded_truth(recording: Recording) -> dict[str, Any] | None:
     if not settings or not settings.is_simulated:
         return None
     return truth(settings, float(np.max(np.abs(recording["slave_position"]), initial=0.0)))
+
+
+def true_result(recording: Recording, position: float | None) -> dict[str, float] | None:
+    """Return the true k and b of a trial on the simulated rig, at the position of its result.
+
+    `k` and `b` are those of specimen and transmission in series, `k_tip` and `b_tip` those of the
+    specimen.
+    The result is None for any other recording, and for a body whose stiffness is not a function of
+    the position.
+    """
+    settings = trial_settings(recording)
+    if not settings or not settings.is_simulated or position is None:
+        return None
+    setup = settings.setup
+    if setup.cube.further_laws:
+        return None
+    law, compliance = setup.cube.slow, setup.transmission.compliance
+    k_tip = law.stiffness(law.compressed(position, compliance))
+    series = 1.0 + compliance * k_tip
+    return {"k": k_tip / series, "k_tip": k_tip, "b": law.b / series, "b_tip": law.b}

@@ -72,7 +72,11 @@ class Trial(Presented):
         grave = (Fault.MOVES_AFTER_STOP, Fault.NOT_STOPPED)
         texts = [faults[0]["text"]]
         texts += [event["text"] for event in faults[1:] if event["fault"] in grave]
-        return f"stopped {time_text(faults[0]['time'])}: {'; '.join(texts)}"
+        return f"stopped {time_text(self.since_armed(faults[0]))}: {'; '.join(texts)}"
+
+    def since_armed(self, event: dict[str, Any]) -> float | None:
+        """Return the time of an event since the drives were armed [s]; None if they were not."""
+        return float(event["time"] - self.armed["time"]) if self.armed else None
 
     @cached_property
     def recording(self) -> Recording:
@@ -181,10 +185,18 @@ class Trial(Presented):
         truth
             True stiffness and damping to show. Default: those of the body on the simulated rig.
         """
-        from estimation.figures import known_truth
+        from estimation.figure_style import figure_style
+        from estimation.figures import estimates_figure, known_truth, misfit_remark
 
         true = truth or known_truth(recorded_truth(self.shown.recording))
-        return Presented.plot(self.shown, width, self._title(title), true)
+        rows = self.summary()["estimates"].items()
+        remark = misfit_remark({name: row["misfit"] for name, row in rows})
+        shown = self.shown
+        x, v, *_ = shown.regression
+        with figure_style(width):
+            return estimates_figure(
+                self._title(title), shown.t, x, v, shown.estimates, true, remark=remark
+            )
 
     def plot_force(self, width: str = "screen", title: str | None = None) -> Figure:
         """Return a figure of the measured force and the force that the first estimator predicts.
@@ -274,6 +286,7 @@ class Trial(Presented):
     def summary(self) -> dict[str, Any]:
         """Return the results of the trial as a dictionary, which `teleop run --json` prints."""
         settings, found = self.settings, self.statistics
+        corrected = settings.online_transmission
         return {
             "condition": settings.condition_name,
             "cube": settings.cube if settings.is_simulated else None,
@@ -301,11 +314,14 @@ class Trial(Presented):
             else {},
             "truth": truth(settings, found.depth) if settings.is_simulated else None,
             "left_out": found.left_out,
+            "force_lag_s": corrected.force_lag,
+            "lost_motion_m": corrected.lost_motion,
             "excitation": found.excitation,
             "contact": found.contact,
             "loop": found.loop,
             "safety": {
                 "fault": self.fault,
+                "fault_s": self.since_armed(self.fault) if self.fault else None,
                 "further_faults": [
                     event["text"]
                     for event in self.ticks.events

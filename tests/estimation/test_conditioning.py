@@ -16,6 +16,7 @@ from estimation import (
     compiled,
     least_squares,
 )
+from estimation.conditioning import WithoutLostMotion, make_conditioner
 from estimation.model import MODELS
 
 ALL = {
@@ -23,6 +24,7 @@ ALL = {
     "foaw": lambda: FirstOrderAdaptiveWindowing(1e-6),
     "svf": lambda: StateVariableFilter(20.0),
     "matched": lambda: MatchedFilter(20.0),
+    "without lost motion": lambda: WithoutLostMotion(MatchedFilter(20.0), 2e-4),
 }
 
 
@@ -136,6 +138,7 @@ def test_foaw_refuses_an_impossible_window():
     "make",
     [
         functools.partial(FilteredDifference, 20.0),
+        functools.partial(make_conditioner, "difference", 20.0, 1e-6, lost_motion=2e-4),
         *(
             functools.partial(MatchedFilter, 20.0, lag, model)
             for lag in (0.0, 3e-3)
@@ -159,3 +162,18 @@ def test_filters_give_the_same_bits_online_in_blocks_and_compiled(make, monkeypa
             parts = [conditioner.run(x[a:b], f[a:b], dt[a:b]) for a, b in pairwise(bounds)]
             batch = np.concatenate([np.column_stack([*p[:3], p.further]) for p in parts])
             assert np.array_equal(batch, online)
+
+
+@pytest.mark.parametrize("name", ["matched", "svf", "foaw", "difference"])
+def test_behind_lost_motion_a_conditioner_receives_the_position_of_a_backlash(name):
+    """After a reversal, the motor moves by twice the half width of the backlash before the tip."""
+    there = np.linspace(0.0, 3e-3, 3001)
+    x = np.concatenate([there, there[::-1]])
+    tip = np.concatenate([np.maximum(there - 1e-4, 0.0), np.minimum(there[::-1] + 1e-4, 2.9e-3)])
+    behind, rigid = (make_conditioner(name, 20.0, 1.5e-6, lost_motion=d) for d in (1e-4, 0.0))
+    for found, expected in zip(
+        behind.run(x, x, 1e-3)[:3], rigid.run(tip, x, 1e-3)[:3], strict=True
+    ):
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+    assert behind.settling == rigid.settling
+    assert behind.correlation(1e-3) == rigid.correlation(1e-3)

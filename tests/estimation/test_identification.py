@@ -123,7 +123,7 @@ def test_plot_has_both_parameters_with_units_and_a_name_for_each_line(found):
 
 def test_the_force_is_plotted_with_its_prediction(found):
     names = [text.get_text() for text in found.plot_force().legends[0].get_texts()]
-    assert names == ["measured", "predicted by rls", "least squares of the model"]
+    assert names == ["predicted by rls", "measured", "least squares of the model"]
 
 
 def test_the_text_of_a_result_is_one_short_line_with_the_estimates_at_the_end(found):

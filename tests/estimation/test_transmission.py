@@ -76,10 +76,10 @@ def test_errors_of_lag_and_play_change_b_as_in_a_sine():
     k, amplitude, omega = 2000.0, 4e-3, 2.0 * np.pi
     v = amplitude * omega * np.cos(np.linspace(0.0, 2.0 * np.pi, 10_000, endpoint=False))
     per_speed = np.abs(v).mean() / (v**2).mean()
-    play = TransmissionCalibration(lost_motion_error=5e-6).damping_error(k, per_speed)
+    play = TransmissionCalibration(lost_motion_error=5e-6).damping_error(k, per_speed, omega)
     assert play == pytest.approx(4.0 * k * 5e-6 / (np.pi * omega * amplitude), rel=1e-4)
-    assert TransmissionCalibration(force_lag_error=1e-4).damping_error(k, per_speed) == 0.2
-    assert RIGID.damping_error(k, per_speed) == 0.0
+    assert TransmissionCalibration(force_lag_error=1e-4).damping_error(k, per_speed, omega) == 0.2
+    assert RIGID.damping_error(k, per_speed, omega) == 0.0
 
 
 def test_errors_of_play_and_position_change_k_as_the_amplitude_behind_the_play():
@@ -88,14 +88,35 @@ def test_errors_of_play_and_position_change_k_as_the_amplitude_behind_the_play()
     k = force / (amplitude - d)
     by_d = (force / (amplitude - d - 1e-9) - k) / 1e-9
     known = TransmissionCalibration(lost_motion=d, lost_motion_error=3e-6)
-    assert known.stiffness_error(k, amplitude) == pytest.approx(3e-6 * by_d, rel=1e-4)
-    both = known.stiffness_error(k, amplitude, 1e-6)
+    assert known.stiffness_error(k, amplitude, 6.0) == pytest.approx(3e-6 * by_d, rel=1e-4)
+    both = known.stiffness_error(k, amplitude, 6.0, 1e-6)
     assert both == pytest.approx(math.hypot(3e-6, 1.96e-6) * by_d, rel=1e-3)
-    assert known.stiffness_error(k, d) == math.inf
-    assert RIGID.stiffness_error(k, amplitude, 1e-6) == 0.0
+    assert known.stiffness_error(k, d, 6.0) == math.inf
+    assert RIGID.stiffness_error(k, amplitude, 6.0, 1e-6) == 0.0
 
 
 @pytest.mark.parametrize("value", [-1e-6, math.nan, math.inf])
 def test_a_value_that_is_not_finite_or_negative_is_refused(value):
     with pytest.raises(ValueError, match="lost_motion"):
         TransmissionCalibration(lost_motion=value)
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(0.01, 0.3))
+def test_an_error_of_the_share_of_the_delay_changes_k_and_b_as_the_response(share, other, phase):
+    """Against the complex stiffness that is fitted behind a channel with another share."""
+    lag, k, omega = 5e-3, 2000.0, phase / 5e-3
+    true = np.exp(-1j * phase * other) / (1.0 + 1j * phase * (1.0 - other))
+    fitted = np.exp(-1j * phase * share) / (1.0 + 1j * phase * (1.0 - share))
+    change = k * true / fitted - k
+    known = TransmissionCalibration(lag, delay_share=share, delay_share_error=abs(other - share))
+    # the error is about that of either sign of the difference
+    assert known.stiffness_error(k, 1e-3, omega) >= 0.6 * abs(change.real) - 1e-9
+    assert known.damping_error(k, 1.0, omega) >= 0.6 * abs(change.imag) / omega - 1e-9
+    exact = TransmissionCalibration(lag, delay_share=other)
+    assert exact.response(omega) == pytest.approx(true)
+    assert exact.stiffness_error(k, 1e-3, omega) == 0.0
+
+
+def test_a_share_above_one_is_refused():
+    with pytest.raises(ValueError, match="delay_share must be at most 1"):
+        TransmissionCalibration(1e-3, delay_share=1.1)

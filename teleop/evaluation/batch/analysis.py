@@ -252,18 +252,18 @@ class Analysis:
 
         The dictionary contains the storage stiffness k' [N/m], the loss stiffness k'' [N/m] and
         tan delta = k'' / k'. For each of them, it also contains the half width of the 95 %
-        interval. On a linear body they are k and b omega of the result. On a nonlinear body in a
-        sine in contact throughout, they are computed from the fundamentals of force and position
-        (`complex_stiffness`), and differ from the tangent stiffness k. The result is None in all
-        other cases: the motion has no cycles, k or b is not identifiable, or the best model
-        contains relaxation (a decay of the force at constant position), so that b describes only a
-        part of the loss of energy.
+        interval. The motion must be a sine in contact throughout. On a linear body they are then k
+        and b omega of the result. On a nonlinear body they are computed from the fundamentals of
+        force and position (`complex_stiffness`), and differ from the tangent stiffness k. The
+        result is None in all other cases: another motion, k or b is not identifiable, or the best
+        model contains relaxation (a decay of the force at constant position), so that b describes
+        only a part of the loss of energy.
         """
         result, record = self.result, self.record
-        cyclic = math.isfinite(record.frequency) and not result.times
+        steady = record.sinusoidal and self.phases.free_force is None and not result.times
         if self.harmonic:
             return complex_row(self.harmonic.stiffness, self.harmonic.frequency)
-        if not cyclic or result.k is None or result.b is None or self.local is None:
+        if not steady or result.k is None or result.b is None or self.local is None:
             return None
         assert result.k_low is not None
         assert result.b_low is not None
@@ -275,7 +275,7 @@ class Analysis:
                 result.b * omega,
                 (result.b - result.b_low) * omega,
             )
-        elif record.sinusoidal and self.phases.free_force is None:
+        else:
             lock_in = complex_stiffness(record)
             if lock_in is None:
                 return None
@@ -285,8 +285,6 @@ class Analysis:
                 found = lock_in._replace(
                     loss=result.b * omega, loss_half=(result.b - result.b_low) * omega
                 )
-        else:
-            return None
         return complex_row(found, record.frequency)
 
 
@@ -311,19 +309,16 @@ def relaxation_row(found: Relaxation) -> dict[str, Any]:
     return {name: one._asdict() for name, one in found.parameters.items()} | {"rms": found.rms}
 
 
-def analyse(
-    signals: Signals, force_lag: float = 0.0, transmission: TransmissionCalibration = RIGID
-) -> Analysis:
+def analyse(signals: Signals, transmission: TransmissionCalibration = RIGID) -> Analysis:
     """Evaluate all samples of a record together, without online estimators.
 
-    `force_lag` is the lag of the force that is compensated [s]. The lost motion of `transmission`
-    has been removed from the position before. If it is not known, and the record shows lost motion,
-    the evaluation is repeated with the position behind it.
+    The lost motion of `transmission` has been removed from the position before. If it is not known,
+    and the record shows lost motion, the evaluation is repeated with the position behind it.
     """
     signals, faults = without_sampling_faults(signals)
-    if harmonic := coarse_sine(signals, force_lag, transmission, faults):
+    if harmonic := coarse_sine(signals, transmission, faults):
         return harmonic
-    analysis = fitted(signals, force_lag, transmission, faults)
+    analysis = fitted(signals, transmission, faults)
     if transmission.lost_motion or analysis.local is None:
         return analysis
     found = find_lost_motion(analysis.record, analysis.phases, analysis.local.best)
@@ -332,7 +327,7 @@ def analyse(
     tip = signals._replace(x=found.tip(signals.x), measured_step=signals.step)
     known = replace(transmission, lost_motion=found.half_width, lost_motion_error=found.error)
     # the shape of the hysteresis is not known, and the rest of it is not friction in the specimen
-    corrected = fitted(tip, force_lag, known, faults, friction=False)
+    corrected = fitted(tip, known, faults, friction=False)
     line = interference(corrected.record)
     if reasons_before_fit(corrected.record, corrected.phases) or (line and line.hides_stiffness):
         return analysis  # another fault, which lost motion does not explain
@@ -340,26 +335,22 @@ def analyse(
 
 
 def coarse_sine(
-    signals: Signals,
-    force_lag: float,
-    transmission: TransmissionCalibration,
-    faults: Sequence[Reason],
+    signals: Signals, transmission: TransmissionCalibration, faults: Sequence[Reason]
 ) -> Analysis | None:
     """Return the evaluation of a sine with few samples per cycle or coarse rounding.
 
     The result is None for other records, and for those with a reason against such a result.
     """
-    fit = harmonic_fit(signals, force_lag)
-    result = fit and harmonic_result(fit, force_lag, transmission, faults)
+    fit = harmonic_fit(signals, transmission)
+    result = fit and harmonic_result(fit, transmission, faults)
     if not result:
         return None
-    record = smoothed_record(resample(signals, force_lag))
+    record = smoothed_record(resample(signals, transmission))
     return Analysis(record, find_phases(record), None, result, transmission, fit)
 
 
 def fitted(
     signals: Signals,
-    force_lag: float,
     transmission: TransmissionCalibration,
     faults: Sequence[Reason],
     friction: bool = True,
@@ -368,7 +359,7 @@ def fitted(
 
     `faults` are the remarks on its samples. `friction` states whether the specimen may have it.
     """
-    resampled = resample(signals, force_lag)
+    resampled = resample(signals, transmission)
     record = smoothed_record(resampled)
     phases = find_phases(record)
     durations = [

@@ -52,6 +52,7 @@ from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.strokes import turning_points, without_lost_motion
 from teleop.evaluation.batch.thresholds import (
     ADHESION_NOISE,
+    CLIPPING_LENGTH,
     CONSTANT_FREE_FORCE,
     FEWEST_CLIPPED,
     FREE_TRAVEL,
@@ -366,15 +367,21 @@ def clipped(record: SmoothedRecord) -> bool:
     At many samples, the force of a saturated sensor is exactly equal to its maximum, while the
     position changes. Without saturation, the force can also be constant during a small travel, if
     it changes by less than the resolution of the sensor. Therefore, saturation requires a travel
-    that is several times larger (`FREE_TRAVEL`).
+    that is several times larger (`FREE_TRAVEL`). A logger that holds its samples also repeats other
+    large values: the maximum must be repeated for longer.
     """
     f, x = record.raw_f, record.raw_x
+    large = f > 0.5 * (f.max() + f.min())
+    bounds = [0, *(np.flatnonzero(np.diff(f)) + 1), len(f)]
+    held = [b - a for a, b in pairwise(bounds) if large[a] and f[a] < f.max()]
+    usual = float(np.quantile(held, 0.95)) if held else 0.0
     count = smallest_step(f)
     least = FREE_TRAVEL * count * float(np.std(record.palpation)) / max(float(np.std(f)), 1e-300)
     least = max(least, 20.0 * record.x_noise)
     at_rest = 0
     for start, end in runs(f == f.max()):
-        if end - start >= SHORTEST_CLIPPING and continued(x, start, end, True) > least:
+        longer = end - start >= max(SHORTEST_CLIPPING, CLIPPING_LENGTH * usual)
+        if longer and continued(x, start, end, True) > least:
             around = np.concatenate([f[max(0, 2 * start - end) : start], f[end : 2 * end - start]])
             if len(around) and f.max() - around.min() > 0.02 * np.ptp(f):
                 at_rest += end - start

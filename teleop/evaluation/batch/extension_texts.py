@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from estimation.quantities import DAMPING, STIFFNESS
@@ -12,9 +13,11 @@ from teleop.evaluation.batch.candidate import (
     MASS,
     Candidate,
     FittedPart,
+    Value,
 )
 from teleop.evaluation.batch.local_stiffness import LocalStiffness
 from teleop.evaluation.batch.thresholds import (
+    LARGEST_LAYER_RATIO,
     LEAST_LAYER_RATIO,
     MOST_LAYER_DEGREE,
     NOTABLE_STIFFENING,
@@ -38,14 +41,23 @@ def layers(best: Candidate) -> FittedPart | None:
     knot = best.part(KNOT)
     if knot is None or best.degree > MOST_LAYER_DEGREE:
         return None
+    low, high = sorted(one.value for one in knot.values[1:])
+    return knot if LEAST_LAYER_RATIO * low < high < LARGEST_LAYER_RATIO * low else None
+
+
+def free_motion(best: Candidate) -> FittedPart | None:
+    """Return the knot of the best model if it hardly has a stiffness before; None otherwise."""
+    knot = best.part(KNOT)
+    if knot is None or best.degree > MOST_LAYER_DEGREE:
+        return None
     before, after = (one.value for one in knot.values[1:])
-    return knot if max(before, after) > LEAST_LAYER_RATIO * min(before, after) else None
+    return knot if after >= LARGEST_LAYER_RATIO * before else None
 
 
-def described(local: LocalStiffness, zero: float, level: float) -> dict[str, Any]:
+def described(local: LocalStiffness, zero: float, surface: Value, level: float) -> dict[str, Any]:
     """Return the extensions of the best model for JSON.
 
-    Depths are relative to `zero` [m], and forces to `level` [N].
+    Depths are relative to `zero` [m], that of a layer to `surface`, and forces to `level` [N].
     """
     found: dict[str, Any] = {}
     best, loading = local.best, local.loading
@@ -57,11 +69,11 @@ def described(local: LocalStiffness, zero: float, level: float) -> dict[str, Any
         }
     if knot := layers(best):
         place, before, after = knot.values
-        depth = place._replace(value=place.value - zero)
+        depth = depth_of(place, surface)
         names = ("depth_m", "k_before", "k_after")
         values = (depth, before, after)
         found["layers"] = {name: v.interval for name, v in zip(names, values, strict=True)}
-    if part := best.part(DEPTH_DAMPING):
+    if (part := best.part(DEPTH_DAMPING)) and not free_motion(best):
         names = ("lowest", "middle", "highest")
         found["damping_by_depth"] = {
             name: v.interval for name, v in zip(names, part.values, strict=True)
@@ -72,14 +84,26 @@ def described(local: LocalStiffness, zero: float, level: float) -> dict[str, Any
     return found
 
 
-def phrases(best: Candidate, zero: float, sinusoidal: bool) -> list[str]:
+def depth_of(place: Value, surface: Value) -> Value:
+    """Return the depth of a position below the surface [m]."""
+    return Value(place.value - surface.value, math.hypot(place.std, surface.std))
+
+
+def phrases(best: Candidate, surface: Value, sinusoidal: bool) -> list[str]:
     """Return what the best model contains besides the Kelvin-Voigt model and relaxing parts."""
     found = []
+    if knot := free_motion(best):
+        rise = 1e3 * (knot.values[0].value - surface.value)
+        return [
+            f"the force hardly increases up to a depth of {rise:.3g} mm: motion out of contact "
+            "that a drift, hum or noise of the force hides, or a very soft layer"
+        ]
     if knot := layers(best):
         place, before, after = knot.values
-        low, high = (1e3 * (place.interval[end] - zero) for end in ("low", "high"))
+        depth = depth_of(place, surface)
+        low, high = (1e3 * depth.interval[end] for end in ("low", "high"))
         found.append(
-            f"the stiffness changes at a depth of {1e3 * (place.value - zero):.3g} mm (95 % "
+            f"the stiffness changes at a depth of {1e3 * depth.value:.3g} mm (95 % "
             f"interval {low:.4g} to {high:.4g}): {STIFFNESS.text(before.value, '.4g')} before, "
             f"{STIFFNESS.text(after.value, '.4g')} after"
         )

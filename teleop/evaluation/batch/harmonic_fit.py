@@ -32,6 +32,7 @@ from scipy.special import stdtrit
 
 from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
+from estimation.transmission import RIGID, TransmissionCalibration
 from teleop.evaluation.batch.complex_stiffness import ComplexStiffness
 from teleop.evaluation.batch.constancy import Cycles
 from teleop.evaluation.batch.interference import Line
@@ -137,10 +138,12 @@ class HarmonicFit:
         return float(np.ptp(self.force.middle))
 
 
-def harmonic_fit(signals: Signals, force_lag: float = 0.0) -> HarmonicFit | None:
+def harmonic_fit(
+    signals: Signals, transmission: TransmissionCalibration = RIGID
+) -> HarmonicFit | None:
     """Return the complex stiffness of a coarsely sampled or rounded sine; None for other records.
 
-    `force_lag` is the time constant of the force channel that is compensated [s].
+    It is corrected for the force channel of `transmission`.
     """
     t = signals.t - signals.t[0]
     period = float(np.median(signals.dt))
@@ -178,7 +181,8 @@ def harmonic_fit(signals: Signals, force_lag: float = 0.0) -> HarmonicFit | None
     distortion = max(x.distortion, f.distortion)
     if distortion > LARGEST_DISTORTION or not is_steady(x):
         return None
-    lagged = x.fundamental / (1.0 + 2j * math.pi * frequency * force_lag)
+    channel = transmission.response(2.0 * math.pi * frequency)
+    lagged = x.fundamental * channel
     power = np.abs(lagged) ** 2
     whole_ratio = complex((f.fundamental @ lagged.conj()) / power.sum())
     ratios = f.fundamental / lagged
@@ -195,15 +199,16 @@ def harmonic_fit(signals: Signals, force_lag: float = 0.0) -> HarmonicFit | None
         for part, error in ((ratios.real, inside), (ratios.imag, across))
     ]
     found = ComplexStiffness(whole_ratio.real, halves[0], whole_ratio.imag, halves[1])
-    cycles = blockwise(signals, frequency, force_lag)
+    cycles = blockwise(signals, frequency, channel)
     hum = line_of(f, period, frequency)
     return HarmonicFit(frequency, found, inside, cycles, x, f, hum)
 
 
-def blockwise(signals: Signals, frequency: float, force_lag: float) -> Cycles:
+def blockwise(signals: Signals, frequency: float, channel: complex) -> Cycles:
     """Return stiffness and damping of short blocks of cycles, to find changes in the record.
 
-    The blocks are shorter than those of the harmonic fit, and only few harmonics are fitted.
+    `channel` is the frequency response of the force channel. The blocks are shorter than those of
+    the harmonic fit, and only few harmonics are fitted.
     """
     t = signals.t - signals.t[0]
     period = float(np.median(signals.dt))
@@ -220,7 +225,7 @@ def blockwise(signals: Signals, frequency: float, force_lag: float) -> Cycles:
         for values in (signals.x, signals.f)
     )
     omega = 2.0 * math.pi * frequency
-    ratios = f / x * (1.0 + 1j * omega * force_lag)
+    ratios = f / (x * channel)
     starts = signals.t[0] + each * np.arange(number)
     seconds = np.full(number, 1.0 / frequency)
     unknown = np.full(number, np.inf)

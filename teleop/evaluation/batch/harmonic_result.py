@@ -10,7 +10,11 @@ from estimation.stiffening import Interval
 from estimation.transmission import TransmissionCalibration
 from teleop.evaluation.batch.constancy import change_over_cycles, drift_of_lag
 from teleop.evaluation.batch.harmonic_fit import HarmonicFit
-from teleop.evaluation.batch.reasons import DAMPING_NOT_RESOLVED, negative_damping
+from teleop.evaluation.batch.reasons import (
+    DAMPING_NOT_RESOLVED,
+    negative_damping,
+    unknown_form,
+)
 from teleop.evaluation.batch.stiffness_result import (
     StiffnessResult,
     stiffness_at_tip,
@@ -27,7 +31,6 @@ from teleop.evaluation.reason import Reason
 
 def harmonic_result(
     fit: HarmonicFit,
-    force_lag: float,
     transmission: TransmissionCalibration,
     faults: Sequence[Reason] = (),
 ) -> StiffnessResult | None:
@@ -38,17 +41,17 @@ def harmonic_result(
     omega = 2.0 * math.pi * fit.frequency
     amplitude = fit.position.amplitude
     position_error = math.hypot(fit.position.noise, fit.position.step / math.sqrt(12.0))
-    half_k = math.hypot(half_k, transmission.stiffness_error(k, amplitude, position_error))
+    half_k = math.hypot(half_k, transmission.stiffness_error(k, amplitude, omega, position_error))
     per_speed = 4.0 / (math.pi * omega * amplitude)
     b = loss / omega
-    half_b = math.hypot(half_loss / omega, transmission.damping_error(k, per_speed))
+    half_b = math.hypot(half_loss / omega, transmission.damping_error(k, per_speed, omega))
     change, drift = change_over_cycles(fit.cycles), drift_of_lag(fit.cycles)
     by_rounding = 2.0 * LEVEL_95 * fit.rounding_error * k
     if change and abs(change.k[1] - change.k[0]) < by_rounding:
         change = None  # in a drift, the rounding error of the fundamental changes
     if half_k > WIDEST_INTERVAL * k or (drift and drift.phase > LARGEST_PHASE_DRIFT):
         return None
-    found = [*faults]
+    found = [*faults, *unknown_form(transmission, omega)]
     if fit.line and not change:  # a change of the stiffness also gives lines
         found.append(Reason(fit.line.text))
     if change:
@@ -66,7 +69,7 @@ def harmonic_result(
     if drift:
         unknown = Reason(f"{drift.text}: damping is not determined")
     elif b + half_b < 0.0:
-        unknown = negative_damping(b, force_lag, transmission, -b / k, 1.0 / fit.frequency)
+        unknown = negative_damping(b, transmission, -b / k, 1.0 / fit.frequency)
     unusable = unknown
     if unknown:
         found.append(unknown)

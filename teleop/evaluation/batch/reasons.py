@@ -12,6 +12,7 @@ from estimation.transmission import TransmissionCalibration
 from teleop.evaluation.batch.candidate import FRICTION
 from teleop.evaluation.batch.constancy import Change, LagDrift, rise_at_rest
 from teleop.evaluation.batch.contact_phases import Phases, adhesion
+from teleop.evaluation.batch.depth import surface
 from teleop.evaluation.batch.extension_texts import phrases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
 from teleop.evaluation.batch.masks import runs
@@ -40,6 +41,7 @@ from teleop.evaluation.batch.thresholds import (
     LONGEST_LAG_SHARE,
     NO_RESULT_R2,
     NOTABLE_CHANGE,
+    NOTABLE_FORM,
     PUNCTURE_FALL,
     PUNCTURE_NOISE,
     PUNCTURE_TIME,
@@ -214,7 +216,9 @@ def contact_remarks(record: SmoothedRecord, local: LocalStiffness) -> list[Reaso
     found = []
     if pull := adhesion(record):
         found.append(
-            Reason(f"adhesion: the force falls by {pull:.3g} N below its level out of contact")
+            Reason(
+                f"adhesion: the smoothed force falls by {pull:.3g} N below its level out of contact"
+            )
         )
     if record.ramp:
         found.append(
@@ -342,7 +346,7 @@ def remarks(
         and (changed or (not slight and plain.rms > BETTER_RESIDUAL * best.rms))
         and best.bic < plain.bic - BETTER_BIC
     ):
-        what = phrases(best, zero_of_depth(record, phases, local), record.sinusoidal)
+        what = phrases(best, surface(record, phases, local), record.sinusoidal)
         if best.times:
             times = ", ".join(f"{tau:.2g} s" for tau in reported_times(best.times))
             similar = (
@@ -387,7 +391,6 @@ def no_damping(
     local: LocalStiffness,
     half_b: float,
     drift: LagDrift | None,
-    force_lag: float,
     transmission: TransmissionCalibration,
 ) -> Reason | None:
     """Return the reason why a record with a stiffness determines no damping; otherwise None.
@@ -408,18 +411,8 @@ def no_damping(
             )
         # besides relaxation, b is not the loss at a frequency, and shows no phase
         period = 1.0 / local.frequency if np.isfinite(local.frequency) else np.inf
-        return negative_damping(local.b, force_lag, transmission, -local.b / local.k, period)
+        return negative_damping(local.b, transmission, -local.b / local.k, period)
     return None
-
-
-def zero_of_depth(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> float:
-    """Return the position at which the depth is zero [m]: contact point or lowest position.
-
-    If a baseline is removed, the contact point changes with the baseline, and is not used.
-    """
-    if phases.contact_point and not local.baseline_size > 0.0:
-        return phases.contact_point.value
-    return float(record.x[phases.usable].min())
 
 
 def longest_hold(record: SmoothedRecord, phases: Phases) -> float:
@@ -435,12 +428,26 @@ def longest_hold(record: SmoothedRecord, phases: Phases) -> float:
     return record.period * max(holds, default=0)
 
 
+def unknown_form(transmission: TransmissionCalibration, omega: float) -> list[Reason]:
+    """Return the remark that the form of the lag of the force is not known, if it matters for k.
+
+    `omega` is the angular frequency of the motion [rad/s].
+    """
+    change = transmission.form_error(omega).real
+    if change < NOTABLE_FORM:
+        return []
+    return [
+        Reason(
+            f"the form of the force lag is not known: a pure delay and a first-order lag of "
+            f"{transmission.force_lag * 1e3:.3g} ms change k differently, by {change:.1%} either "
+            "way",
+            "teleop lag measures the form of the lag",
+        )
+    ]
+
+
 def negative_damping(
-    b: float,
-    force_lag: float,
-    transmission: TransmissionCalibration,
-    needed: float,
-    period: float,
+    b: float, transmission: TransmissionCalibration, needed: float, period: float
 ) -> Reason:
     """Return the reason that the fitted damping is negative, with its possible causes.
 
@@ -448,6 +455,7 @@ def negative_damping(
     motion [s].
     """
     text = f"damping is not determined: it is negative ({DAMPING.text(b, '.3g')})"
+    force_lag = transmission.force_lag
     if 2.0 * np.pi * needed > STEEPEST_LOSS * period:
         return Reason(
             f"{text}. The force would have to lag by {needed * 1e3:.3g} ms, more than "

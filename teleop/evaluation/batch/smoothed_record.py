@@ -27,6 +27,7 @@ from estimation.baseline import FEWEST_CYCLES, baseline_order, without_baseline
 from estimation.coherent_band import CoherentBand, block_means, coherent_band
 from estimation.filters import Lag
 from estimation.smoothing import kernel_width, slope, smooth, smooth_pieces
+from estimation.transmission import RIGID, TransmissionCalibration
 from teleop.evaluation.batch.strokes import combined, cycle_frequency, stroke_band, turning_points
 from teleop.evaluation.batch.thresholds import FEWEST_IN_PIECE, SINE_SHARE, SMOOTHING_CORNER
 from teleop.evaluation.reading.signals import Signals, repeated_rounding, smallest_step
@@ -62,7 +63,7 @@ class ResampledRecord:
     """Time constant of the force channel that is compensated [s]; 0 if no lag is compensated."""
 
 
-def resample(signals: Signals, force_lag: float = 0.0) -> ResampledRecord:
+def resample(signals: Signals, transmission: TransmissionCalibration = RIGID) -> ResampledRecord:
     """Interpolate a record linearly onto a grid of constant period.
 
     Gaps, in which samples are missing, divide the record into pieces. Each piece is interpolated
@@ -77,9 +78,10 @@ def resample(signals: Signals, force_lag: float = 0.0) -> ResampledRecord:
         if count < FEWEST_IN_PIECE:
             continue
         even = t[0] + period * np.arange(count)
-        x, f = (np.interp(even, t, channel[start:end]) for channel in (signals.x, signals.f))
+        f = np.interp(even, t, signals.f[start:end])
         # the position gets the same lag as the force: both signals are then in phase
-        x = Lag(force_lag).run(x, np.full(count, period))
+        x = np.interp(even - transmission.delay, t, signals.x[start:end])
+        x = Lag(transmission.time_constant).run(x, np.full(count, period))
         pieces.append((even, x, f))
     if not pieces:
         raise ValueError(
@@ -100,7 +102,7 @@ def resample(signals: Signals, force_lag: float = 0.0) -> ResampledRecord:
         step=smallest_step(x),
         count=signals.step,
         f_count=smallest_step(signals.f),
-        force_lag=force_lag,
+        force_lag=transmission.force_lag,
     )
 
 

@@ -32,6 +32,7 @@ from teleop.evaluation.batch.candidate import DEPTH_DAMPING, FRICTION, MASS
 from teleop.evaluation.batch.complex_stiffness import complex_stiffness
 from teleop.evaluation.batch.constancy import change_over_cycles, cycles_of, drift_of_lag
 from teleop.evaluation.batch.contact_phases import Phases
+from teleop.evaluation.batch.depth import elastic_force, surface, zero_of_depth
 from teleop.evaluation.batch.extension_texts import NO_PARTS, described
 from teleop.evaluation.batch.interference import interference
 from teleop.evaluation.batch.kinds import BESIDES_RELAXATION, LOSS, STORAGE, TANGENT
@@ -45,7 +46,7 @@ from teleop.evaluation.batch.reasons import (
     reasons_after_fit,
     reasons_before_fit,
     remarks,
-    zero_of_depth,
+    unknown_form,
 )
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
@@ -108,8 +109,8 @@ class StiffnessResult:
     """Half width of the 95 % interval of the contact point [m]; 0 if `depth` is not measured from
     a contact point."""
     depth_from: str = "lowest position"
-    """Text that names the position at which `depth` is zero: "contact point" or "lowest position"
-    (in contact)."""
+    """Text that names the position at which `depth` is zero: "contact point", "lowest position" or
+    "lowest position in contact"."""
     damping_at_hz: float | None = None
     """Frequency [Hz] at which b is k''/omega, the loss stiffness divided by the angular frequency.
     None if a relaxation of the force may cause part of the loss."""
@@ -128,6 +129,9 @@ class StiffnessResult:
     mass and squared angular frequency, and cannot be identified. None for other motions."""
     b_reason: str = ""
     """Reason why b cannot be used although k can; empty if b can be used."""
+    position: float | None = None
+    """Position at which the tangent stiffness is evaluated [m]: that of the recording, corrected
+    for the lag of the force and the lost motion."""
     parts: dict[str, Any] = field(default_factory=dict)
     """Layers, damping by depth, mass and friction of the best model
     (`teleop.evaluation.batch.extension_texts.described`)."""
@@ -189,6 +193,7 @@ class StiffnessResult:
         document["b_change_per_ms_of_lag"] = self.b_change_per_ms
         document["tangent"] = {
             "force_n": document.pop("force"),
+            "position_m": document.pop("position"),
             "depth_m": document.pop("depth"),
             "depth_error_m": document.pop("depth_error"),
             "depth_from": document.pop("depth_from"),
@@ -228,18 +233,23 @@ def stiffness_result(
         return without_result([*against, *faults])
     second = other or local
     x, v = record.x[phases.usable], record.v[phases.usable]
-    per_speed = float(np.abs(v).mean()) / max(float((v**2).mean()), 1e-300)
+    power = max(float((v**2).mean()), 1e-300)
+    per_speed = float(np.abs(v).mean()) / power
+    # the largest frequencies of the motion determine the effect of the form of the lag
+    a = np.gradient(record.v, record.period)[phases.usable]
+    omega = max(float(a.std()) / math.sqrt(power), 1e-3)
     half_k = math.hypot(
         LEVEL_95 * math.hypot(local.k_std, 0.5 * (local.k - second.k)),
         transmission.stiffness_error(
             local.k,
             0.5 * float(np.ptp(x)),
+            omega,
             math.hypot(record.x_noise, record.count / math.sqrt(12.0)),
         ),
     )
     half_b = math.hypot(
         LEVEL_95 * math.hypot(local.b_std, 0.5 * (local.b - second.b)),
-        transmission.damping_error(local.k, per_speed),
+        transmission.damping_error(local.k, per_speed, omega),
     )
     lock_in = None
     if record.sinusoidal and phases.free_force is None and frequency_of_loss(local):
@@ -247,7 +257,8 @@ def stiffness_result(
     if lock_in and not local.is_linear:
         # the fundamentals determine the loss of a sine, the models also how it depends on depth
         omega = 2.0 * math.pi * record.frequency
-        half = math.hypot(lock_in.loss_half / omega, transmission.damping_error(local.k, per_speed))
+        correction = transmission.damping_error(local.k, per_speed, omega)
+        half = math.hypot(lock_in.loss_half / omega, correction)
         if half < half_b:
             local, half_b = replace(local, b=lock_in.loss / omega), half
     cycles = cycles_of(record, phases)
@@ -276,7 +287,7 @@ def stiffness_result(
         half_k = max(half_k, *(abs(local.k - k) for k in change.k))
     if line:
         faults = [*faults, Reason(line.text)]
-    found = [*faults, *remarks(record, phases, local, change)]
+    found = [*faults, *remarks(record, phases, local, change), *unknown_form(transmission, omega)]
     inertia_at_hz = record.frequency if record.sinusoidal and not local.best.part(MASS) else None
     if inertia_at_hz and (change_of_k := inertia(inertia_at_hz)) > NOTABLE_INERTIA * local.k:
         found.append(
@@ -286,7 +297,7 @@ def stiffness_result(
                 "sine cannot show this"
             )
         )
-    unusable = unknown = no_damping(v, local, half_b, drift, record.force_lag, transmission)
+    unusable = unknown = no_damping(v, local, half_b, drift, transmission)
     if unknown:
         found.append(unknown)
     elif half_b > abs(local.b):
@@ -312,9 +323,12 @@ def stiffness_result(
     force, position, _ = where
     depth = position - zero
     secant = secant_change = None
-    if level is not None and depth > 0.0:
-        secant = (force - level) / depth
+    elastic = elastic_force(record, phases, local, position)
+    if level is not None and elastic is not None and depth > 0.0:
+        secant = (elastic - level) / depth
         secant_change = DATUM_ERROR / depth
+    lowest = "lowest position" if phases.free_force is None else "lowest position in contact"
+    depth_from = "contact point" if point else lowest
     reasons, hints = texts_and_hints(found)
     return StiffnessResult(
         k=local.k,
@@ -327,18 +341,19 @@ def stiffness_result(
         reasons=reasons,
         hints=hints,
         force=force if level is None else force - level,
+        position=position,
         depth=depth,
         secant=secant,
         secant_change=secant_change,
         times=reported_times(local.best.times),
         depth_error=0.5 * (point.high - point.low) if point else 0.0,
-        depth_from="contact point" if point else "lowest position",
+        depth_from=depth_from,
         b_reason=unusable.text if unusable else "",
         damping_at_hz=frequency_of_loss(local),
         k_tip=k_tip,
         storage_at_hz=record.frequency if is_storage(record, phases, local) else None,
         inertia_at_hz=inertia_at_hz,
-        parts=described(local, zero, level or 0.0),
+        parts=described(local, zero, surface(record, phases, local), level or 0.0),
     )
 
 

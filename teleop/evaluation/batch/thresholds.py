@@ -196,6 +196,9 @@ the removed baseline changes."""
 LEAST_PEAK = 0.3
 """Smallest height (`peak_height`) of a smooth peak of the force, as a fraction of the parameter
 `width` of `free_and_saturated`. A force with a smaller height counts as constant."""
+CLIPPING_LENGTH = 2.0
+"""Least duration for which the maximum of the force is repeated, relative to the 95th percentile of
+the durations for which other large values are repeated."""
 SHORTEST_CLIPPING = 3
 """Smallest number of successive samples at exactly the highest force that indicate saturation."""
 FEWEST_CLIPPED = 8
@@ -269,11 +272,16 @@ LEAST_SLIP_NOISE = 4.0
 NOTABLE_STIFFENING = 0.05
 """Change of the stiffness over the middle half of the travel, relative to the stiffness, above
 which it is stated that the stiffness depends on depth."""
+NOTABLE_FORM = 0.005
+"""Change of k by the form of a lag, relative to k, above which a remark states it."""
 NOTABLE_CHANGE = 0.02
 """Relative difference of k from that of the Kelvin-Voigt model above which a knot, mass, friction
 or damping that depends on depth is stated even if the residual of Kelvin-Voigt is small."""
 MOST_LAYER_DEGREE = 2
 """Largest degree of the polynomial of a model with a knot that describes two layers."""
+LARGEST_LAYER_RATIO = 50.0
+"""Ratio of the stiffnesses after and before a knot above which the motion before the knot counts as
+motion out of contact."""
 LEAST_LAYER_RATIO = 1.3
 """Smallest ratio of the stiffness of two layers. A smaller change is that of a single body whose
 stiffness depends on depth."""

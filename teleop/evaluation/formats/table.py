@@ -109,13 +109,26 @@ def reading(path: Path, what: str) -> Iterator[None]:
 def stated_filter(lines: Iterable[str]) -> str:
     """Return the first line that describes a filter, for example `Low-pass filter: 10 Hz`.
 
-    The line must contain a word for a filter and a frequency in Hz. The result is empty if there is
-    no such line.
+    The line must contain a word for a filter and a frequency in Hz. If another line states the
+    order, as in `Low-pass filter order: 3`, this line comes first in the result. The result is
+    empty if no line has a frequency.
     """
-    for line in lines:
-        if FILTER.search(line) and FREQUENCY.search(line):
-            return " ".join(line.replace("\t", " ").strip(" #;,\"'").split())
+    stated = [line for line in lines if FILTER.search(line)]
+    for line in stated:
+        if FREQUENCY.search(line):
+            name = before(line)
+            orders = [one for one in stated if before(one) == name and not FREQUENCY.search(one)]
+            order = [one for one in orders if re.search(r"\border\b", one, re.IGNORECASE)][:1]
+            return "; ".join(
+                " ".join(one.replace("\t", " ").strip(" #;,\"'").split()) for one in [*order, line]
+            )
     return ""
+
+
+def before(line: str) -> str:
+    """Return the text up to the word for a filter."""
+    found = FILTER.search(line)
+    return line[: found.end()].casefold() if found else ""
 
 
 FILTER = re.compile(r"filter|filtre|low[- ]?pass|tiefpass|滤波", re.IGNORECASE)

@@ -32,7 +32,11 @@ ORDER = re.compile(
     re.IGNORECASE,
 )
 WORDS = ("first", "second", "third", "fourth", "fifth", "sixth")
-CUTOFF = re.compile(r"(\d+(?:[.,]\d+)?)\s*(k?)Hz", re.IGNORECASE)
+CUTOFF = re.compile(
+    r"(?P<number>\d+(?:[.,]\d+)?)\s*(?P<kilo>k?)Hz"
+    r"|\((?P<unit>k?)Hz\)\s*[:=]?\s*(?P<after>\d+(?:[.,]\d+)?)",
+    re.IGNORECASE,
+)
 NOT_BUTTERWORTH = re.compile(
     r"notch|high[- ]?pass|band|bessel|chebyshev|moving|median", re.IGNORECASE
 )
@@ -56,10 +60,11 @@ def stated_delay(text: str) -> float | None:
     """
     if WITHOUT_DELAY.search(text):
         return 0.0
-    cutoffs, orders = CUTOFF.findall(text), list(ORDER.finditer(text))
+    cutoffs, orders = list(CUTOFF.finditer(text)), list(ORDER.finditer(text))
     if len(cutoffs) != 1 or len(orders) != 1 or NOT_BUTTERWORTH.search(text):
         return None
-    number, kilo = cutoffs[0]
+    number, kilo, unit, after = cutoffs[0].groups()
+    number, kilo = number or after, kilo or unit
     cutoff = float(number.replace(",", ".")) * (1000.0 if kilo else 1.0)
     named = {kind: value for kind, value in orders[0].groupdict().items() if value}
     kind, value = named.popitem()

@@ -281,7 +281,9 @@ def recorded_settings(recording: Recording) -> EstimateSettings:
                 "preset": validator(Preset).validate_python(settings["preset"]),
                 "conditioning": settings["conditioning"],
                 "bandwidth": settings["bandwidth_hz"],
-                "force_lag": settings["force_lag_s"],
+                # earlier versions corrected the online estimates for the stated lag only
+                "online": settings.get("online_transmission")
+                or {"force_lag": settings["force_lag_s"]},
                 "whole": True,
                 "resolution": settings["encoder_resolution_m"],
                 "cube": settings.get("cube") or EstimateSettings.cube,

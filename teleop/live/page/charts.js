@@ -5,12 +5,13 @@ import { colours, estimatorColour, estimatorDash } from "./theme.js";
 
 const LIMIT = { colour: "limit", dash: [3, 4] };
 const TRUTH = { colour: "truth", dash: [10, 5] };
+const THRESHOLD = { colour: "truth", dash: [2, 3], digits: 2, isBeside: true };
 
 function line(name, colour, label, width = 1.8, dash = []) {
-  return { name, label, swatch: colour, colour: () => colours[colour], width, dash };
+  return { name, label, swatch: colour, colour: () => colours[colour], width: () => width, opacity: () => 1, dash };
 }
 
-function estimated(estimators, key, columns) {
+function estimated(estimators, key, columns, emphasis) {
   const name = (index) => (index === null || index === undefined ? undefined : columns[index].name);
   return estimators.map((e, index) => ({
     name: name(e[key]),
@@ -21,7 +22,9 @@ function estimated(estimators, key, columns) {
     index,
     swatch: index % 5,
     colour: () => estimatorColour(index),
-    width: 1.8,
+    width: () => 1.8 * emphasis.width(e.name),
+    opacity: () => emphasis.opacity(e.name),
+    isEstimator: true,
     dash: estimatorDash(index),
   }));
 }
@@ -35,8 +38,9 @@ function levels(values, style, text) {
   return values.filter(Number.isFinite).map((value) => ({ value, text, ...style }));
 }
 
-// Return the charts for the columns in the message `welcome`, and the limits and true values in `trial`.
-export function charts(welcome, trial) {
+// Return the charts for the columns in the message `welcome`, and the limits and true values in `trial`. `emphasis`
+// states which estimators are highlighted or hidden.
+export function charts(welcome, trial, emphasis) {
   const limits = (trial && trial.limits) || {};
   const truth = (trial && trial.truth) || {};
   const force = [limits.soft_force, limits.hard_force].filter(Number.isFinite);
@@ -67,7 +71,7 @@ export function charts(welcome, trial) {
     },
     {
       id: "stiffness", title: "stiffness k", ...shown(k), share: 1.5, scale: new Scale(100 * k.factor),
-      traces: estimated(welcome.estimators, "k", welcome.columns),
+      traces: estimated(welcome.estimators, "k", welcome.columns, emphasis),
       levels: [
         ...levels([truth.k_surface], TRUTH, "true at the surface"),
         ...levels([truth.k], TRUTH, "true at full depth"),
@@ -76,14 +80,14 @@ export function charts(welcome, trial) {
     },
     {
       id: "damping", title: "damping b", ...shown(b), digits: Math.max(b.decimals - 1, 0), share: 1, scale: new Scale(20 * b.factor),
-      traces: estimated(welcome.estimators, "b", welcome.columns),
+      traces: estimated(welcome.estimators, "b", welcome.columns, emphasis),
       levels: levels([truth.b], TRUTH, "true"),
       robust: true,
     },
     {
       id: "excitation", title: "excitation", unit: "", factor: 1, digits: 2, share: 0.5, scale: new Scale(0.2),
       traces: [line("excitation", "text", "excitation", 1.5)],
-      levels: [],
+      levels: levels([welcome.thresholds.excitation], THRESHOLD, "needed for estimates"),
     },
     { id: "axis", axis: true, traces: [], levels: [], factor: 1, scale: new Scale(1) },
   ];

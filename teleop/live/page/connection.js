@@ -113,10 +113,8 @@ export class Connection {
     if (header.getUint32(12, true) & CLEAR) this.store.clear();
     this.sentAt = header.getFloat64(16, true);
     this.#beat();
-    if (!rows) return;
-    this.store.append(new Float64Array(buffer, HEADER, rows * columns), rows, columns);
-    this.lastBatch = performance.now();
-    this.#emit("ticks", rows);
+    if (rows || this.isReplay) this.lastBatch = performance.now();
+    if (rows) this.store.append(new Float64Array(buffer, HEADER, rows * columns), rows, columns);
   }
 
   #say(words) {

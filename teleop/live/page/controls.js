@@ -7,7 +7,16 @@ const ANSWERS = ["next", "repeat", "skip"]; // buttons that answer a question be
 const READING = 700;
 // Buttons that lose the focus when they can no longer be pressed.
 const BUTTONS = ["unlock", "start", "end", ...ANSWERS];
-const CHOICES = ["condition", "specimen", "duration"];
+const INLINE = ["condition", "specimen", "duration"]; // lists among the buttons, of which one value is chosen
+const CHOICES = [...INLINE, "feedback"];
+
+// Return a box with which an estimator is chosen.
+function option(name) {
+  const label = document.createElement("label");
+  const box = Object.assign(document.createElement("input"), { type: "checkbox", value: name });
+  label.append(box, " ", name);
+  return label;
+}
 
 export class Controls {
   constructor(byId, connection) {
@@ -27,6 +36,8 @@ export class Controls {
       connection.send({ type: this.state.control === "you" ? "release" : "control" });
     });
     for (const name of CHOICES) byId(name).addEventListener("change", () => this.#choose());
+    byId("estimators-use").addEventListener("click", () => this.#choose());
+    byId("estimators-list").addEventListener("change", () => this.#update(this.state));
     byId("notes-save").addEventListener("click", () => this.#saveNotes());
     connection.on("welcome", (message) => this.#welcome(message));
     connection.on("trial", (message) => this.#trial(message));
@@ -67,23 +78,40 @@ export class Controls {
       select.replaceChildren(...values.map((value) => new Option(name === "duration" ? `${value} s` : value, value)));
       select.parentElement.hidden = values.length < 2;
     }
-    this.byId("choices").hidden = !CHOICES.some((name) => (choices[name] || []).length > 1);
+    const has = (name) => (choices[name] || []).length > 1;
+    this.byId("choices").hidden = !INLINE.some(has);
+    this.byId("more-area").hidden = !has("feedback") && !has("estimators");
+    const names = choices.estimators || [];
+    this.byId("estimators-area").hidden = names.length < 2;
+    this.byId("estimators-list").replaceChildren(...names.map(option));
     this.#update(this.state);
   }
 
   #trial(message) {
     const chosen = message.choice || message;
     for (const name of CHOICES) if (name in chosen) this.byId(name).value = chosen[name];
+    for (const box of this.#boxes) box.checked = (chosen.estimators || []).includes(box.value);
     this.series = message.series;
     this.byId("series-text").textContent = this.series ? `trial ${this.series.position} of ${this.series.of}` : "";
   }
 
+  // Boxes of the estimators.
+  get #boxes() {
+    return [...this.byId("estimators-list").querySelectorAll("input")];
+  }
+
+  get #estimators() {
+    return this.#boxes.filter((box) => box.checked).map((box) => box.value);
+  }
+
+  // Send all chosen settings of the next trial.
   #choose() {
     const message = { type: "choose" };
     for (const name of CHOICES) {
       const values = ((this.welcome || {}).choices || {})[name] || [];
       if (values.length) message[name] = values[this.byId(name).selectedIndex];
     }
+    if (this.#estimators.length) message.estimators = this.#estimators;
     this.#request(message);
   }
 
@@ -118,6 +146,8 @@ export class Controls {
     byId("start").classList.toggle("ready", mayArm && Boolean(state.unlocked));
     byId("end").disabled = !(allowed && running);
     for (const name of CHOICES) byId(name).disabled = !allowed || running;
+    for (const box of this.#boxes) box.disabled = !allowed || running;
+    byId("estimators-use").disabled = !allowed || running || !this.#estimators.length;
     byId("notes-save").disabled = !answers.includes("notes");
     const control = byId("control");
     const mine = Boolean(state && state.control === "you");

@@ -2,15 +2,15 @@
 
 import { percent, withInterval } from "./format.js";
 
-const LARGE_MISFIT = 0.05; // a larger misfit has a mark
 const LARGEST_MISFIT = 9.99; // the digits of a larger misfit do not fit into the column
 
 export class Estimates {
-  // `explain` explains an element with a text.
-  constructor(body, store, explain) {
+  // `explain` explains an element with a text. `emphasis` states which estimators are highlighted or hidden.
+  constructor(body, store, explain, emphasis) {
     this.body = body;
     this.store = store;
     this.explain = explain;
+    this.emphasis = emphasis;
     this.rows = [];
     this.supported = [];
   }
@@ -27,8 +27,12 @@ export class Estimates {
       const row = document.createElement("tr");
       const head = document.createElement("th");
       head.scope = "row";
-      const swatch = document.createElement("i");
-      swatch.className = `swatch swatch-${index % 5}`;
+      const swatch = document.createElement("button");
+      swatch.type = "button";
+      swatch.className = "line-style";
+      swatch.append(document.createElement("i"));
+      swatch.firstChild.className = `swatch swatch-${index % 5}`;
+      this.emphasis.attach(swatch, estimator.name);
       const [first, ...others] = estimator.name.split(/(?<=_)/);
       const term = document.createElement(estimator.name in texts ? "button" : "span");
       term.className = estimator.name in texts ? "term" : "";
@@ -52,6 +56,7 @@ export class Estimates {
       return { estimator: estimator.name, row, cells, columns };
     });
     this.quantities = welcome.quantities;
+    this.largestMisfit = welcome.thresholds.misfit; // a larger misfit has a mark
     this.body.replaceChildren(...this.rows.map((one) => one.row));
   }
 
@@ -71,7 +76,7 @@ export class Estimates {
       row.classList.toggle("held", held || newest < store.count - 1);
       const misfit = last("misfit");
       const share = misfit > LARGEST_MISFIT ? `>${percent(LARGEST_MISFIT)}` : percent(misfit);
-      cells.misfit.textContent = misfit > LARGE_MISFIT ? `▲ ${share}` : share;
+      cells.misfit.textContent = misfit > this.largestMisfit ? `▲ ${share}` : share;
     });
   }
 

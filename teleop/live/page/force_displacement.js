@@ -12,11 +12,14 @@ const EVERY = 2; // the plot contains every second row
 const POINTS = 40; // number of points of a fitted line
 
 export class ForceDisplacement {
-  constructor(canvas, caption, store) {
+  // `emphasis` states which estimators are highlighted or hidden.
+  constructor(canvas, caption, store, emphasis) {
     this.canvas = canvas;
     this.caption = caption;
     this.context = canvas.getContext("2d", { alpha: false });
     this.store = store;
+    this.emphasis = emphasis;
+    emphasis.onChange(() => this.invalidate());
     this.fits = [];
     this.scales = { x: new Scale(2), f: new Scale(2) };
     this.drawn = NaN;
@@ -117,10 +120,12 @@ export class ForceDisplacement {
     const { low, high } = this.scales.x;
     context.lineWidth = 1.6 * canvas.ratio;
     context.lineCap = "butt";
-    this.fits.forEach(({ law, columns }, index) => {
-      const newest = law ? this.store.newest(columns[0][1]) : -1;
+    this.fits.forEach(({ label, law, columns }, index) => {
+      const opacity = this.emphasis.opacity(label);
+      const newest = law && opacity ? this.store.newest(columns[0][1]) : -1;
       if (newest < 0) return;
       const parameters = Object.fromEntries(columns.map(([name, column]) => [name, this.store.column(column).at(newest)]));
+      context.globalAlpha = opacity;
       context.strokeStyle = estimatorColour(index);
       context.setLineDash(estimatorDash(index).map((part) => part * canvas.ratio));
       context.beginPath();
@@ -130,5 +135,6 @@ export class ForceDisplacement {
       }
       context.stroke();
     });
+    context.globalAlpha = 1;
   }
 }

@@ -1,7 +1,7 @@
 // Give tests and the console of the browser read-only access to the data of the page.
 
-export function publish({ store, connection, status, frames, hand }) {
-  const view = {
+export function publish({ store, connection, status, frames, hand, view }) {
+  const access = {
     rows: () => store.count,
     last: (name) => store.last(name),
     series: (name) => {
@@ -15,6 +15,7 @@ export function publish({ store, connection, status, frames, hand }) {
     frameRate: () => frames.rate,
     sentAt: () => connection.sentAt,
     hand: () => ({ ...hand }),
+    view: () => ({ span: view.span, time: view.time, follows: view.follows }),
   };
-  Object.defineProperty(window, "teleop", { value: Object.freeze(view) });
+  Object.defineProperty(window, "teleop", { value: Object.freeze(access) });
 }

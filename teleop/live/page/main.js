@@ -3,13 +3,17 @@
 import { Connection } from "./connection.js";
 import { Controls } from "./controls.js";
 import { CueText } from "./cue.js";
+import { Cursor } from "./cursor.js";
+import { Emphasis } from "./emphasis.js";
 import { Estimates } from "./estimates.js";
 import { Feedback } from "./feedback.js";
 import { Explanation } from "./explanation.js";
 import { ForceDisplacement } from "./force_displacement.js";
 import { Frames } from "./frames.js";
+import { Gestures } from "./gestures.js";
 import { HELP, Pointer } from "./pointer.js";
 import { Replay } from "./replay.js";
+import { ReplayClock } from "./replay_clock.js";
 import { publish } from "./inspection.js";
 import { startSpeech } from "./speech.js";
 import { Status } from "./status.js";
@@ -19,7 +23,9 @@ import { Strips } from "./strips.js";
 import { evaluatingParts, summaryParts } from "./summary.js";
 import { startTheme } from "./theme.js";
 import { Tool } from "./tool.js";
+import { Trials } from "./trials.js";
 import { Trust } from "./trust.js";
+import { View, WINDOWS } from "./view.js";
 
 const TEXTS = 200; // time between two updates of the texts [ms]
 const HELD = "The estimate is held constant, because the present sample contains no information.";
@@ -36,22 +42,29 @@ const connection = new Connection("main", store);
 const status = new Status(byId, store, connection);
 connection.expecting = () => status.expecting();
 const controls = new Controls(byId, connection);
-new Replay(byId, connection, status);
 new Stop(byId("stop"), connection, {
   tell: (text, duration) => status.tell(text, duration),
   stopped: () => status.stopped(),
   without: () => status.withoutTrial(),
   available: () => status.kind !== "replay",
 });
-const strips = new Strips(byId("strips"), store);
+const view = new View(store);
+view.moves = () => status.expecting();
+const clock = new ReplayClock(connection, store);
+const replay = new Replay(byId, connection, clock, view);
+const emphasis = new Emphasis();
+const strips = new Strips(byId("charts"), byId("axis"), { store, view, emphasis });
+const cursor = new Cursor(byId("strips"), strips, byId("cursor-time"));
+new Gestures(byId("strips"), strips, view);
 const explanation = new Explanation(byId("explanation"));
 const explain = (element, text) => explanation.add(element, text);
-const estimates = new Estimates(byId("estimates").tBodies[0], store, explain);
+const estimates = new Estimates(byId("estimates").tBodies[0], store, explain, emphasis);
 explain(byId("held-term"), HELD);
 explain(byId("misfit-term"), MISFIT);
 for (const part of ["k", "b"]) explain(byId(`trust-${part}-term`), TRUST);
 const trust = new Trust(byId);
-const plane = new ForceDisplacement(byId("xy"), byId("xy-caption"), store);
+new Trials(byId("trials-area"), byId("trials"), connection);
+const plane = new ForceDisplacement(byId("xy"), byId("xy-caption"), store, emphasis);
 const cue = new CueText(byId("cue-error"), byId("cue-rms"), byId("count-in"));
 const feedback = new Feedback(byId, store);
 let welcome = null;
@@ -86,9 +99,12 @@ connection.on("welcome", (message) => {
 connection.on("trial", (message) => {
   trial = message;
   store.clear();
+  strips.setEvents([]);
+  view.follow();
   byId("summary").close();
   build();
 });
+connection.on("events", (message) => strips.setEvents(message.events));
 connection.on("state", (message) => {
   trust.show(message.trust);
   estimates.support(message.trust);
@@ -105,10 +121,28 @@ function showResult({ title, use, parts, files }) {
   if (!byId("summary").open) byId("summary").show();
 }
 connection.on("evaluating", () => showResult(evaluatingParts()));
-connection.on("summary", (message) => showResult(summaryParts(message)));
+let result = null; // the latest message `summary`
+const showSummary = () => showResult(summaryParts(result));
+connection.on("summary", (message) => {
+  result = message;
+  byId("result").hidden = false;
+  if (!connection.isReplay) showSummary();
+});
+byId("result").addEventListener("click", showSummary);
 connection.on("closed", () => pointer.release());
 byId("summary-close").addEventListener("click", () => byId("summary").close());
 byId("operator-link").hash = location.hash;
+
+byId("window").replaceChildren(...WINDOWS.map((span) => new Option(`${span} s`, span)));
+byId("window").addEventListener("change", (event) => view.setSpan(Number(event.target.value)));
+byId("follow").addEventListener("click", () => view.follow());
+function showView() {
+  byId("window").value = view.span;
+  byId("follow").hidden = view.follows;
+  byId("strips").classList.toggle("is-past", !view.follows);
+}
+view.onChange(showView);
+showView();
 
 function hint() {
   if (!welcome || !welcome.pointer || !status.state) return "";
@@ -122,12 +156,15 @@ let updated = 0;
 let ranged = 0;
 const frames = new Frames();
 frames.add((now) => pointer.frame(now));
+frames.add((now) => clock.frame(now));
+frames.add(() => replay.draw());
 frames.add((now) => {
   if (now - ranged < RANGES) return;
   ranged = now;
   strips.scale(now);
 });
 frames.add((now, frame) => strips.draw(frame));
+frames.add(() => cursor.draw());
 frames.add((now, frame) => (frame % 2 || pointer.hand.grip) && tool.draw());
 frames.add((now) => plane.draw(now), 4, 1);
 frames.add((now) => {
@@ -141,4 +178,4 @@ frames.add((now) => {
   if (byId("tool-hint").textContent !== text) byId("tool-hint").textContent = text;
 });
 startSpeech(byId("spoken"), store, status, () => estimates.sentence());
-publish({ store, connection, status, frames, hand: pointer.hand });
+publish({ store, connection, status, frames, hand: pointer.hand, view });

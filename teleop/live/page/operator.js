@@ -7,6 +7,7 @@ import { fixed } from "./format.js";
 import { Frames } from "./frames.js";
 import { publish } from "./inspection.js";
 import { Pursuit } from "./pursuit.js";
+import { ReplayClock } from "./replay_clock.js";
 import { startSpeech } from "./speech.js";
 import { Status } from "./status.js";
 import { Stop } from "./stop.js";
@@ -40,13 +41,12 @@ connection.on("trial", (trial) => {
   bar.build(trial);
   document.body.classList.toggle("has-cue", Boolean(preview));
 });
-connection.on("replay", (message) => {
-  status.playing = message.playing;
-});
 byId("main-link").hash = location.hash;
 
 let updated = 0;
+const clock = new ReplayClock(connection, store);
 const frames = new Frames();
+frames.add((now) => clock.frame(now));
 frames.add(() => pursuit.draw());
 frames.add(() => bar.draw(), 2);
 frames.add((now) => {
@@ -57,4 +57,4 @@ frames.add((now) => {
   byId("force-text").textContent = `${fixed(store.last("contact_force"), 1)} N`;
 });
 startSpeech(byId("spoken"), store, status, () => "");
-publish({ store, connection, status, frames, hand: {} });
+publish({ store, connection, status, frames, hand: {}, view: {} });

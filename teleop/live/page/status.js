@@ -32,7 +32,7 @@ export class Status {
 
   // Return whether the page expects ticks at present.
   expecting() {
-    if (this.kind === "replay") return Boolean(this.playing);
+    if (this.kind === "replay") return true;
     return Boolean(this.state) && RUNNING.includes(this.state.mode);
   }
 

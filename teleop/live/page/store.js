@@ -1,6 +1,6 @@
-// Store the samples of the last seconds, with a ring buffer of doubles for each column.
+// Store the samples of the last minutes, with a ring buffer of doubles for each column.
 
-const CAPACITY = 4096; // number of stored rows, a power of two; 16 s at 250 rows per second
+const CAPACITY = 32768; // number of stored rows, a power of two; 131 s at 250 rows per second
 const MASK = CAPACITY - 1;
 
 export class Store {
@@ -8,9 +8,11 @@ export class Store {
     this.names = [];
     this.data = [];
     this.index = new Map();
-    this.count = 0; // number of rows received since the last `clear`
+    this.received = 0; // number of rows received since the last `clear`
+    this.count = 0; // number of rows that the page shows; less than `received` in a replay
+    this.until = Infinity; // time of the last row that the page shows [s]; finite in a replay
     this.generation = 0; // increases when earlier drawings become invalid
-    this.version = 0; // increases with each change of the rows
+    this.version = 0; // increases with each change of the shown rows
     this.origin = 0; // value of the column "time" at which the drives were armed [s]; null before
   }
 
@@ -22,7 +24,7 @@ export class Store {
   }
 
   clear() {
-    this.count = 0;
+    this.received = this.count = 0;
     this.generation += 1;
     this.version += 1;
   }
@@ -31,14 +33,27 @@ export class Store {
   append(values, rows, columns) {
     if (columns !== this.data.length) throw new Error(`${columns} columns, expected ${this.data.length}`);
     const time = this.index.get("time");
-    this.version += 1;
     for (let r = 0; r < rows; r++) {
       const start = r * columns;
-      if (this.count && values[start + time] < this.data[time][(this.count - 1) & MASK]) this.clear();
-      const slot = this.count & MASK;
+      if (this.received && values[start + time] < this.data[time][(this.received - 1) & MASK]) this.clear();
+      const slot = this.received & MASK;
       for (let c = 0; c < columns; c++) this.data[c][slot] = values[start + c];
-      this.count += 1;
+      this.received += 1;
     }
+    this.#show(this.until === Infinity ? this.received : this.rowAfter(this.until));
+  }
+
+  // Show the rows up to a time [s] of a recording.
+  showUntil(t) {
+    this.until = t;
+    this.#show(this.rowAfter(t));
+  }
+
+  #show(count) {
+    if (count === this.count) return;
+    if (count < this.count) this.generation += 1;
+    this.count = count;
+    this.version += 1;
   }
 
   setOrigin(origin) {
@@ -54,7 +69,7 @@ export class Store {
 
   // Index of the oldest row that is still stored.
   get first() {
-    return Math.max(0, this.count - CAPACITY);
+    return Math.max(0, this.received - CAPACITY);
   }
 
   // Return a column as an object with the method `at(row)`; null if there is no such column.
@@ -64,8 +79,13 @@ export class Store {
   }
 
   last(name) {
+    return this.count ? this.value(name, this.count - 1) : NaN;
+  }
+
+  // Return the value of a column in a row; NaN if there is no such column.
+  value(name, row) {
     const i = this.index.get(name);
-    return i === undefined || !this.count ? NaN : this.data[i][(this.count - 1) & MASK];
+    return i === undefined ? NaN : this.data[i][row & MASK];
   }
 
   // Return the index of the newest row in which a column is not NaN; -1 if there is no such row.
@@ -84,14 +104,23 @@ export class Store {
     return column && row >= this.first ? row : -1;
   }
 
-  // Return the index of the first row whose time is at least t.
+  // Return the index of the first shown row whose time is at least t.
   rowAt(t) {
+    return this.#search(this.count, (time) => time < t);
+  }
+
+  // Return the index of the first received row whose time is greater than t.
+  rowAfter(t) {
+    return this.#search(this.received, (time) => time <= t);
+  }
+
+  #search(end, isBefore) {
     const time = this.data[this.index.get("time")];
     let low = this.first;
-    let high = this.count;
+    let high = end;
     while (low < high) {
       const middle = (low + high) >> 1;
-      if (time[middle & MASK] < t) low = middle + 1;
+      if (isBefore(time[middle & MASK])) low = middle + 1;
       else high = middle;
     }
     return low;

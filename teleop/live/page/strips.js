@@ -8,13 +8,12 @@ import { percentiles } from "./scale.js";
 import { onTheme } from "./theme.js";
 import { previewOf } from "./target.js";
 
-export const SPAN = 10; // past time that the charts show [s]
-export const PREVIEW = 1.2; // future time for which the charts show the target [s]
 const MOST_NAMED = 5; // a chart with more traces has no legend; the table of estimates shows the line styles
 const LABEL = 0.95; // height of a label, relative to the size of the text of the page
 const TICK = 0.8; // shortest distance of two ticks, relative to the height of a label
-const SAMPLED = 8; // every eighth row is used to compute the range of the estimates
-const room = new Float64Array(4096 * 8); // estimates in the first half, half widths of intervals in the second
+const MOST_SAMPLED = 512; // largest number of rows of an estimate from which its range is computed
+// Estimates in the first half, half widths of intervals in the second. There is one more row in the newest window.
+const room = new Float64Array(2 * (MOST_SAMPLED + 2));
 
 function element(tag, name, text = "") {
   const one = document.createElement(tag);
@@ -31,9 +30,14 @@ function settled(store, trace) {
   return (row) => !std || !(1.96 * std.at(row) > Math.abs(k.at(row)));
 }
 
-function legend(trace) {
-  const one = element("span", "legend", trace.label);
+// Return the name of a line with its colour. The name of an estimator is a button.
+function legend(trace, emphasis) {
+  const one = element(trace.isEstimator ? "button" : "span", "legend", trace.label);
   one.prepend(element("i", `swatch swatch-${trace.swatch}`));
+  if (trace.isEstimator) {
+    one.type = "button";
+    emphasis.attach(one, trace.label);
+  }
   return one;
 }
 
@@ -63,31 +67,59 @@ export function labelTops(ys, line, height) {
 }
 
 export class Strips {
-  constructor(parent, store) {
-    this.parent = parent;
-    this.store = store;
+  // The charts are created in the element `parent`. `axis` is the canvas of the time axis below them.
+  constructor(parent, axis, { store, view, emphasis }) {
+    Object.assign(this, { parent, axis, store, view, emphasis });
     this.rows = [];
+    this.events = []; // {time, text, fault} of each event of the trial
     onTheme(() => this.invalidate());
+    emphasis.onChange(() => this.invalidate());
+    view.onChange(() => this.#viewed());
+  }
+
+  setEvents(events) {
+    this.events = events;
+    this.invalidate();
+  }
+
+  // Return the event that is closest to a time, if it is at most `most` away [s].
+  eventNear(t, most) {
+    const distance = ({ time }) => Math.abs(time - t);
+    const near = this.events.filter((event) => distance(event) <= most);
+    return near.sort((one, other) => distance(one) - distance(other))[0];
+  }
+
+  // Return the place of the plots on the screen; undefined before there are plots.
+  box() {
+    return this.rows[0]?.plot?.getBoundingClientRect();
+  }
+
+  #viewed() {
+    for (const row of this.rows) {
+      row.chart.scale.reset();
+      if (row.now) row.now.style.left = `${100 * this.view.share}%`;
+    }
+    this.invalidate();
+    this.scale(performance.now());
   }
 
   build(welcome, trial) {
     this.parent.replaceChildren();
     this.preview = previewOf(trial);
-    this.timing = { span: SPAN, preview: this.preview ? PREVIEW : 0 };
-    this.rows = charts(welcome, trial)
+    this.view.hasTarget = Boolean(this.preview);
+    this.rows = charts(welcome, trial, this.emphasis)
       .filter((chart) => chart.axis || chart.traces.length)
       .map((chart) => (chart.axis ? this.#axis(chart) : this.#row(chart)));
   }
 
+  #strip(canvas, chart) {
+    return new Strip(canvas, this.store, chart, this.view, () => this.events);
+  }
+
   // Create the time axis below the strip charts.
   #axis(chart) {
-    const plot = element("div", "time-axis");
-    const canvas = element("canvas", "");
-    plot.append(canvas);
-    this.parent.append(plot);
-    const strip = new Strip(canvas, this.store, chart, this.timing);
-    const row = { chart, strip, markers: [] };
-    fit(canvas, () => this.#redraw(row));
+    const row = { chart, strip: this.#strip(this.axis, chart), markers: [] };
+    fit(this.axis, () => this.#redraw(row));
     return row;
   }
 
@@ -101,24 +133,28 @@ export class Strips {
     const notes = element("span", "strip-notes");
     const value = element("span", "strip-value");
     const named = chart.traces.length > 1 && chart.traces.length <= MOST_NAMED ? chart.traces : [];
-    title.append(...named.flatMap((trace) => [" ", legend(trace)]));
     const plot = element("div", "plot");
     const canvas = element("canvas", "");
     canvas.setAttribute("role", "img");
-    canvas.setAttribute("aria-label", `${chart.title} over the last ten seconds`);
+    canvas.setAttribute("aria-label", `${chart.title} over time`);
     const ticks = element("div", "ticks");
     plot.append(canvas);
     const markers = chart.traces.filter((trace) => trace.marker).map((trace) => element("i", `marker ${trace.marker}`));
     plot.append(...markers);
-    if (this.timing.preview) {
-      const now = element("i", "now-line");
-      now.style.left = `${(100 * SPAN) / (SPAN + this.timing.preview)}%`;
+    const now = this.preview ? element("i", "now-line") : null;
+    if (now) {
+      now.style.left = `${100 * this.view.share}%`;
       plot.append(now);
     }
-    box.append(title, notes, value, ticks, plot);
+    const line = element("i", "cursor-line");
+    const readout = element("span", "strip-readout");
+    line.hidden = readout.hidden = true;
+    plot.append(line);
+    box.append(title, notes, value, ticks, plot, readout);
     this.parent.append(box);
-    const strip = new Strip(canvas, this.store, chart, this.timing);
-    const row = { chart, strip, notes, value, ticks, plot, markers, canvas };
+    title.append(...named.flatMap((trace) => [" ", legend(trace, this.emphasis)]));
+    const strip = this.#strip(canvas, chart);
+    const row = { chart, strip, notes, value, ticks, plot, markers, canvas, now, line, readout };
     fit(canvas, () => {
       chart.scale.reset();
       this.#scale(row, performance.now());
@@ -134,7 +170,7 @@ export class Strips {
   }
 
   #draw(row) {
-    if (!row.strip.draw(this.store.last("time"))) return;
+    if (!row.strip.draw()) return;
     if (row.markers.length) this.#mark(row);
     this.#write(row);
   }
@@ -150,20 +186,26 @@ export class Strips {
 
   #mark(row) {
     const { store } = this;
-    const x = (SPAN / (SPAN + this.timing.preview)) * row.canvas.clientWidth;
+    const x = this.view.share * row.canvas.clientWidth;
     const scale = row.canvas.clientHeight / row.canvas.height;
     const marked = row.chart.traces.filter((trace) => trace.marker);
     marked.forEach((trace, i) => {
-      const y = row.strip.y(store.last(trace.name)) * scale;
+      const y = row.strip.y(store.value(trace.name, this.#lastRow)) * scale;
       row.markers[i].hidden = !Number.isFinite(y);
       row.markers[i].style.transform = `translate(${x}px, ${Number.isFinite(y) ? y : 0}px)`;
     });
   }
 
-  // Write the present value as text, in the frame in which it is drawn.
+  // Last row of the past time.
+  get #lastRow() {
+    const { store, view } = this;
+    return (view.follows ? store.count : store.rowAfter(view.time)) - 1;
+  }
+
+  // Write the value at the end of the past time as text, in the frame in which it is drawn.
   #write({ chart, value }) {
     if (chart.axis || chart.robust) return;
-    const text = fixed(this.store.last(chart.traces.at(-1).name) * chart.factor, chart.digits);
+    const text = fixed(this.store.value(chart.traces.at(-1).name, this.#lastRow) * chart.factor, chart.digits);
     if (value.textContent !== text) value.textContent = text;
   }
 
@@ -195,12 +237,12 @@ export class Strips {
     row.ticks.replaceChildren();
     for (const tick of apart(scale.ticks, place, TICK * line)) put(row.ticks, "tick", fixed(tick, scale.digits()), place(tick));
     for (const old of row.plot.querySelectorAll(".level")) old.remove();
-    const named = levels.map(({ value, text, colour }) => {
+    const named = levels.map(({ value, text, colour, digits, isBeside }) => {
       const shown = value * factor;
-      return { y: place(shown), text: `${text} ${fixed(shown, Math.abs(shown) < 10 ? 1 : 0)}`, colour };
+      return { y: place(shown), text: `${text} ${fixed(shown, digits ?? (Math.abs(shown) < 10 ? 1 : 0))}`, colour, isBeside };
     });
-    const inside = named.filter(({ y }) => y > 0 && y < height).sort((one, other) => one.y - other.y);
-    const beside = named.filter(({ y }) => y <= 0).map(({ text }) => `${text} ↑`);
+    const inside = named.filter(({ y, isBeside }) => y > 0 && y < height && !isBeside).sort((one, other) => one.y - other.y);
+    const beside = named.filter(({ y, isBeside }) => y <= 0 || isBeside).map(({ y, text }) => (y <= 0 ? `${text} ↑` : text));
     const tops = labelTops(inside.map(({ y }) => y), line, height);
     inside.forEach(({ text, colour }, i) => {
       if (tops[i] === null) beside.push(text);
@@ -213,10 +255,10 @@ export class Strips {
     const { store } = this;
     let low = Infinity;
     let high = -Infinity;
-    const start = store.rowAt(store.last("time") - SPAN);
+    const [start, end] = this.#shown();
     for (const trace of chart.traces) {
       const values = store.column(trace.name);
-      for (let row = start; values && row < store.count; row++) {
+      for (let row = start; values && row < end; row++) {
         const value = values.at(row);
         if (value < low) low = value;
         if (value > high) high = value;
@@ -230,22 +272,30 @@ export class Strips {
     return [low * chart.factor, high * chart.factor];
   }
 
-  // Return a range that contains most of the settled estimates, and the true values.
+  // Return the first of the rows that are shown, and the row after the last one.
+  #shown() {
+    const { store, view } = this;
+    const end = view.follows ? store.count : Math.min(store.rowAfter(view.time + view.preview), store.count);
+    return [store.rowAt(view.time - view.span), end];
+  }
+
+  // Return a range that contains most of the settled estimates that are not hidden, and the true values.
   #robust(chart) {
     const { store } = this;
-    const start = store.rowAt(store.last("time") - SPAN);
+    const [start, end] = this.#shown();
+    const step = Math.ceil((end - start) / MOST_SAMPLED) || 1;
     let low = Infinity;
     let high = -Infinity;
     let margin = Infinity; // median half width of the narrowest 95 % interval
     for (const trace of chart.traces) {
       const values = store.column(trace.name);
       const std = store.column(trace.std);
-      if (!values) continue;
+      if (!values || !trace.opacity()) continue;
       let n = 0;
       let bands = 0;
       const half = room.length / 2;
       const isSettled = settled(store, trace);
-      for (let row = start; row < store.count; row += SAMPLED) {
+      for (let row = start; row < end; row += step) {
         const value = values.at(row);
         if (!Number.isFinite(value) || !isSettled(row)) continue;
         room[n++] = value;

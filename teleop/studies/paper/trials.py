@@ -109,7 +109,7 @@ def paper_trial(condition: ConditionName, cube: CubeName, seed: int = 0) -> Tria
     """Return the settings of one of the paper's nine trials, for one condition and one cube.
 
     As in the paper, the force is not filtered, the velocity is a filtered difference of the encoder
-    position, and the estimators have the paper's settings.
+    position without correction, and the estimators have the paper's settings.
     """
     return TrialSettings(
         condition=condition,
@@ -119,6 +119,8 @@ def paper_trial(condition: ConditionName, cube: CubeName, seed: int = 0) -> Tria
         seed=seed,
         conditioning="difference",
         bandwidth=BANDWIDTH,
+        force_lag=0.0,
+        lost_motion=0.0,
     )
 
 

@@ -39,7 +39,7 @@ class RecordedTrial:
         self.averaged = recorded_part(recording)
         """The part of the trial over which the estimates are averaged."""
         self._signals = recorded_signals(recording)
-        self._known: dict[tuple[str, float, float, Model], ConditionedSamples] = {}
+        self._known: dict[tuple[str, float, float, float, Model], ConditionedSamples] = {}
 
     def conditioned(self, settings: TrialSettings) -> ConditionedSamples:
         """Return the samples of the trial after the filters that the settings state.
@@ -48,7 +48,14 @@ class RecordedTrial:
         therefore not change its arrays.
         """
         preset = settings.estimation_preset
-        key = (settings.conditioning, settings.bandwidth, settings.force_lag, preset.model)
+        known = settings.online_transmission
+        key = (
+            settings.conditioning,
+            settings.bandwidth,
+            known.force_lag,
+            known.lost_motion,
+            preset.model,
+        )
         if key not in self._known:
             if len(self._known) >= KEPT:
                 self._known.clear()

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+from importlib.resources import files
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,6 +14,7 @@ from hypothesis import strategies as st
 from teleop.cli import main
 from teleop.control.excitation_signals import Sine
 from teleop.output.report_page import value_text
+from teleop.output.report_result import values_of
 from teleop.recording.recording import load
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.recorded_trial import performed
@@ -62,9 +65,111 @@ def test_the_page_has_what_was_run_the_result_the_figures_events_and_all_setting
         "setup.cube.k1",
     ):
         assert text in page
-    assert page.index("stiffness k =") < page.index("Online estimators")
-    assert page.count("<figure") == page.count("<svg") == 4
+    assert page.count("<figure") == page.count("<svg") == 5
     assert "measured</text>" in page
+
+
+def test_the_page_begins_with_the_result_and_ends_with_versions(trial, page):
+    assert re.sub("<.*?>", " ", page.split("<body>")[1]).split()[:4] == [
+        *("a", "trial.mcap", "condition", "autonomous")
+    ]
+    places = [
+        page.index(text)
+        for text in ("stiffness k", "damping b", "Online estimators", "Settings<", "libraries")
+    ]
+    assert places == sorted(places)
+    assert places[1] < page.index("<svg")
+
+
+def cards(page):
+    """Return the texts in the card of each value of the result, by its name."""
+    sections = re.findall(r'<section class="value">(.*?)</section>', page, re.DOTALL)
+    texts = [[*filter(None, map(str.strip, re.split("<.*?>", one)))] for one in sections]
+    return {name: rest for name, *rest in texts}
+
+
+def test_the_numbers_are_those_of_estimate_and_the_true_values_stand_beside_them(
+    trial, page, capsys
+):
+    capsys.readouterr()
+    assert main(["estimate", str(trial), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    shown = cards(page)
+    assert [*shown] == ["stiffness k", "stiffness k at the tip", "damping b"]
+    for texts, end in zip(shown.values(), ("k", "k_tip", "b"), strict=True):
+        mark, value, interval, true = texts
+        assert mark == "● can be used"
+        result = document["result"]
+        if end == "k_tip":
+            low, exact, high = (result[end][name] for name in ("low", "value", "high"))
+        else:
+            low, exact, high = result[f"{end}_low"], result[end], result[f"{end}_high"]
+        resolution = 0.1 * (high - low)
+        numbers = [float(one) for one in re.findall(r"-?[\d.]+", f"{value} {interval}")]
+        assert numbers[0] == pytest.approx(exact, abs=resolution)
+        assert numbers[2:] == pytest.approx([low, high], abs=resolution)
+        assert float(true.split()[2]) == pytest.approx(exact, rel=0.02)
+    for name, row in document["estimates"].items():
+        (cells,) = re.findall(rf"<td>{name}</td>\s*<td>(\S+) .*?</td>\s*<td>(\S+) .*?</td>", page)
+        for text, part in zip(cells, ("k", "b"), strict=True):
+            assert float(text) == pytest.approx(
+                row[f"{part}_end"], abs=0.1 * row[f"{part}_interval"]
+            )
+
+
+def test_a_misfit_above_five_percent_is_marked(trial, page, capsys):
+    capsys.readouterr()
+    assert main(["estimate", str(trial), "--json"]) == 0
+    estimates = json.loads(capsys.readouterr().out)["estimates"]
+    misfits = {name for name, row in estimates.items() if row["misfit"] > 0.05}
+    assert misfits
+    rows = re.findall(r'<tr class="unsupported">\s*<td>(\w+)</td>', page)
+    assert set(rows) == misfits
+    assert page.count('<td class="high">') == len(misfits)
+
+
+def test_a_file_without_contact_has_no_k_and_b_and_no_true_values(tmp_path, without_drawings):
+    t = np.arange(0.0, 6.0, 2e-3)
+    noise = np.random.default_rng(0).normal(0.0, 0.02, t.size)
+    table = np.column_stack((t, 4.0 - 3.0 * np.cos(4.0 * t), noise))
+    file = tmp_path / "free.csv"
+    np.savetxt(file, table, delimiter=",", header="Time [s],Position [mm],Force [N]", comments="")
+    assert main(["report", str(file)]) == 0
+    shown = cards(file.with_suffix(".html").read_text())
+    why = "the force does not follow the displacement: no contact"
+    assert shown == {
+        "stiffness k": ["✕ cannot be used", "not determined", why],
+        "damping b": ["✕ cannot be used", "not determined"],
+    }
+
+
+def test_a_damping_that_cannot_be_used_has_its_reason():
+    result = {"k": 900.0, "k_low": 890.0, "k_high": 910.0, "b": 0.2, "b_low": -1.0, "b_high": 1.4}
+    k, b = values_of(result | {"k_tip": None, "reasons": ["a remark"]} | USABLE_K, None)
+    assert (k.usable, k.reason) == (True, "")
+    assert (b.usable, b.reason) == (False, "its interval contains zero")
+
+
+USABLE_K = {"identifiable": True, "b_reason": "its interval contains zero"}
+COLOURS = re.compile(r"--([\w-]+): (#[0-9a-f]{6});")
+
+
+def test_the_colours_are_those_of_the_live_page(page):
+    live = files("teleop.live").joinpath("page/page.css").read_text()
+    (bright, dark), (live_bright, live_dark) = (
+        [dict(COLOURS.findall(part)) for part in text.split("prefers-color-scheme: dark")[:2]]
+        for text in (page.split("</style>")[0], live)
+    )
+    assert len(bright) > len(dark) > 10
+    assert bright.items() <= live_bright.items()
+    assert dark.items() <= live_dark.items()
+
+
+def test_the_figures_have_the_colours_of_the_page(page):
+    drawings = re.findall("<svg.*?</svg>", page, re.DOTALL)
+    used = set(re.findall(r"var\(--([\w-]+)\)", "".join(drawings)))
+    assert {"panel", "e0", "e1", "muted"} <= used <= dict(COLOURS.findall(page)).keys()
+    assert "#ffffff" not in "".join(drawings)
 
 
 def test_estimators_and_model_are_chosen_and_json_has_the_results(
@@ -87,9 +192,9 @@ def test_the_page_states_the_force_at_which_the_stiffness_holds_as_the_terminal_
     capsys.readouterr()
     assert main(["estimate", str(trial), "--details"]) == 0
     out = capsys.readouterr().out
-    for start in ("k is the tangent stiffness at", "motion: "):
+    for start, tag in (("k is the tangent stiffness at", "li"), ("motion: ", "p")):
         (line,) = [line.strip() for line in out.splitlines() if line.strip().startswith(start)]
-        assert f"<p>{line}</p>" in page
+        assert f"<{tag}>{line}</{tag}>" in page
 
 
 def test_a_page_in_another_folder_is_named_and_links_to_the_recording(
@@ -104,7 +209,7 @@ def test_a_page_in_another_folder_is_named_and_links_to_the_recording(
 
 
 def test_the_times_of_the_safety_events_increase(trial, page):
-    (table,) = re.findall(r"Safety events</h2>(.*?)</table>", page, re.DOTALL)
+    (table,) = re.findall(r"Safety events</summary>(.*?)</table>", page, re.DOTALL)
     times = re.findall(r"<td>(.*?)</td>", table)
     assert "-0.000" not in times
     assert len(times) == len(load(trial).events) - 1, "the beginning of the recording has no time"
@@ -120,8 +225,8 @@ def test_the_settings_have_rounded_values_with_units_and_the_defaults_in_effect(
     assert settings["estimators"] == "rls, ai, me"
     fractions = re.findall(r"\d+\.\d+", str(settings))
     assert all(len(re.sub(r"\D", "", one).lstrip("0")) <= 5 for one in fractions)
-    assert '<th>signal</th><td class="left">sine of 2 Hz</td>' in page
-    assert re.search(r'<th>depth</th><td class="left">\S+ mm</td>', page)
+    assert '<td>signal</td><td class="left">sine of 2 Hz</td>' in page
+    assert re.search(r'<td>depth</td><td class="left">\S+ mm</td>', page)
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))

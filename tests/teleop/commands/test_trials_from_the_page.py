@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from drivers import RigError
+from teleop.commands.live_options import FIRM_ARM
 from teleop.commands.live_trials import run_from_page
 from teleop.errors import InputError
 from teleop.settings.trial_settings import TrialSettings
@@ -29,8 +30,10 @@ class Session:
         self.trials = self.refused = 0
         self.trial = None
         self.texts = []
+        self.requests = []
 
     def run(self, settings):
+        self.settings = settings
         outcome = self.outcomes.pop(0)
         if isinstance(outcome, tuple):
             raise outcome[0]
@@ -51,11 +54,11 @@ class Session:
         return bool(self.outcomes)
 
     def wait_for_request(self, timeout):
-        return {"type": "next"}
+        return self.requests.pop(0) if self.requests else {"type": "next"}
 
 
-def run(session, once=False):
-    return run_from_page(session, TrialSettings(), session, once)
+def run(session, once=False, settings=None):
+    return run_from_page(session, settings or TrialSettings(), session, once)
 
 
 @pytest.mark.parametrize("error", [BUSY, RigError("a device does not answer")])
@@ -89,3 +92,25 @@ def test_the_session_ends_if_no_trial_can_begin_with_the_settings():
 def test_an_incomplete_recording_ends_a_command_of_one_trial():
     with pytest.raises(InputError, match="no space left"):
         run(Session(InputError("no space left")), once=True)
+
+
+def test_settings_that_do_not_fit_together_are_a_message_and_the_ones_before_remain():
+    session = Session(0, 0)
+    law = {"type": "choose", "feedback": "model-mediated"}
+    session.requests = [law, law | {"condition": "autonomous"}]
+    assert run(session) == 0
+    assert "nobody holds the handle" in session.texts[1]
+    assert session.refused == 1
+    assert session.settings.condition == "free"
+    assert session.settings.feedback.law == "model-mediated"
+
+
+def test_the_hand_of_the_pointer_is_as_firm_as_the_chosen_feedback_law_needs():
+    usual = TrialSettings(operator="pointer")
+    stiffness = []
+    for laws in (["model-mediated"], ["model-mediated", "none"]):
+        session = Session(0, 0)
+        session.requests = [{"type": "choose", "feedback": law} for law in laws]
+        run(session, settings=usual)
+        stiffness.append(session.settings.operator_model.arm_stiffness)
+    assert stiffness == [FIRM_ARM, usual.operator_model.arm_stiffness]

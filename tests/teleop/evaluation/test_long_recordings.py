@@ -180,7 +180,7 @@ def test_a_part_without_samples_of_the_estimators_has_no_averages(trials, monkey
 
 def test_before_the_analysed_part_the_contact_is_that_at_its_start(trials):
     signals = recorded_signals(load(trials[3]))
-    analysis = analyse(within(signals, AveragedPart(start=2.0)), 0.0)
+    analysis = analyse(within(signals, AveragedPart(start=2.0)))
     analysis = replace(analysis, phases=replace(analysis.phases, free_force=0.0))
     assert analysis.phases.contact.all()
     assert contact_at(analysis, signals.t, np.zeros(len(signals.t))).all()

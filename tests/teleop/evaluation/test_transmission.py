@@ -115,11 +115,43 @@ def test_the_result_of_a_trial_on_the_default_rig_is_right(cube, condition, tmp_
     b = law.b / (1.0 + compliance * k)  # the plant neglects that b v stretches the transmission
     assert result["b_low"] <= b <= result["b_high"]
     assert not any("negative" in reason for reason in result["reasons"])
-    assert not found["transmission"]["online"]
+    assert found["lost_motion_m"] == found["transmission"]["lost_motion_m"]
     assert main(["estimate", path, "--details"]) == 0
     out = capsys.readouterr().out
-    assert "corrected for a force lag of 2.661 ms and lost motion of 122 um" in out
-    assert "the online estimators received the position at the encoder" in out
+    assert "corrected for a force lag of 2.663 ms and lost motion of 121.9 um" in out
+    assert "the online estimates are not corrected" not in out
+
+
+def online_estimates(tmp_path, capsys, *options):
+    """Evaluation of a trial of the default rig with a model that describes the cube."""
+    path = str(tmp_path / "trial.mcap")
+    given = ["--clock", "virtual", "--seed", "5521", "--model", "stiffening", "--duration", "15"]
+    run = ["run", "--estimators", "rls_conditional,kalman", *given, *options]
+    assert main([*run, "--record", path, "--overwrite"]) == 0
+    capsys.readouterr()
+    assert main(["estimate", path, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_the_online_estimates_of_a_trial_are_corrected_for_the_transmission_of_the_rig(
+    tmp_path, capsys
+):
+    truth = TrialSettings(cube="soft").setup.cube.slow
+    k = truth.stiffness(0.0) / (1.0 + 7e-6 * truth.stiffness(0.0))
+    estimates = online_estimates(tmp_path, capsys)["estimates"]
+    for one in estimates.values():
+        assert one["b"] == pytest.approx(truth.b, abs=0.3)
+        assert one["k"] == pytest.approx(k, rel=0.02)
+
+
+def test_without_correction_a_trial_has_the_low_damping_of_the_paper_and_says_why(tmp_path, capsys):
+    found = online_estimates(tmp_path, capsys, "--force-lag", "0", "--lost-motion", "0")
+    assert all(one["b"] < 0.0 for one in found["estimates"].values())
+    assert found["force_lag_s"] == found["lost_motion_m"] == 0.0
+    assert found["result"]["b_low"] <= TrialSettings(cube="soft").setup.cube.slow.b
+    assert main(["estimate", str(tmp_path / "trial.mcap"), "--details"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "the online estimates are not corrected, as in the trial: lag and lost motion" in out
 
 
 def lowest(found):
@@ -183,7 +215,10 @@ def test_files_and_options_state_the_transmission(record, tmp_path, capsys):
     columns = np.column_stack([record.t, record.x * 1e3, record.f])
     np.savetxt(table, columns, delimiter=",", header="t [s],x [mm],F [N]", comments="")
     file = tmp_path / "transmission.toml"
-    file.write_text("lag_ms = 3.0\nlost_motion_um = 90\ncompliance_um_per_n = 12.0\n")
+    file.write_text(
+        "lag_ms = 3.0\ndelay_share = 0.5\ndelay_share_error = 0.5\n"  # as for a stated lag
+        "lost_motion_um = 90\ncompliance_um_per_n = 12.0\n"
+    )
     found = []
     for options in (
         ("--transmission", str(file)),

@@ -88,7 +88,9 @@ async def test_after_end_or_stop_from_any_page_next_runs_another_trial_with_othe
         await arm(client)
         await client.send("end")
         await client.until(client.is_in("ended"))
-        await client.send("choose", specimen="hard", duration=5)
+        names = ["rls", "kalman", "passive", "window", "segments"]
+        more = {"estimators": names, "feedback": "model-mediated"}
+        await client.send("choose", specimen="hard", duration=5, **more)
         await client.send("choose", specimen="steel")
         await client.until(lambda: client.errors)
         await client.answer("notes", text="second <b>trial</b>")
@@ -96,6 +98,8 @@ async def test_after_end_or_stop_from_any_page_next_runs_another_trial_with_othe
         await arm(client)
         assert client.latest["trial"]["specimen"] == "hard cube"
         assert client.latest["trial"]["duration"] == 5.0
+        assert client.latest["trial"]["feedback"]["law"] == "model-mediated"
+        assert [one["name"] for one in client.latest["welcome"]["estimators"]] == names
         await client.send("choose", specimen="soft")
         await client.until(lambda: len(client.errors) == 2)
         assert not client.latest["state"]["faulted"]
@@ -116,6 +120,11 @@ async def test_after_end_or_stop_from_any_page_next_runs_another_trial_with_othe
     assert code == 130
     assert "emergency stop: live page" in err
     recordings = sorted(command.folder.rglob("*.mcap"), key=os.path.getmtime)
+    events = load(recordings[1]).events
+    armed, stopped = (
+        next(e["time"] for e in events if e["mode"] == m) for m in ("active", "fault")
+    )
+    assert f"stopped at {stopped - armed:.3f} s: " in err  # the time of the trial, as in the page
     assert [load(path).session["specimen"] for path in recordings[:2]] == ["soft cube", "hard cube"]
     assert load(recordings[1]).session["notes"] == "second <b>trial</b>"
 

@@ -8,6 +8,7 @@ import pytest
 
 from teleop.json_documents import dumps
 from teleop.live.cells import SIZE, CellWriter
+from teleop.live.requests import BadRequest
 from teleop.live.ring import RingReader, RingWriter, ring_size
 from teleop.live.trial_feed import TrialFeed
 from teleop.recording.columns import Layout
@@ -17,7 +18,8 @@ from teleop.safety.events import ACTIVE, FAULT, READY
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.live_documents import trial_document
 
-SESSION = {"may_arm": True, "pointer": True, "choices": {}}
+CHOICES = {"feedback": ["none", "position-force"], "estimators": ["rls", "ai", "me"]}
+SESSION = {"may_arm": True, "pointer": True, "choices": CHOICES}
 
 
 @pytest.fixture
@@ -106,9 +108,38 @@ def test_a_new_page_gets_the_result_or_that_the_trial_is_evaluated(trial):
     feed.receive({"type": "evaluating"})
     assert "evaluating" in kinds()
     recording = {"path": "a.mcap", "problem": None}
-    feed.receive({"type": "summary", "recording": recording, "picture": {}})
+    shown = {"values": []}
+    feed.receive({"type": "summary", "recording": recording, "picture": {}, "shown": shown})
     assert "summary" in kinds()
     assert "evaluating" not in kinds()
+
+
+def test_the_trials_of_the_session_are_listed_with_their_results(trial):
+    feed, report = trial
+    k = {"symbol": "k", "value": "2034", "unit": "N/m", "low": "2030", "high": "2038"}
+    report(FAULT, "force limit: 70 N", Fault.FORCE_LIMIT, "contact_force")
+    for values in ([k], []):
+        recording = {"path": None, "problem": None}
+        shown = {"values": values}
+        feed.receive({"type": "summary", "recording": recording, "picture": None, "shown": shown})
+    (found,) = (one for one in feed.documents() if one["type"] == "trials")
+    about = {"number": 1, "condition": "free", "specimen": "soft cube", "feedback": "none"}
+    about["stopped"] = True
+    assert found["trials"] == [{**about, "values": [k]}, {**about, "values": []}]
+
+
+def test_a_chosen_setting_is_one_of_the_choices_and_estimators_are_some_of_them(trial):
+    feed, _ = trial
+    for wrong in (
+        {"feedback": "strong"},
+        {"estimators": []},
+        {"estimators": ["rls", "rls"]},
+        {"estimators": [["rls"]]},
+        {"estimators": ["rls", "unknown"]},
+    ):
+        with pytest.raises(BadRequest, match="expected one of"):
+            feed.request({"type": "choose", **wrong})
+    feed.request({"type": "choose", "feedback": "none", "estimators": ["rls", "me"]})
 
 
 @pytest.mark.parametrize(
@@ -124,6 +155,7 @@ def test_files_are_offered_for_a_complete_recording_and_a_report_for_an_evaluati
     trial, recording, picture, files
 ):
     feed, _ = trial
-    feed.receive({"type": "summary", "recording": recording, "picture": picture})
+    shown = {"values": []}
+    feed.receive({"type": "summary", "recording": recording, "picture": picture, "shown": shown})
     (found,) = (one for one in feed.documents() if one["type"] == "summary")
     assert found["files"] == files

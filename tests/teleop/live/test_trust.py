@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from teleop.live.history import History
-from teleop.live.trust import Trust
+from teleop.live.trust import JUDGED, Trust
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.live_documents import transmission_document
 
@@ -39,7 +39,7 @@ def add(trust, history, start, end, motion=None, rls=None, me=None):
     for t in np.arange(start, end, 4e-3):
         values |= {"time": t, "v": 0.05 * math.cos(2.0 * math.pi * t)}
         history.add(np.array([[values[name] for name in COLUMNS]]))
-        trust.update(history)
+        trust.update(history.latest(JUDGED))
 
 
 def both(**own):
@@ -142,9 +142,9 @@ def test_marks_change_at_most_twice_per_second_and_follow_a_replay_back_in_time(
     assert trust.document["k"]["reason"] == "no contact"
 
 
-def test_the_lag_that_is_not_compensated_is_that_of_the_transmission():
-    simulated = transmission_document(TrialSettings())
-    assert simulated["force_lag"] == pytest.approx(2.66e-3, abs=1e-5)
-    assert simulated["lost_motion"] == pytest.approx(122e-6, abs=1e-6)
-    compensated = transmission_document(TrialSettings(force_lag=2.661e-3))
-    assert compensated["force_lag"] == pytest.approx(0.0, abs=1e-6)
+def test_lag_and_lost_motion_that_are_not_corrected_are_those_of_the_transmission():
+    corrected = transmission_document(TrialSettings())
+    assert corrected == {"force_lag": 0.0, "lost_motion": 0.0}
+    as_measured = transmission_document(TrialSettings(force_lag=0.0, lost_motion=0.0))
+    assert as_measured["force_lag"] == pytest.approx(2.66e-3, abs=1e-5)
+    assert as_measured["lost_motion"] == pytest.approx(122e-6, abs=1e-6)

@@ -53,10 +53,10 @@ def test_the_felt_force_is_the_displayed_force(recorded):
 
 def test_the_report_has_the_figure_only_with_force_feedback(recorded, tmp_path):
     with_feedback = report_page("trial.mcap", None, None, load(recorded))
-    assert "<h2>Force feedback</h2>" in with_feedback
+    assert "<summary>Force feedback</summary>" in with_feedback
     assert with_feedback.count("<svg") == 1
     plain = tmp_path / "plain.mcap"
     run_trial(TrialSettings(clock="virtual", duration=1.0, estimators=("rls",)), plain)
     without = report_page("plain.mcap", None, None, load(plain))
-    assert "<h2>Force feedback</h2>" not in without
+    assert "<summary>Force feedback</summary>" not in without
     assert "<svg" not in without

@@ -17,8 +17,18 @@ from estimation.figure_style import (
     extremes,
     figure_style,
     line,
+    name_ticks,
+    new_figure,
 )
-from estimation.figures import TOGETHER, Truth, estimates_figure, force_figure
+from estimation.figures import (
+    TOGETHER,
+    Result,
+    Truth,
+    estimates_figure,
+    force_figure,
+    misfit_remark,
+)
+from estimation.stiffening import Interval
 from teleop.evaluation.evaluate import EstimateSettings, evaluate
 from teleop.evaluation.reading.signals import Signals
 from teleop.output.figure_files import save
@@ -66,7 +76,50 @@ def test_more_estimators_have_panels_of_their_own_with_common_axes():
 def test_names_are_those_that_users_write():
     (legend,) = figure(["rls_conditional", "me"]).legends
     texts = [text.get_text() for text in legend.get_texts()]
-    assert texts[:3] == ["rls_conditional", "me", "95 % interval of rls_conditional"]
+    assert texts[:3] == ["rls_conditional", "me", "95 % intervals"]
+
+
+def shades(axes):
+    """Return the lowest and the highest value of each shaded interval in a panel."""
+    areas = [one.get_paths() for one in axes.collections]
+    ends = [np.concatenate([path.vertices[:, 1] for path in area]) for area in areas if area]
+    return [(float(one.min()), float(one.max())) for one in ends]
+
+
+def test_the_intervals_of_all_estimators_are_shaded_unless_they_are_wider_than_the_panel():
+    wide = series()
+    wide.k_std[:] = 1e6
+    shown = estimates_figure("", T, X, V, {"rls": series(), "ai": series(3000.0), "me": wide})
+    k_axes, b_axes = shown.axes[:2]
+    assert shades(k_axes) == [
+        pytest.approx((k * (1.0 - 0.0196), k * (1.0 + 0.0196)), rel=1e-3) for k in (2.0, 3.0)
+    ]
+    assert len(shades(b_axes)) == 3
+    low, high = b_axes.get_ylim()
+    assert low < 4.02
+    assert high > 5.98, "an interval that is narrower than its value is within the panel"
+
+
+@pytest.mark.parametrize("names", [("rls", "me"), [f"e{i}" for i in range(7)]])
+def test_the_result_is_drawn_with_its_interval_and_a_remark_stands_below_the_title(names):
+    found = Result(Interval(6000.0, 5900.0, 6100.0), None, "k'")
+    shown = figure(names, result=found, remark="misfit above 5%")
+    k_axes, b_axes = shown.axes[:2]
+    levels = {float(np.ravel(one.get_ydata())[0]) for one in k_axes.get_lines()}
+    assert 6.0 in levels
+    (band,) = k_axes.patches
+    assert (band.get_y(), band.get_y() + band.get_height()) == pytest.approx((5.9, 6.1))
+    assert k_axes.get_ylim()[1] > 6.1
+    assert not b_axes.patches
+    title = shown.get_suptitle() or k_axes.get_title(loc="left")
+    assert title == "title\nmisfit above 5%"
+    assert "result (k: k')" in [one.get_text() for one in shown.legends[0].get_texts()]
+
+
+def test_the_remark_on_the_misfit_names_the_estimators_above_the_limit():
+    text = misfit_remark({"rls": 0.18, "ai": 0.049, "me": 0.0541, "window": float("nan")})
+    assert text == "misfit above 5%, estimates cannot be used: rls 18%, me 5.4%"
+    assert misfit_remark({"rls": 0.01}) == ""
 
 
 def test_the_start_does_not_set_the_axes_and_samples_before_the_first_estimate_are_not_drawn():
@@ -142,7 +195,7 @@ def test_the_size_of_a_drawing_does_not_grow_with_the_duration():
 
 def test_an_svg_has_text_as_text(tmp_path):
     save(figure(["rls"]), tmp_path / "figure.svg")
-    assert "95 % interval of rls</text>" in (tmp_path / "figure.svg").read_text()
+    assert "95 % intervals</text>" in (tmp_path / "figure.svg").read_text()
 
 
 def test_the_figure_of_the_force_has_measurement_prediction_and_model():
@@ -153,8 +206,27 @@ def test_the_figure_of_the_force_has_measurement_prediction_and_model():
     over_t, error, over_x = drawn.axes
     assert {"measured", "predicted by rls"} <= lines(over_t).keys()
     assert np.abs(error.get_lines()[0].get_ydata()[1:]).max() == pytest.approx(0.0, abs=1e-9)
-    model = lines(over_x)["least squares of the model"]
-    assert np.allclose(model.get_ydata(), lines(over_x)["measured"].get_ydata())
+    (model,) = over_x.collections
+    assert model.get_label() == "least squares of the model"
+    assert model.get_zorder() < lines(over_x)["measured"].get_zorder(), "the measurement is on top"
+    places, forces = model.get_paths()[0].vertices.T
+    loop = [f[np.abs(X * 1e3 - 4.0) < 0.03].min(), f[np.abs(X * 1e3 - 4.0) < 0.03].max()]
+    near = forces[np.abs(places - 4.0) < 0.03]
+    assert (near.min(), near.max()) == pytest.approx(loop, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("width", "lines_used", "rotation"), [(6.0, 1, 0.0), (2.0, 2, 0.0), (0.5, 1, 30.0)]
+)
+def test_names_that_do_not_fit_are_written_on_several_lines_and_slanted_only_if_they_must_be(
+    width, lines_used, rotation
+):
+    axes = new_figure(0.5).subplots()
+    name_ticks(axes, [0, 1, 2], ["free", "mimic", "autonomous"], width)
+    texts = [one.get_text() for one in axes.get_xticklabels()]
+    assert [one.strip() for one in texts] == ["free", "mimic", "autonomous"]
+    assert len({one.count("\n") for one in texts}) == lines_used
+    assert {one.get_rotation() for one in axes.get_xticklabels()} == {rotation}
 
 
 @pytest.mark.parametrize("width", WIDTHS)

@@ -45,12 +45,13 @@ def test_an_interrupted_trial_with_less_than_a_second_of_contact_has_no_estimate
 
 def test_the_true_values_are_printed_and_in_detail_the_causes_of_a_low_damping(trials, capsys):
     summary = {**trials[2.5].summary(), **trials[2.5].result.summary}
-    causes = (
-        "lag of the force channel 2.66 ms; lost motion of the slave 122 um. They make the online "
-        "estimates of b too low."
-    )
+    values = "lag of the force channel 2.66 ms; lost motion of the slave 122 um"
+    causes = "the online estimates are not corrected for lag and lost motion: their b is too low"
     for details in (False, True):
-        print_trial(summary, details)
-        out = " ".join(capsys.readouterr().out.split())
-        assert f"true b {summary['truth']['b']:.3g} N s/m" in out
-        assert (causes in out) is details
+        for corrected in (False, True):
+            other = {} if corrected else {"force_lag_s": 0.0, "lost_motion_m": 0.0}
+            print_trial(summary | other, details)
+            out = " ".join(capsys.readouterr().out.split())
+            assert f"true b {summary['truth']['b']:.3g} N s/m" in out
+            assert (values in out) is details
+            assert (causes in out) is (details and not corrected)

@@ -161,7 +161,7 @@ def test_the_report_shows_what_stopped_the_run(tmp_path):
     page = path.with_suffix(".html").read_text()
     assert "Stopped for safety" in page
     assert "rig failure: RigError: master board: no answer" in page
-    assert page.count("<svg") == 5
+    assert page.count("<svg") == 6
 
 
 def test_the_report_of_a_run_in_real_time_shows_the_timing_of_the_loop(tmp_path, monkeypatch):
@@ -172,7 +172,7 @@ def test_the_report_of_a_run_in_real_time_shows_the_timing_of_the_loop(tmp_path,
     assert main(["report", str(path)]) == 0
     page = path.with_suffix(".html").read_text()
     assert "periods were skipped" in page
-    assert page.count("<svg") == 5
+    assert page.count("<svg") == 6
 
 
 def test_a_run_stopped_by_a_fault_reports_it_and_exits_with_3(tmp_path, capsys, monkeypatch):
@@ -183,5 +183,5 @@ def test_a_run_stopped_by_a_fault_reports_it_and_exits_with_3(tmp_path, capsys, 
     assert err == "teleop: stopped at 0.450 s: slave position is inf: expected a number\n"
     stopped, _, title, *_ = out.splitlines()
     assert stopped == "STOPPED for safety at 0.450 s: slave position is inf: expected a number"
-    assert title.startswith("free, soft cube, 0.45 of 1 s: k and b can")
+    assert title.startswith("free, soft cube, 0.45 of 1 s")
     assert "black box: recordings/" in out

@@ -102,7 +102,7 @@ def test_all_ticks_of_a_long_trial_can_be_loaded(trial, small):
 def test_figures_and_texts_of_a_long_trial_have_evenly_spaced_ticks_and_the_last(
     trial, small, monkeypatch
 ):
-    monkeypatch.setattr(recording_file, "MOST_VALUES_IN_MEMORY", 40_000)
+    monkeypatch.setattr(recording_file, "MOST_VALUES_IN_MEMORY", 30_000)
     long = in_blocks(trial)
     shown = long.shown.t
     assert 0.02 * len(trial.t) < len(shown) < 0.9 * len(trial.t)

@@ -32,10 +32,12 @@ def mimic(recorded):
 def test_the_figure_of_a_trial_names_it_and_has_the_true_values(mimic):
     figure = mimic.plot("double")
     assert figure.get_figwidth() == 7.16
-    assert figure.axes[0].get_title(loc="left") == "mimic, soft cube"
+    title, remark = figure.axes[0].get_title(loc="left").split("\n")
+    assert title == "mimic, soft cube"
+    assert remark.startswith("misfit above 5%, estimates cannot be used: rls")
     names = [text.get_text() for text in figure.legends[0].get_texts()]
     assert names[:2] == ["rls", "kalman"]
-    assert "true values (k: surface, deepest)" in names
+    assert "true values (k: secants)" in names
 
 
 def test_the_figure_of_the_force_names_the_trial(mimic):

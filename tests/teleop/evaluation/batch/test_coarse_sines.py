@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimation.transmission import RIGID
+from estimation.transmission import RIGID, TransmissionCalibration
 from teleop.evaluation.batch.analysis import analyse
 from teleop.evaluation.batch.harmonic_fit import HarmonicFit, harmonic_fit, resolved_orders
 from teleop.evaluation.batch.harmonic_result import harmonic_result
@@ -114,13 +114,17 @@ def test_coarse_sines_are_not_refused(per_cycle, counts, force_counts):
     assert found.summary()["complex_stiffness"]["loss_n_per_m"] == pytest.approx(LOSS, rel=0.3)
 
 
-def test_the_compensated_lag_of_the_force_is_applied():
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_the_compensated_lag_of_the_force_is_applied(share):
     rng = np.random.default_rng(0)
     t, phase, sine = wave(6.3, rng)
     omega = float(np.mean(np.diff(phase)) / t[1])
-    lagging = (K + 1j * LOSS) / (1.0 + 1j * omega * 5e-3)
+    channel = np.exp(-5e-3j * omega) if share else 1.0 / (1.0 + 5e-3j * omega)
+    lagging = (K + 1j * LOSS) * channel
     f = AMPLITUDE * (lagging.real * sine + lagging.imag * np.cos(phase))
-    fit = harmonic_fit(signals_of(t, AMPLITUDE * sine, f, rng), 5e-3)
+    fit = harmonic_fit(
+        signals_of(t, AMPLITUDE * sine, f, rng), TransmissionCalibration(5e-3, delay_share=share)
+    )
     assert fit.stiffness.storage == pytest.approx(K, rel=5e-3)
     assert fit.stiffness.loss == pytest.approx(LOSS, rel=5e-2)
     assert fit.cycles.k.mean() == pytest.approx(K, rel=5e-3)
@@ -151,12 +155,12 @@ def elastic(sine, cosine, share):
 def test_other_bodies_and_faults_are_not_fitted_by_harmonics(body, rounding):
     signals = coarse(body, **rounding)
     fit = harmonic_fit(signals)
-    assert fit is None or harmonic_result(fit, 0.0, RIGID) is None
+    assert fit is None or harmonic_result(fit, RIGID) is None
 
 
 def result_of(signals: Signals) -> StiffnessResult:
     fit = fitted(signals)
-    result = harmonic_result(fit, 0.0, RIGID)
+    result = harmonic_result(fit, RIGID)
     assert result is not None
     return result
 
@@ -221,7 +225,7 @@ def test_finely_sampled_sines_and_other_motions_are_not_fitted_by_harmonics():
     for motion in (np.abs((t % 1.0) - 0.5), t):
         x = np.round(motion / np.ptp(motion) * 20.0) * 1e-4
         fit = harmonic_fit(Signals(t, x, K * x, periods(t), "position"))
-        assert fit is None or harmonic_result(fit, 0.0, RIGID) is None
+        assert fit is None or harmonic_result(fit, RIGID) is None
 
 
 def test_harmonics_that_appear_at_the_same_frequency_are_not_fitted_twice():

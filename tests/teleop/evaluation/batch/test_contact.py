@@ -18,7 +18,7 @@ def test_the_contact_of_a_record_without_gaps_is_that_of_its_phases(period):
     x = 2e-3 * (1.0 - np.cos(10.0 * np.pi * t / t[-1]))
     f = 2000.0 * np.maximum(x - 1.5e-3, 0.0) + 0.05 * rng.standard_normal(len(t))
     signals = Signals(t, x, f, np.full(len(t), period), "position")
-    analysis = analyse(signals, 0.0)
+    analysis = analyse(signals)
     record, contact = analysis.record, analysis.phases.contact
     expected = contact[np.clip(np.searchsorted(record.t, t), 0, len(record.t) - 1)]
     assert 0.4 < expected.mean() < 0.8

@@ -203,3 +203,44 @@ def test_a_hunt_crossley_fit_that_is_better_and_has_another_tangent_withholds_k(
     reason = contradiction(replace(found, local=local, result=other))
     assert reason is not None
     assert "Hunt-Crossley" in reason.text
+
+
+def presses(bottom=-1e-3, top=4e-3, frequency=0.6):
+    """Presses from motion out of contact, whose surface is at zero."""
+    w, half = 2.0 * math.pi * frequency, 0.5 * (top - bottom)
+    x = bottom + half * (1.0 - np.cos(w * T))
+    return x, half * w * np.sin(w * T)
+
+
+@pytest.mark.parametrize("seed", range(1, 4))
+def test_the_depth_of_a_layer_begins_at_the_surface_of_the_soft_layer(seed):
+    x, v = presses()
+    depth = np.maximum(x, 0.0)
+    f = 150.0 * depth + 1350.0 * np.maximum(depth - 1.5e-3, 0.0) + 1.0 * v * (x > 0.0)
+    layers = analysed(x, f, seed, noise=5e-4).result.summary()["layers"]
+    assert layers["depth_m"]["low"] <= 1.5e-3 <= layers["depth_m"]["high"]
+    assert layers["depth_m"]["high"] - layers["depth_m"]["low"] < 0.2e-3
+
+
+def test_the_secant_of_a_damped_linear_body_is_its_stiffness():
+    x, v = presses()
+    found = analysed(x, np.where(x > 0.0, 400.0 * x + 25.0 * v, 0.0), noise=1e-3).result
+    assert found.secant == pytest.approx(400.0, rel=0.02)
+    assert found.force == pytest.approx(0.5 * 400.0 * 4e-3, rel=0.4)
+
+
+def test_motion_out_of_contact_that_a_drift_hides_is_not_a_layer():
+    x, v = presses()
+    f = np.where(x > 0.0, 600.0 * x + 20.0 * v, 0.0) + 0.08 * T
+    found = analysed(x, f, noise=3e-3).result
+    assert found.summary()["layers"] is found.summary()["damping_by_depth"] is None
+    assert not any("layer" in one and "very soft" not in one for one in found.reasons)
+    assert not any("damping grows" in one for one in found.reasons)
+    assert found.k_low <= 600.0 <= found.k_high
+
+
+def test_there_is_no_storage_stiffness_over_cycles_that_leave_the_body():
+    x, v = presses()
+    found = analysed(x, np.where(x > 0.0, 700.0 * x + 6.0 * v, 0.0))
+    assert found.result.k == pytest.approx(700.0, rel=0.01)
+    assert found.complex_stiffness() is None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from estimation.transmission import TransmissionCalibration
 from teleop.evaluation.batch.analysis import analyse
 from teleop.evaluation.batch.local_stiffness import reported_times
 from teleop.evaluation.reading.signals import Signals, periods
@@ -35,7 +36,7 @@ def test_a_lag_that_is_not_known_is_a_remark_if_a_millisecond_of_it_matters():
     remark = "a lag of the force is not known: each millisecond of it makes b smaller by 1 N s/m"
     assert remark in analyse(sine(b=1.5)).result.reasons
     assert remark not in analyse(sine(b=120.0)).result.reasons
-    known = analyse(sine(lag=1e-3, b=1.5), 1e-3).result.reasons
+    known = analyse(sine(lag=1e-3, b=1.5), TransmissionCalibration(1e-3)).result.reasons
     assert not any("lag of the force" in reason for reason in known)
 
 

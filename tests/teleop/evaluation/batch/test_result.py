@@ -9,6 +9,7 @@ import pytest
 
 from estimation.coherent_band import coherent_band
 from estimation.testing_records import COVERAGE_KINDS, WITHOUT_STIFFNESS, intermittent_contact
+from estimation.transmission import TransmissionCalibration
 from teleop.cli import main
 from teleop.evaluation.batch.analysis import analyse
 from teleop.evaluation.batch.material import hayes_factor
@@ -52,13 +53,17 @@ def test_a_record_that_supports_no_stiffness_gives_a_reason(kind):
 
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
 @pytest.mark.parametrize("lag", [2e-3, 15.9e-3])
-def test_a_compensated_force_lag_does_not_change_stiffness_and_damping(rate, lag):
+@pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
+def test_a_compensated_force_lag_does_not_change_stiffness_and_damping(rate, lag, share):
     w, t = 2.0 * np.pi, np.arange(round(10.0 * rate)) / rate
-    response = 1.0 / (1.0 + 1j * w * lag)  # of the force channel
+    # of the force channel
+    response = np.exp(-1j * w * lag * share) / (1.0 + 1j * w * lag * (1.0 - share))
     motion = 1e-3 * np.exp(1j * w * t)
     f = np.imag((2000.0 + 20j * w) * response * motion)
     f += np.random.default_rng(0).normal(0.0, 1e-3, len(t))
-    result = analyse(signals_of(t, np.imag(motion), f), lag).result
+    result = analyse(
+        signals_of(t, np.imag(motion), f), TransmissionCalibration(lag, delay_share=share)
+    ).result
     assert result.k == pytest.approx(2000.0, rel=1e-3)
     assert result.b == pytest.approx(20.0, abs=0.2)
 

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from estimation.transmission import TransmissionCalibration
 from teleop.cli import main
 from teleop.errors import InputError
 from teleop.evaluation.across.groups import short
@@ -122,7 +123,7 @@ def test_a_negative_damping_is_not_determined():
 
 def test_a_remark_on_negative_damping_does_not_blame_a_lag_that_is_compensated():
     signals = Signals(T, X, 10.0 + late(5e-3), periods(T), "position")
-    before, after = (analyse(signals, lag).result for lag in (0.0, 1e-3))
+    before, after = (analyse(signals, TransmissionCalibration(lag)).result for lag in (0.0, 1e-3))
     assert any("--force-lag" in hint for hint in before.hints)
     assert any("longer than the compensated lag (1 ms)" in reason for reason in after.reasons)
     assert not any("--force-lag" in hint for hint in after.hints)
@@ -149,3 +150,13 @@ def test_a_clipped_sensor_is_found_where_a_cycle_has_few_samples_at_the_limit():
     limited = np.minimum(f, np.percentile(f, 80.0))  # at most 6 samples in a cycle
     assert not clipped(smoothed_signals(Signals(t, x, f, periods(t), "position")))
     assert clipped(smoothed_signals(Signals(t, x, limited, periods(t), "position")))
+
+
+def test_held_samples_are_not_taken_for_saturation():
+    rng = np.random.default_rng(3)
+    x = sum(AMPLITUDE * np.sin(2.0 * np.pi * w * T + p) for w, p in ((0.5, 0.1), (1.3, 2.0)))
+    f = 10.0 + K * x + rng.normal(0.0, 0.01, len(T))
+    held = np.repeat(np.arange(len(T)), rng.integers(6, 14, len(T)))[: len(T)]
+    taken = np.cumsum(np.concatenate([[0], np.diff(held) != 0]))
+    first = np.searchsorted(taken, np.arange(taken[-1] + 1))
+    assert not saturated(analyse(Signals(T, x, f[first][taken], periods(T), "position")).result)

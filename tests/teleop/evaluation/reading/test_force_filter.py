@@ -8,6 +8,7 @@ import pytest
 from scipy.signal import bessel, butter, freqs, lfilter
 
 from teleop.cli import main
+from teleop.evaluation.formats.table import stated_filter
 from teleop.evaluation.reading.force_filter import advanced, stated_delay
 from teleop.evaluation.reading.signals import Signals, periods
 
@@ -107,3 +108,15 @@ def test_the_force_is_advanced_within_each_piece_between_gaps():
     np.testing.assert_allclose(moved.f, np.sin(10.0 * moved.t), atol=1e-5)
     assert moved.t[-1] <= t[-1] - 0.016
     assert [moved.t[i] for i in moved.gaps] == [2.0]
+
+
+def test_order_and_cutoff_can_be_stated_in_two_lines():
+    lines = [
+        "Load Cell Low-pass filter:\tYes",
+        "Load Cell Low-pass filter Order:\t3",
+        "Load Cell Low-pass filter Cutoff frequency (Hz):\t20.00",
+        "Position Low-pass filter Order:\t1",
+    ]
+    stated = stated_filter(lines)
+    assert stated_delay(stated) == pytest.approx(2.0 / (2.0 * math.pi * 20.0))
+    assert stated_delay(stated_filter(lines[2:])) is None

@@ -240,6 +240,8 @@ class TrialFeed(Feed):
                 "condition": ["free", "mimic"],
                 "specimen": ["soft", "hard"],
                 "duration": [10.0, 20.0],
+                "feedback": ["none", "model-mediated"],
+                "estimators": ["rls", "me", "kalman"],
             },
         }
         self.trial = {
@@ -248,6 +250,13 @@ class TrialFeed(Feed):
             "condition": "free",
             "specimen": "soft",
             "duration": 10.0,
+            "choice": {
+                "condition": "free",
+                "specimen": "soft",
+                "duration": 10.0,
+                "feedback": "none",
+                "estimators": ["rls", "me"],
+            },
             "rig": "simulated",
             "simulated": True,
             "limits": {

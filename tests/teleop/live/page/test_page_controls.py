@@ -27,6 +27,14 @@ def wait_for_request(page, feed, kind):
     raise AssertionError(f"no request {kind}: {feed.kinds()}")
 
 
+def wait_for_count(page, requests, count):
+    for _ in range(500):
+        if len(requests) >= count:
+            return
+        page.wait_for_timeout(20)
+    raise AssertionError(requests)
+
+
 def recover(page, feed, mode):
     """Return to the mode before the stop."""
     feed.requests.clear()
@@ -140,8 +148,46 @@ def test_choices_are_sent_as_the_server_listed_them(trial_feed, serve, open_page
     page = open_page(serve(feed).url())
     page.select_option("#duration", index=1)
     wait_for_request(page, feed, "choose")
-    expected = {"type": "choose", "condition": "free", "specimen": "soft", "duration": 20.0}
+    expected = {"condition": "free", "specimen": "soft", "duration": 20.0, "feedback": "none"}
+    expected = {"type": "choose", **expected, "estimators": ["rls", "me"]}
     assert feed.requests == [expected]
+    page.click("#more-area summary")
+    page.select_option("#feedback", "model-mediated")
+    expected["feedback"] = "model-mediated"
+    wait_for_count(page, feed.requests, 2)
+    assert feed.requests[1] == expected
+    boxes = page.locator("#estimators-list input")
+    boxes.nth(2).check()
+    boxes.nth(1).uncheck()
+    assert len(feed.requests) == 2  # the choice is not complete yet
+    page.click("#estimators-use")
+    expected["estimators"] = ["rls", "kalman"]
+    wait_for_count(page, feed.requests, 3)
+    assert feed.requests[2] == expected
+    boxes.nth(2).uncheck()
+    boxes.nth(0).uncheck()
+    assert page.locator("#estimators-use").is_disabled()  # no estimator
+
+
+def test_the_trials_of_the_session_are_listed_with_k_and_b(trial_feed, serve, open_page):
+    feed = trial_feed(mode="ended")
+    page = open_page(serve(feed).url())
+    summary = page.locator("#trials-area summary")
+    assert summary.inner_text() == "Trials (0)"
+    about = {"condition": "free", "specimen": "soft cube", "feedback": "none", "stopped": False}
+    k = {"symbol": "k", "value": "2034.2", "unit": "N/m", "low": "2030.1", "high": "2038.3"}
+    b = {"symbol": "b", "value": "", "unit": "N s/m", "low": "", "high": ""}
+    other = {"feedback": "position-force", "stopped": True, "values": []}
+    trials = [{"number": 1, **about, "values": [k, b]}, {"number": 2, **about, **other}]
+    feed.news.append({"type": "trials", "trials": trials})
+    wait_for(page, "document.querySelector('#trials-area summary').textContent === 'Trials (2)'")
+    summary.click()
+    rows = [row.split("\t")[1:] for row in page.locator("#trials").inner_text().split("\n")]
+    assert rows == [
+        ["trial", "k", "b"],
+        ["free, soft cube, position-force, stopped", "\u2013", "\u2013"],
+        ["free, soft cube", "2034.2 N/m (2030.1 to 2038.3)", "\u2013"],
+    ]
 
 
 def test_a_series_has_next_repeat_and_skip(trial_feed, serve, open_page):

@@ -334,5 +334,5 @@ MISFIT = "Part of the force that neither the estimate nor noise explains, divide
 def test_an_estimator_without_an_explanation_is_a_plain_name(trial_feed, serve, open_page):
     page = open_page(serve(trial_feed(explanations={})).url())
     wait_for(page, "document.querySelectorAll('#estimates tbody tr').length === 2")
-    assert page.locator("#estimates tbody button").count() == 0
+    assert page.locator("#estimates tbody button.term").count() == 0
     assert page.locator("#estimates tbody th").all_inner_texts() == ["rls", "me"]

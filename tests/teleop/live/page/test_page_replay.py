@@ -156,6 +156,43 @@ def test_the_slider_moves_to_another_time(page):
     wait_for(page, "document.getElementById('replay-time').textContent.startsWith('4.0')")
 
 
+TIME = "teleop.last('time')"
+
+
+def test_the_overview_the_steps_the_events_and_the_strips_change_the_time_of_all_pages(
+    recording, serve, open_page
+):
+    server = serve(feed_of(recording))
+    page, operator = open_page(server.url()), open_page(server.url("operator"))
+    wait_for(page, "teleop.last('time') > 0.5")
+    wait_for(page, f"!({TIME} > 14) && document.getElementById('event').options.length === 3")
+    pause(page)
+    box = page.locator("#overview").bounding_box()
+    page.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 10)
+    middle = page.evaluate(TIME)
+    assert middle == pytest.approx(0.5 * (recording["time"][0] + recording["time"][-1]), abs=0.05)
+    wait_for(operator, "(t) => teleop.last('time') === t", middle)
+    times = recording["time"]
+    for press, steps in (("#forward", 1), ("#back", -1), (".", 1), (",", -1)):
+        row = int(np.searchsorted(times, page.evaluate(TIME)))
+        page.keyboard.press(press) if len(press) == 1 else page.click(press)
+        assert page.evaluate(TIME) == times[row + 4 * steps]  # 250 of 1000 rows per second
+    assert page.evaluate(TIME) == middle
+    plot = page.locator(".strip-force .plot").bounding_box()
+    page.mouse.move(plot["x"] + 300, plot["y"] + 5)
+    page.mouse.down()
+    page.mouse.move(plot["x"] + 300 + 0.2 * plot["width"], plot["y"] + 5)
+    page.mouse.up()
+    view = page.evaluate("teleop.view()")
+    assert view["follows"]  # the whole page shows this time
+    assert page.evaluate(TIME) == pytest.approx(middle - 0.2 * 11.2, abs=0.05)
+    page.select_option("#event", index=2)
+    end = next(e["time"] for e in recording.events if e["mode"] == "stopping")
+    assert page.locator("#event option").nth(2).inner_text() == "15.0 s: end of the trial"
+    assert page.evaluate(TIME) == pytest.approx(end, abs=5e-3)
+    wait_for(operator, f"Math.abs({TIME} - {end}) < 0.005")
+
+
 def test_space_pauses_and_plays_and_there_is_no_stop(page):
     assert not page.get_by_role("button", name="STOP").is_visible()
     page.keyboard.press("Space")
