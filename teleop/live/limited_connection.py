@@ -67,8 +67,8 @@ class LimitedConnection(ServerConnection):
     def send_completely(self) -> None:
         """Send the whole HTTP response, which can be a large file, before the connection is closed.
 
-        The library websockets aborts a connection right after its response, and discards what the
-        system has not taken yet.
+        The library websockets aborts a connection whose response takes longer than the time limit
+        of closing, and discards the rest of the response.
         """
         self.transport.abort = self.transport.close  # type: ignore[method-assign]
 

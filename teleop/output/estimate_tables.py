@@ -256,7 +256,7 @@ def disagreement_lines(summary: Mapping[str, Any]) -> list[str]:
         return []
     return [
         f"k of {', '.join(names)} differs by more than {LARGEST_DIFFERENCE:.0%} from the result: "
-        "an online estimator fits one Kelvin-Voigt body to the whole motion; publish the result"
+        "publish the result"
     ]
 
 

@@ -115,9 +115,9 @@ def print_truth(console: Console, summary: Mapping[str, Any], details: bool) -> 
     """Print the true values of the simulated rig; its lag and lost motion only with `details`."""
     truth = summary["truth"]
     console.print(
-        f"  true values: b {DAMPING.text(truth['b'], '.3g')}; secant stiffness "
+        f"  true b {DAMPING.text(truth['b'], '.3g')}; secant k "
         f"{STIFFNESS.text(truth['k_surface'])} at the surface, "
-        f"{STIFFNESS.text(truth['k_deepest'])} at the greatest depth"
+        f"{STIFFNESS.text(truth['k_deepest'])} at full depth"
     )
     causes = [
         name

@@ -52,6 +52,6 @@ def test_the_true_values_are_printed_and_in_detail_the_causes_of_a_low_damping(t
             other = {} if corrected else {"force_lag_s": 0.0, "lost_motion_m": 0.0}
             print_trial(summary | other, details)
             out = " ".join(capsys.readouterr().out.split())
-            assert f"true values: b {summary['truth']['b']:.3g} N s/m" in out
+            assert f"true b {summary['truth']['b']:.3g} N s/m" in out
             assert (values in out) is details
             assert (causes in out) is (details and not corrected)

@@ -78,11 +78,13 @@ def test_the_part_begins_when_the_drives_are_armed(trial_of):
 
 def test_a_trial_that_ended_in_the_count_in_has_no_estimates(ended_in_count_in, capsys):
     trial = replace(ended_in_count_in, interrupted=True)
-    summary = {**trial.summary(), **trial.result.summary}
+    summary = trial.summary()
     assert summary["estimates"] == {}
     assert summary["actual_duration_s"] == pytest.approx(1.0, abs=0.01)
-    print_trial(summary, False)
-    assert "no estimates: 0.00 s of contact" in capsys.readouterr().out
+    print_trial({**summary, **trial.result.summary}, details=False)
+    out = capsys.readouterr().out
+    assert "no estimates: 0.00 s of contact" in out
+    assert "k and b cannot be used, because" in out
 
 
 def test_the_result_of_a_mimic_trial_leaves_out_the_count_in(trial_of, capsys):

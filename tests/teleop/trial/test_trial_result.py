@@ -130,11 +130,12 @@ def test_the_picture_has_the_measured_points_and_k_as_their_slope(trial, message
     assert level == pytest.approx(at["force"], abs=0.2)
 
 
-@pytest.mark.parametrize("command", ["run", "estimate"])
-def test_the_output_fits_a_terminal_of_80_x_24(command, path, trial, monkeypatch, capsys):
+@pytest.mark.parametrize("condition", ["free", "mimic", "autonomous", None])
+def test_the_output_fits_a_terminal_of_80_x_24(condition, path, trial, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "80")
-    if command == "run":
-        assert main(["run", "--clock", "virtual", "--no-record"]) == 0
+    if condition:
+        command = ["run", "--clock", "virtual", "--no-record", "--cube", "hard"]
+        assert main([*command, "--condition", condition]) == 0
     else:
         assert main(["estimate", str(path)]) == 0
     lines = capsys.readouterr().out.splitlines()
