@@ -23,6 +23,7 @@ extensions = [
     "blocks",
     "estimator_figures",
     "mathml",
+    "wide_blocks",
     "cyclopts.ext.sphinx",
     "myst_parser",
     "numpydoc",
