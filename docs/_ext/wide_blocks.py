@@ -1,4 +1,4 @@
-"""State the number of columns of each code block as a class, from which the style computes its font.
+"""State the number of columns of each code block as a class, which determines the size of its font.
 
 A block of at most 110 columns has the class `columns-N`, with N in steps of 10. A wider block has
 the class `long-lines`: its lines are broken. See `docs/_static/site.css`.
