@@ -70,6 +70,7 @@ html_theme = "pydata_sphinx_theme"
 html_title = f"teleop {release}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_search_scorer = str(HERE / "_ext" / "search_scorer.js")
 html_copy_source = False
 html_show_sourcelink = False
 html_theme_options = {
