@@ -32,7 +32,7 @@ ROOT = Path(__file__).parents[2]
 IMAGES = ROOT / "docs" / "images"
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
 SIZE = {"width": 1280, "height": 720}
-MODEL = ("--model", "stiffening", "--force-lag", "0.00266", "--estimators", "rls,kalman")
+MODEL = ("--model", "stiffening", "--estimators", "rls,kalman")
 """Options of the palpation: the estimators have the model of the cube."""
 DURATION = 15
 """Duration of the palpation [s]."""

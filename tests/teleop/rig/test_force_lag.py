@@ -22,8 +22,8 @@ def test_lag_and_lost_motion_of_the_simulated_rig_are_found():
     assert measured.lost_motion.value == pytest.approx(lost_motion, abs=3e-6)
     in_series = 1.0 / 5000.0 + true.transmission.compliance
     # The simulated force channel is linear between ticks of 1 ms, which makes a sine smaller by
-    # (omega dt)^2 / 12: on average over the chirp from 1 to 8 Hz by 8e-5.
-    in_series *= 1.0 + (2e-3 * np.pi) ** 2 * (1.0 + 8.0 + 64.0) / 3.0 / 12.0
+    # (omega dt)^2 / 12: on average over the chirp from 0.5 to 4 Hz by 2e-5.
+    in_series *= 1.0 + (2e-3 * np.pi) ** 2 * (0.25 + 2.0 + 16.0) / 3.0 / 12.0
     assert measured.k.low <= 1.0 / in_series <= measured.k.high
     compliance = measured.compliance(5000.0)
     assert compliance.low <= in_series - 1.0 / 5000.0 <= compliance.high
