@@ -1,4 +1,4 @@
-"""Find the phases of a palpation (free motion, loading, hold, unloading) and the contact point.
+"""Find the phases of a palpation: free motion, loading, hold and unloading.
 
 **Contact.** Out of contact, the force is constant while the position changes. In contact, a travel
 dx changes the force by about k dx, with the stiffness k. While the force changes by less than a
@@ -10,19 +10,6 @@ also works if the surface drifts. If there is no free motion, the record is eith
 throughout or never in contact. It is never in contact if the force does not follow the displacement
 (`teleop.evaluation.batch.stiffness_result`). If the force stays near its highest value while the
 position changes, the force sensor is saturated, or the specimen slips or yields.
-
-**Contact point.** An approach is a motion from free motion into contact. Its model is
-
-    f = f0                        for x <= xc,
-    f = f0 + a d + q d^2 + b v    for x > xc, with the depth d = x - xc,
-
-where f is the force, x the position, v the velocity and xc the contact point. The model is fitted
-to the measured signals for many values of xc. The contact point is the value with the smallest sum
-of squared residuals. Its 95 % interval contains the values of xc for which the sum is so little
-larger that noise can cause the difference. If there are several approaches, the median of their
-contact points is reported. The half width of the interval is then the median of the half widths.
-For three or more approaches, it is at least the standard deviation of the contact points times
-Student's t.
 
 **Phases.** In contact, loading and unloading are the monotone parts between turning points. A
 reversal counts as a turning point if two conditions hold: the following motion in the opposite
@@ -42,11 +29,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri, stdtrit
 
 from estimation.arrays import Floats
 from estimation.baseline import without_baseline
 from estimation.stiffening import Interval
+from teleop.evaluation.batch.contact_point import contact_point
 from teleop.evaluation.batch.masks import eroded, hysteresis, runs, without_short
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.strokes import turning_points, without_lost_motion
@@ -71,10 +58,6 @@ from teleop.evaluation.batch.thresholds import (
     SHORTEST_HOLD,
 )
 from teleop.evaluation.reading.signals import smallest_step
-
-APPROACHES, MOST_POINTS = 10, 300
-"""Approximate largest number of approaches in which the contact point is fitted, and of samples
-that are used in each approach. An approach is a motion from free motion into contact."""
 
 
 class Phase(NamedTuple):
@@ -139,7 +122,7 @@ def find_phases(record: SmoothedRecord) -> Phases:
         error = float(np.std(f[apart])) if apart.any() else spread
         contact = hysteresis(f - free_force, 0.5 * width, width)
         contact = without_short(contact, 2 * guard)
-        point = contact_point(record, contact, free_force)
+        point = contact_point(record, contact, free_force, guard)
     inner = eroded(contact, guard) if free is not None else contact
     usable = inner.copy()
     ends = [*record.starts, len(usable)]
@@ -156,59 +139,6 @@ def level_width(record: SmoothedRecord) -> float:
     """
     low, high = record.force_range
     return max(LEVEL_WIDTH_NOISE * record.f_noise_smoothed, LEAST_LEVEL_WIDTH * (high - low))
-
-
-def contact_point(
-    record: SmoothedRecord, contact: NDArray[np.bool_], free_force: float
-) -> Interval | None:
-    """Return the position at which contact begins, with its 95 % interval [m].
-
-    The result is None if the record has no approach (motion from free motion into contact) with
-    enough samples.
-    """
-    found = []
-    approaches = [(start, end) for start, end in runs(contact) if start > 0]
-    every = max(1, len(approaches) // APPROACHES)
-    for start, end in approaches[::every]:
-        top = int(np.argmax(record.f[start:end])) + start
-        rise = record.f[start : top + 1] - free_force
-        reach = int(np.argmax(rise > 0.35 * rise[-1])) + start + 1
-        free_before = start - 1
-        while free_before > 0 and not contact[free_before - 1] and start - free_before < len(rise):
-            free_before -= 1
-        part = slice(free_before, reach, max(1, (reach - free_before) // MOST_POINTS))
-        if reach - free_before >= 8 and record.x[reach - 1] > record.x[free_before]:
-            fitted = onset(record.x[part], record.v[part], record.raw_f[part], record.f_noise)
-            if fitted:
-                found.append(fitted)
-    if not found:
-        return None
-    values = np.array([one.value for one in found])
-    value = float(np.median(values))
-    half = float(np.median([one.high - one.low for one in found])) / 2.0
-    if len(values) > 2:
-        quantile = float(stdtrit(len(values) - 1, 0.975))
-        half = max(half, quantile * float(np.std(values, ddof=1)))
-    return Interval(value, value - half, value + half)
-
-
-def onset(x: Floats, v: Floats, f: Floats, noise: float) -> Interval | None:
-    """Return the position at which the force begins to increase, with its 95 % interval [m].
-
-    The samples are those of one approach. `noise` is the standard deviation of the force [N].
-    """
-    points = np.linspace(float(x.min()), float(x.max()), 82)[1:-1]
-    squares = np.empty(len(points))
-    for i, point in enumerate(points):
-        depth = np.maximum(x - point, 0.0) / np.ptp(x)
-        regressors = np.column_stack([np.ones(len(x)), depth, depth**2, v * (depth > 0.0)])
-        theta = np.linalg.lstsq(regressors, f, rcond=None)[0]
-        squares[i] = np.sum((f - regressors @ theta) ** 2)
-    best = int(np.argmin(squares))
-    variance = max(squares[best] / max(len(x) - 5, 1), noise**2)
-    allowed = points[squares <= squares[best] + chdtri(1, 0.05) * variance]
-    step = points[1] - points[0]
-    return Interval(float(points[best]), float(allowed[0] - step), float(allowed[-1] + step))
 
 
 def split(record: SmoothedRecord, contact: NDArray[np.bool_]) -> tuple[Phase, ...]:

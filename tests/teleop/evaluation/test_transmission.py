@@ -108,7 +108,7 @@ def test_the_result_of_a_trial_on_the_default_rig_is_right(cube, condition, tmp_
     found = json.loads(capsys.readouterr().out)
     result, setup = found["result"], TrialSettings(condition, cube=cube).setup
     law, compliance = setup.cube.slow, setup.transmission.compliance
-    tip = law.compressed(result["tangent"]["depth_m"] + lowest(found), compliance)
+    tip = law.compressed(result["tangent"]["position_m"], compliance)
     k = law.stiffness(tip)
     assert result["k_tip"]["value"] == pytest.approx(k, rel=5e-3)
     assert result["k"] == pytest.approx(k / (1.0 + compliance * k), rel=5e-3)
@@ -152,11 +152,6 @@ def test_without_correction_a_trial_has_the_low_damping_of_the_paper_and_says_wh
     assert main(["estimate", str(tmp_path / "trial.mcap"), "--details"]) == 0
     out = " ".join(capsys.readouterr().out.split())
     assert "the online estimates are not corrected, as in the trial: lag and lost motion" in out
-
-
-def lowest(found):
-    """Position from which the depth of a result is measured [m]; a trial starts at the surface."""
-    return found["contact_point"]["position_m"] if found["contact_point"] else 0.0
 
 
 def test_without_its_calibration_a_trial_has_lost_motion_and_no_damping(tmp_path, capsys):
