@@ -135,10 +135,12 @@ def find_phases(record: SmoothedRecord) -> Phases:
 def level_width(record: SmoothedRecord) -> float:
     """Return the difference of force below which the force counts as unchanged [N].
 
-    Contact begins when the force exceeds the force out of contact by more than this difference.
+    Contact begins when the force exceeds the force out of contact by more than this difference. It
+    is at least one step of a digital force sensor, whose force is constant in the meantime.
     """
     low, high = record.force_range
-    return max(LEVEL_WIDTH_NOISE * record.f_noise_smoothed, LEAST_LEVEL_WIDTH * (high - low))
+    noise = LEVEL_WIDTH_NOISE * record.f_noise_smoothed
+    return max(noise, LEAST_LEVEL_WIDTH * (high - low), record.f_count)
 
 
 def split(record: SmoothedRecord, contact: NDArray[np.bool_]) -> tuple[Phase, ...]:

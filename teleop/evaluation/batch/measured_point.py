@@ -43,9 +43,10 @@ from teleop.evaluation.batch.thresholds import (
 )
 from teleop.evaluation.reason import Reason
 
-SLOPE_SAMPLES = 40
-"""Approximate number of samples of a cycle that are fitted. The samples are smoothed, so that more
-samples do not make the slope more accurate."""
+SLOPE_SAMPLES, MOVING = 40, 0.1
+"""Approximate number of samples in motion that are fitted in a cycle, and fraction of the largest
+speed above which the tip is in motion. The samples are smoothed, so that more samples do not make
+the slope more accurate; but a hand can hold the tip for most of a cycle."""
 
 
 LARGEST_LOADING_GAP = 0.2
@@ -93,7 +94,8 @@ def slopes_of_cycles(
         part = start + np.flatnonzero(phases.usable[start:end])
         if len(part) < FEWEST_SLOPE_CYCLE_SAMPLES:
             continue
-        part = part[:: max(1, len(part) // SLOPE_SAMPLES)]
+        moving = np.abs(record.v[part]) > MOVING * float(np.abs(record.v[part]).max())
+        part = part[:: max(1, int(np.count_nonzero(moving)) // SLOPE_SAMPLES)]
         x, v, f = record.x[part], record.v[part], record.f[part] - relaxing[part]
         travel, speed = float(np.ptp(x)), float(np.abs(v).max())
         if travel == 0.0 or speed == 0.0:

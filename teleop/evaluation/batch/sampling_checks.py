@@ -2,7 +2,8 @@
 
 **Held samples.** A channel that is updated more slowly than the file is written repeats each value
 until the next update. The repeated values are delayed by half of the time between two updates, on
-average. Only the samples at which the channel is updated are then used, for both channels.
+average. Only the samples at which the channel is updated are then used, for both channels. At rest,
+updates are assumed at the same distance, unless they are irregular.
 Quantisation also repeats values, but between two values that differ by several steps of the
 resolution, there is then no repeated value.
 
@@ -70,7 +71,8 @@ def updates(values: Floats) -> tuple[NDArray[np.intp], float] | None:
     """Return the indices at which a held channel is updated, and the typical distance [samples].
 
     The result is None if the channel is not held. Only updates by more than `HELD_STEPS` steps of
-    the resolution show whether a channel is held.
+    the resolution show whether a channel is held. If the updates are irregular, the indices are
+    those at which the value changes.
     """
     changed = np.flatnonzero(np.diff(values)) + 1
     if len(changed) < FEWEST_UPDATES:
@@ -83,9 +85,11 @@ def updates(values: Floats) -> tuple[NDArray[np.intp], float] | None:
     if len(large) < FEWEST_UPDATES:
         return None
     typical = float(np.median(large))
-    regular = np.abs(large - typical) <= max(1.0, 0.3 * typical)
-    if typical < 2.0 or np.mean(large > 1) < REGULAR_UPDATES or np.mean(regular) < REGULAR_UPDATES:
+    if typical < 2.0 or np.mean(large > 1) < REGULAR_UPDATES:
         return None
+    regular = np.abs(large - typical) <= max(1.0, 0.3 * typical)
+    if np.mean(regular) < REGULAR_UPDATES:
+        return changed, float(np.mean(large))
     typical = float(np.mean(large[regular]))
     # At rest, and between values that are rounded to the same number, an update shows no change.
     filled = [
@@ -120,8 +124,8 @@ def without_held(signals: Signals) -> tuple[Signals, list[Reason]]:
     period = float(np.median(signals.dt))
     remarks = [
         Reason(
-            f"the {name} is updated every {typical * period * 1e3:.3g} ms, and repeated in the "
-            f"samples between ({1.0 / period:.4g} samples/s): only the updates are used, because "
+            f"the {name} is updated every {typical * period * 1e3:.3g} ms on average, and repeated "
+            f"in the samples between ({1.0 / period:.4g} samples/s): only the updates are used, because "
             "repeated values are delayed"
         )
         for name, (_, typical) in held.items()

@@ -47,6 +47,16 @@ def test_held_samples_do_not_change_b_and_are_named(channel, period):
     assert f"the {channel} is updated every {period:.3g} ms" in found.reasons[0]
 
 
+def test_a_force_that_is_updated_irregularly_gives_the_damping():
+    t, x, f = palpation()
+    at = np.cumsum(np.random.default_rng(2).integers(12, 27, len(t)))
+    begins = np.concatenate([[0], at[at < len(t)]])
+    irregular = f[np.repeat(begins, np.diff([*begins, len(t)]))]
+    found = result(t, x, irregular)
+    assert found.b == pytest.approx(4.0, abs=0.1)
+    assert "the force is updated every 19" in found.reasons[0]
+
+
 def test_both_channels_held_give_b_too():
     t, x, f = palpation()
     found = result(t, held(x, 10), held(f, 4))
