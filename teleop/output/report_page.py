@@ -189,7 +189,7 @@ def of_evaluation(
     e, result = evaluation, summary["result"]
     values = values_of(result, true)
     stated = {one.reason for one in values}
-    tangent = tangent_lines(result["tangent"], result["storage_at_hz"])
+    tangent = tangent_lines(result)
     headings, estimates = estimate_rows(summary["estimates"], truth)
     rows = summary["estimates"].items()
     return {

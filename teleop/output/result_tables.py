@@ -30,7 +30,7 @@ def print_result(summary: Mapping[str, Any], name: str) -> None:
         values = len(result_values(result))
         for i, line in enumerate(result_lines(summary)):
             console.print(f"  {line}", style="bold" if i < values else None)
-        for line in tangent_lines(result["tangent"], result["storage_at_hz"])[:1]:
+        for line in tangent_lines(result)[:1]:
             console.print(f"  {line}")
     for reason in further_reasons(result):
         print_item(console, reason, "yellow" if result["identifiable"] else "red")
@@ -67,7 +67,7 @@ def print_result_details(summary: Mapping[str, Any]) -> None:
     """Print the secant and complex stiffness, the motion with its phases, and the contact point."""
     console = plain_console()
     result = summary["result"]
-    for line in tangent_lines(result["tangent"], result["storage_at_hz"])[1:]:
+    for line in tangent_lines(result)[1:]:
         console.print(f"  {line}")
     for line in complex_lines(summary):
         console.print(f"  {line}")
@@ -232,16 +232,23 @@ def complex_lines(summary: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def tangent_lines(tangent: Mapping[str, Any], storage_at_hz: float | None = None) -> list[str]:
+SLOWER = ", at the speed of this motion: the force relaxes, so that k is smaller in slower motion"
+
+
+def tangent_lines(result: Mapping[str, Any]) -> list[str]:
     """Return what k is and where, and the secant stiffness there if it is known."""
+    tangent = result["tangent"]
     if tangent["force_n"] is None:
         return []
     what = "tangent stiffness"
-    if storage_at_hz is not None:
-        what = f"storage stiffness k' at {storage_at_hz:.3g} Hz, and the tangent stiffness"
+    if result["storage_at_hz"] is not None:
+        what = (
+            f"storage stiffness k' at {result['storage_at_hz']:.3g} Hz, and the tangent stiffness"
+        )
+    speed = "" if result["storage_at_hz"] or not result["relaxation_times_s"] else SLOWER
     lines = [
         f"k is the {what} at {tangent['force_n']:.3g} N, "
-        f"{tangent['depth_m'] * 1e3:.3g} mm from the {tangent['depth_from']}"
+        f"{tangent['depth_m'] * 1e3:.3g} mm from the {tangent['depth_from']}{speed}"
     ]
     if tangent["secant_n_per_m"] is not None:
         lines.append(

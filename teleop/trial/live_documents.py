@@ -128,7 +128,7 @@ def result_document(
 
     result = found.summary["result"]
     headings, rows = interval_table(estimates)
-    where = tangent_lines(result["tangent"], result["storage_at_hz"])[:1]
+    where = tangent_lines(result)[:1]
     shown = {
         "use": use_text(result),
         "values": [one._asdict() for one in result_values(result)],

@@ -125,8 +125,8 @@ def without_held(signals: Signals) -> tuple[Signals, list[Reason]]:
     remarks = [
         Reason(
             f"the {name} is updated every {typical * period * 1e3:.3g} ms on average, and repeated "
-            f"in the samples between ({1.0 / period:.4g} samples/s): only the updates are used, because "
-            "repeated values are delayed"
+            f"in the samples between ({1.0 / period:.4g} samples/s): only the updates are used, "
+            "because repeated values are delayed"
         )
         for name, (_, typical) in held.items()
     ]
