@@ -12,6 +12,9 @@ out for this time. A rest, a hold, a loss of contact, a saturated sensor and a r
 a constant channel. In these cases, the record has the same pairs of position and force at other
 times, or the force only decreases (relaxation).
 
+A channel that jumps to a constant value and back, such as zero while a plug is loose, is left out
+too.
+
 **Spikes.** A single sample of the force that differs from its neighbours by a large part of the
 force range is an outlier, and is left out.
 
@@ -38,6 +41,7 @@ from teleop.evaluation.batch.thresholds import (
     FEWEST_UPDATES,
     HELD_STEPS,
     LAGGING_R2,
+    LEAST_DROP,
     LEAST_STALLED_FORCE,
     OPPOSITE_SIGNS,
     REGULAR_UPDATES,
@@ -141,12 +145,13 @@ def without_stalls(signals: Signals) -> tuple[Signals, list[Reason]]:
     for name, values in (("position", signals.x), ("force", signals.f)):
         same = np.concatenate([[False], np.diff(values) == 0.0])
         for start, end in runs(same):
-            # the value at `start - 1` is that which is repeated
-            if end - start >= least and is_stalled(signals, name, start - 1, end):
-                kept[start:end] = False
+            start -= 1  # the value that is repeated
+            lost = dropped(values, start, end)
+            if lost or (end - start > least and is_stalled(signals, name, start, end)):
+                kept[start + (not lost) : end] = False
                 remarks.append(
                     Reason(
-                        f"the {name} is constant from {signals.t[start - 1]:.4g} to "
+                        f"the {name} is constant from {signals.t[start]:.4g} to "
                         f"{signals.t[end - 1]:.4g} s while the "
                         f"{'force' if name == 'position' else 'position'} changes: its data "
                         "stream stalled, and this time is not used"
@@ -155,6 +160,17 @@ def without_stalls(signals: Signals) -> tuple[Signals, list[Reason]]:
     if not remarks or np.count_nonzero(kept) < FEWEST_STALLED:
         return signals, []
     return selected(signals, kept, breaks=~kept), remarks
+
+
+def dropped(values: Floats, start: int, end: int) -> bool:
+    """Return whether a channel jumps to a constant value at `start` and back at `end`.
+
+    The value is outside of the values just before and just after this time.
+    """
+    if end - start <= FEWEST_STALLED or start == 0 or end == len(values):
+        return False
+    to, back = values[start] - values[start - 1], values[end] - values[end - 1]
+    return bool(to * back < 0.0 and min(abs(to), abs(back)) > LEAST_DROP * np.ptp(values))
 
 
 def is_stalled(signals: Signals, name: str, start: int, end: int) -> bool:

@@ -43,6 +43,9 @@ SHORTEST_STALL = 0.01
 LEAST_STALLED_FORCE = 0.2
 """Smallest difference of the force from that at the same position at other times that shows a
 stalled stream, as a fraction of the force range. Hysteresis and relaxation are smaller."""
+LEAST_DROP = 0.1
+"""Smallest jump to and from a constant value of a channel without signal, as a fraction of the
+range of the channel."""
 STALL_MARGIN = 0.05
 """Positions or forces count as different if they differ by more than this fraction of their
 range."""

@@ -57,6 +57,16 @@ def test_a_force_that_is_updated_irregularly_gives_the_damping():
     assert "the force is updated every 19" in found.reasons[0]
 
 
+def test_a_force_that_drops_to_zero_and_back_is_left_out():
+    t, x, f = palpation()
+    for start in (2.1, 5.3, 7.4):
+        f[(t > start) & (t < start + 0.05)] = 0.0
+    found = result(t, x, f)
+    assert found.k == pytest.approx(700.0, rel=2e-3)
+    assert found.b == pytest.approx(4.0, abs=0.1)
+    assert sum("its data stream stalled" in reason for reason in found.reasons) == 3
+
+
 def test_both_channels_held_give_b_too():
     t, x, f = palpation()
     found = result(t, held(x, 10), held(f, 4))
