@@ -279,7 +279,8 @@ export class Strips {
     return [store.rowAt(view.time - view.span), end];
   }
 
-  // Return a range that contains most of the settled estimates that are not hidden, and the true values.
+  // Return a range that contains most of the settled estimates that are not hidden, and the true value. Without
+  // estimates, it contains all true values.
   #robust(chart) {
     const { store } = this;
     const [start, end] = this.#shown();
@@ -313,8 +314,9 @@ export class Strips {
       low -= margin;
       high += margin;
     }
+    const isEmpty = low > high;
     for (const level of chart.levels) {
-      if (level.text !== "true") continue;
+      if (level.text !== "true" && !isEmpty) continue;
       low = Math.min(low, level.value);
       high = Math.max(high, level.value);
     }
