@@ -248,7 +248,7 @@ export class Strips {
       if (tops[i] === null) beside.push(text);
       else put(row.plot, `level level-${colour}`, text, tops[i]);
     });
-    row.notes.textContent = beside.join("  ");
+    row.notes.replaceChildren(...beside.map((text) => element("span", "", text)));
   }
 
   #extremes(chart) {

@@ -297,6 +297,32 @@ DIFFERENCES = """() => new Promise((resolve) => {
 })"""
 
 
+CUT = """() => [...document.querySelectorAll('.strip-title, .strip-notes')].flatMap((line) => {
+  const box = line.getBoundingClientRect();
+  return [...line.children].filter((one) => {
+    const { left, right, top } = one.getBoundingClientRect();
+    return top < box.bottom - 1 && (left < box.left - 1 || right > box.right + 1);
+  }).map((one) => one.textContent);
+})"""
+SHOWN = """() => [...document.querySelectorAll('.strip-title *, .strip-notes *')].filter((one) =>
+  one.getBoundingClientRect().top < one.parentElement.getBoundingClientRect().bottom - 1
+).map((one) => one.textContent)"""
+
+
+@pytest.mark.parametrize("size", [(390, 844), (1024, 768), (1920, 1080)])
+def test_names_beside_the_titles_of_the_strips_are_shown_completely_or_not_at_all(
+    size, trial_feed, serve, open_page
+):
+    names = ("rls_conditional", "rls_directional", "kalman", "me_switching", "ai")
+    feed = trial_feed(estimators=names, target=TARGET, values={"excitation": 0.0})
+    page = open_page(serve(feed).url(), size=size)
+    wait_for(page, "document.querySelector('.strip-force .strip-notes').textContent")
+    assert page.evaluate(CUT) == []
+    shown = page.evaluate(SHOWN)
+    assert {"[mm]", "target"} <= set(shown)
+    assert ("ai" in shown) is (size == (1920, 1080))
+
+
 def explained(page, text):
     """Wait until the box shows a text; None until it is hidden."""
     shown = "document.getElementById('explanation')"
