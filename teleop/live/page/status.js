@@ -98,7 +98,7 @@ export class Status {
     if (!advice) return "";
     if (this.connection.view === "main" && control !== "other") return sentence(advice);
     if (mode === "active") return "";
-    return this.connection.view === "main" ? "Another page has control." : "The main view has the buttons for this.";
+    return this.connection.view === "main" ? "Another page has control." : "Continue in the main view.";
   }
 
   #connection() {
@@ -107,7 +107,7 @@ export class Status {
     if (connection.isOpen) {
       if (Number.isFinite(connection.roundTrip)) parts.push(`round trip ${fixed(connection.roundTrip)} ms`);
       if (state && state.clients > 1) parts.push(`${state.clients} pages`);
-      if (state && state.armed_by) parts.push(`drives armed from the ${state.armed_by}`);
+      if (state && state.armed_by) parts.push(`armed from the ${state.armed_by}`);
     }
     this.byId("connection").textContent = parts.join(" · ");
     document.body.classList.toggle("is-connected", connection.isOpen);

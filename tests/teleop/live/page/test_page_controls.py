@@ -312,7 +312,7 @@ def test_only_a_page_that_can_press_the_buttons_names_them(trial_feed, serve, op
     wait_for(second, f"{hint} === 'Another page has control.'")
     assert first.evaluate(hint).startswith("Press Unlock")
     second.goto(server.url("operator"))
-    wait_for(second, f"{text} === 'A text. The main view has the buttons for this.'")
+    wait_for(second, f"{text} === 'A text. Continue in the main view.'")
 
 
 def test_the_focus_goes_to_the_next_button_after_next_and_start(trial_feed, serve, open_page):
