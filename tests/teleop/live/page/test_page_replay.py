@@ -202,6 +202,9 @@ def test_space_pauses_and_plays_and_there_is_no_stop(page):
     assert not page.get_by_role("button", name="STOP").is_visible()
     page.keyboard.press(",")  # a step also pauses; the replay may have ended before
     wait_for(page, "document.getElementById('play').textContent === 'Play'")
+    page.locator("#seek").fill("1")  # near its end, it would play only for a moment
+    wait_for(page, "teleop.last('time') < 3")
+    page.locator("#strips").focus()
     page.keyboard.press("Space")
     wait_for(page, "document.getElementById('play').textContent === 'Pause'")
     page.keyboard.press("Space")
