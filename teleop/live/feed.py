@@ -8,6 +8,7 @@ from typing import Any
 
 from estimation.model import UNITS
 from teleop.live.history import History
+from teleop.safety.events import Fault
 
 NAMES = (
     "time",
@@ -72,9 +73,17 @@ MOST_EVENTS = 100
 
 
 def events_document(events: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the message `events`, with time, text and kind of the events that the page marks."""
+    """Return the message `events`, with time, text and kind of the events that the page marks.
+
+    An emergency stop is no fault: a person has stopped the trial.
+    """
+    no_faults = (None, "", Fault.EMERGENCY_STOP)
     marks = [
-        {"time": event["time"], "text": event["text"], "fault": bool(event.get("fault"))}
+        {
+            "time": event["time"],
+            "text": event["text"],
+            "fault": event.get("fault") not in no_faults,
+        }
         for event in events
         if event.get("fault") or event.get("mode") in MARKED
     ]

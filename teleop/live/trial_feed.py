@@ -324,10 +324,15 @@ class TrialFeed(Feed):
     def _list(self, summary: Mapping[str, Any]) -> None:
         """Add the present trial to the list of trials, with k and b of its result."""
         trial = self._valid["trial"]
-        entry = {name: trial[name] for name in ("number", "condition", "specimen")}
-        entry["feedback"] = trial["choice"]["feedback"]
-        entry["stopped"] = bool(self._faults)
-        entry["values"] = summary["shown"]["values"]
+        stopped = "stopped" if self._by_person else "ended by a fault"
+        entry = {
+            "number": self._trials[-1]["number"] + 1 if self._trials else 1,
+            "condition": trial["condition"],
+            "specimen": trial["specimen"],
+            "feedback": trial["choice"]["feedback"],
+            "stopped": stopped if self._faults else "",
+            "values": summary["shown"]["values"],
+        }
         self._trials = [*self._trials, entry][-MOST_TRIALS:]
         self._publish({"type": "trials", "trials": self._trials})
 

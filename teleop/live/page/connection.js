@@ -99,6 +99,8 @@ export class Connection {
     if (message.type === "welcome") {
       this.isReplay = message.kind === "replay";
       this.store.setColumns(message.columns.map((column) => column.name));
+      const estimated = message.estimators.flatMap(({ name, further, ...columns }) => [...Object.values(columns), ...Object.values(further)]);
+      this.store.awaitExcitation(estimated.filter(Number.isFinite), message.thresholds.excitation);
       this.delay = 500;
       this.#say(CONNECTED);
     }

@@ -42,15 +42,15 @@ export class Feedback {
     const { unit, factor } = this.quantities.k;
     const stiffness = this.store.last("model_stiffness");
     if (prior === null) return `the contact force of ${fixed(1e3 * this.store.last("report_age"))} ms ago`;
-    if (!(stiffness < NEAR_PRIOR * prior)) return "a stiff spring, until a push shows the specimen";
+    if (!(stiffness < NEAR_PRIOR * prior)) return "stiff until the first push";
     return `a spring of ${fixed(factor * stiffness)} ${unit}`;
   }
 }
 
 function describe({ law, delay, jitter, loss }) {
-  const feedback = law === "none" ? "No force feedback" : `Force feedback ${law}`;
+  const feedback = law === "none" ? "no force feedback" : law;
   const parts = [`delay ${fixed(1e3 * delay)} ms`];
   if (jitter) parts.push(`jitter ${fixed(1e3 * jitter)} ms`);
   if (loss) parts.push(`loss ${fixed(100 * loss)} %`);
-  return `${feedback} · channel: ${delay || jitter || loss ? parts.join(", ") : "no delay, no loss"}`;
+  return `${feedback} · ${delay || jitter || loss ? parts.join(", ") : "no delay, no loss"}`;
 }

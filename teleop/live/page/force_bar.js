@@ -44,7 +44,7 @@ export class ForceBar {
     box(0, most, 0.3, 0.7);
     context.fillStyle = force > limits.soft_force ? colours.limit : colours.force;
     box(0, Math.min(Math.max(force, 0), most), 0.3, 0.7);
-    context.font = font(0.8 * size);
+    context.font = font(Math.max(0.8 * size, 12 * canvas.ratio));
     for (const [value, name] of [[limits.soft_force, "soft"], [limits.hard_force, "hard"]]) {
       if (!Number.isFinite(value)) continue;
       context.fillStyle = colours.limit;

@@ -5,6 +5,7 @@ import { clear, fit } from "./canvas.js";
 import { fitCaption, fittedForce } from "./fitted_force.js";
 import { fixed } from "./format.js";
 import { Scale } from "./scale.js";
+import { apart } from "./strips.js";
 import { colours, estimatorColour, estimatorDash, font, onTheme } from "./theme.js";
 
 const SHOWN = 3; // time that the plot shows [s]
@@ -105,7 +106,7 @@ export class ForceDisplacement {
       context.fillText(fixed(tick, this.scales.x.digits()), x, frame.bottom + 1.25 * size);
     }
     context.textAlign = "right";
-    for (const tick of this.scales.f.ticks) {
+    for (const tick of apart(this.scales.f.ticks, Y, size)) {
       const y = Math.round(Y(tick));
       context.fillStyle = colours.grid;
       context.fillRect(frame.left, y, frame.right - frame.left, 1);

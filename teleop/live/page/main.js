@@ -20,7 +20,7 @@ import { Status } from "./status.js";
 import { Stop } from "./stop.js";
 import { Store } from "./store.js";
 import { Strips } from "./strips.js";
-import { evaluatingParts, summaryParts } from "./summary.js";
+import { summaryParts } from "./summary.js";
 import { startTheme } from "./theme.js";
 import { Tool } from "./tool.js";
 import { Trials } from "./trials.js";
@@ -102,6 +102,7 @@ connection.on("trial", (message) => {
   strips.setEvents([]);
   view.follow();
   byId("summary").close();
+  byId("result-again").hidden = true;
   build();
 });
 connection.on("events", (message) => strips.setEvents(message.events));
@@ -120,15 +121,15 @@ function showResult({ title, use, parts, files }) {
   }
   if (!byId("summary").open) byId("summary").show();
 }
-connection.on("evaluating", () => showResult(evaluatingParts()));
 let result = null; // the latest message `summary`
 const showSummary = () => showResult(summaryParts(result));
+const resultButtons = [byId("result"), byId("result-again")]; // of a replay, and of a session
 connection.on("summary", (message) => {
   result = message;
-  byId("result").hidden = false;
+  for (const button of resultButtons) button.hidden = false;
   if (!connection.isReplay) showSummary();
 });
-byId("result").addEventListener("click", showSummary);
+for (const button of resultButtons) button.addEventListener("click", showSummary);
 connection.on("closed", () => pointer.release());
 byId("summary-close").addEventListener("click", () => byId("summary").close());
 byId("operator-link").hash = location.hash;

@@ -5,6 +5,8 @@ const SHRINK = 0.6; // a range is too large if the data need at most this fracti
 const LARGEST = 1e100; // larger values are not shown, so that sums and products of the ends of a range are finite
 const FINEST = 1e-9; // smallest length of a range, relative to its values, so that the ticks are different numbers
 const FURTHEST = 100; // largest distance of a place from the start of its axis, relative to the length of the axis
+const SHORTEST = 1e-3; // smallest length of a range that a person chooses, relative to the usual smallest one
+const LONGEST = 1e4; // its largest length
 const MOST_STEPS = 1000; // largest number of values of `evenly`
 
 export class Scale {
@@ -16,15 +18,34 @@ export class Scale {
     this.step = 1;
     this.since = -Infinity; // last time at which the range was not too large [ms]
     this.empty = true;
+    this.kept = null; // range that a person has chosen; null if the range follows the data
   }
 
   reset() {
     this.empty = true;
   }
 
+  // Keep a range, whatever the data are, until `release`.
+  keep(low, high) {
+    const length = within(high - low, SHORTEST * this.smallest, LONGEST * this.smallest);
+    this.kept = [(low + high - length) / 2, (low + high + length) / 2];
+  }
+
+  release() {
+    this.kept = null;
+    this.reset();
+  }
+
   // Change the range if necessary, so that it contains [low, high]. `rows` is the largest number of intervals between
   // ticks, and `now` the present time [ms]. Return whether the range changed.
   cover(low, high, rows, now) {
+    const before = [this.low, this.high];
+    const hasChanged = () => before[0] !== this.low || before[1] !== this.high;
+    if (this.kept) {
+      [this.low, this.high] = this.kept;
+      this.#divide((this.high - this.low) / rows);
+      return hasChanged();
+    }
     if (!(low <= high)) return false;
     low = within(low, -LARGEST, LARGEST);
     high = within(high, -LARGEST, LARGEST);
@@ -37,17 +58,21 @@ export class Scale {
     this.empty = false;
     this.since = now;
     const margin = 0.16 * half;
-    this.step = niceStep((2 * half + 2 * margin) / rows);
-    const fine = this.step / 5;
-    const before = [this.low, this.high];
+    const least = (2 * half + 2 * margin) / rows;
+    const fine = niceStep(least) / 5;
     this.low = Math.floor((middle - half - margin) / fine) * fine;
     this.high = Math.ceil((middle + half + margin) / fine) * fine;
+    this.#divide(least);
+    return hasChanged();
+  }
+
+  // Divide the range by ticks at a distance of at least `least`, if these are two or more.
+  #divide(least) {
+    this.step = niceStep(least);
     this.ticks = ticksBetween(this.low, this.high, this.step);
-    if (this.ticks.length < 2) {
-      this.step = niceStep((this.high - this.low) / 4);
-      this.ticks = ticksBetween(this.low, this.high, this.step);
-    }
-    return before[0] !== this.low || before[1] !== this.high;
+    if (this.ticks.length >= 2) return;
+    this.step = niceStep((this.high - this.low) / 4);
+    this.ticks = ticksBetween(this.low, this.high, this.step);
   }
 
   // Return the place of a value on an axis that is drawn between the pixels `from` and `to`. The place of a value far

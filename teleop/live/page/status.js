@@ -6,6 +6,7 @@ const RUNNING = ["ready", "active", "stopping"]; // modes in which ticks arrive
 // Names of the values of the column "mode".
 const MODES = ["disconnected", "idle", "ready", "active", "stopping", "fault"];
 const ACTIVE = MODES.indexOf("active");
+const EVALUATING = "Please wait: k and b are computed from all samples of the trial.";
 
 export class Status {
   constructor(byId, store, connection) {
@@ -15,11 +16,18 @@ export class Status {
     this.state = null;
     this.trial = null;
     this.notice = "";
+    this.isEvaluating = false; // whether the result of the trial is computed at present
     connection.on("welcome", (message) => {
       this.kind = message.kind;
       document.body.classList.toggle("is-replay", message.kind === "replay");
     });
     connection.on("trial", (message) => this.#trial(message));
+    for (const type of ["evaluating", "summary", "trial"]) {
+      connection.on(type, () => {
+        this.isEvaluating = type === "evaluating";
+        if (this.state) this.#state(this.state);
+      });
+    }
     connection.on("state", (message) => this.#state(message));
     connection.on("error", (message) => {
       const isLate = message.text.startsWith("pointer"); // a request sent before the page knew that the trial had ended
@@ -77,7 +85,8 @@ export class Status {
       mode.textContent = label;
       mode.dataset.mode = document.body.dataset.mode = kind;
     }
-    const text = [sentence(message.text), this.#advice(message)].filter(Boolean).join(" ");
+    const evaluating = this.isEvaluating ? EVALUATING : "";
+    const text = [sentence(message.text), evaluating, this.#advice(message)].filter(Boolean).join(" ");
     if (this.byId("text").textContent !== text) this.byId("text").textContent = text;
     document.title = `${mode.textContent} · teleop`;
     this.#connection();
@@ -89,7 +98,7 @@ export class Status {
     if (!advice) return "";
     if (this.connection.view === "main" && control !== "other") return sentence(advice);
     if (mode === "active") return "";
-    return this.connection.view === "main" ? "Another page has control." : "The main view has the buttons for this.";
+    return this.connection.view === "main" ? "Another page has control." : "Continue in the main view.";
   }
 
   #connection() {
@@ -98,7 +107,7 @@ export class Status {
     if (connection.isOpen) {
       if (Number.isFinite(connection.roundTrip)) parts.push(`round trip ${fixed(connection.roundTrip)} ms`);
       if (state && state.clients > 1) parts.push(`${state.clients} pages`);
-      if (state && state.armed_by) parts.push(`drives armed from the ${state.armed_by}`);
+      if (state && state.armed_by) parts.push(`armed from the ${state.armed_by}`);
     }
     this.byId("connection").textContent = parts.join(" · ");
     document.body.classList.toggle("is-connected", connection.isOpen);

@@ -13,6 +13,9 @@ export class Store {
     this.until = Infinity; // time of the last row that the page shows [s]; finite in a replay
     this.generation = 0; // increases when earlier drawings become invalid
     this.version = 0; // increases with each change of the shown rows
+    this.isInformed = () => true; // returns whether a row of values has the excitation that estimates need
+    this.informed = false; // whether there has been such a row since the last `clear`
+    this.estimated = []; // indices of the columns with estimates, which are NaN before
     this.origin = 0; // value of the column "time" at which the drives were armed [s]; null before
   }
 
@@ -23,8 +26,17 @@ export class Store {
     this.clear();
   }
 
+  // Until the excitation has reached `least`, the columns with the indices `estimated` contain only start values of the
+  // estimators. Store NaN instead of them.
+  awaitExcitation(estimated, least) {
+    const excitation = this.index.get("excitation");
+    this.estimated = excitation === undefined ? [] : estimated;
+    this.isInformed = (values, start) => values[start + excitation] >= least;
+  }
+
   clear() {
     this.received = this.count = 0;
+    this.informed = false;
     this.generation += 1;
     this.version += 1;
   }
@@ -38,6 +50,8 @@ export class Store {
       if (this.received && values[start + time] < this.data[time][(this.received - 1) & MASK]) this.clear();
       const slot = this.received & MASK;
       for (let c = 0; c < columns; c++) this.data[c][slot] = values[start + c];
+      this.informed ||= this.isInformed(values, start);
+      if (!this.informed) for (const c of this.estimated) this.data[c][slot] = NaN;
       this.received += 1;
     }
     this.#show(this.until === Infinity ? this.received : this.rowAfter(this.until));

@@ -11,6 +11,7 @@ import { previewOf } from "./target.js";
 const MOST_NAMED = 5; // a chart with more traces has no legend; the table of estimates shows the line styles
 const LABEL = 0.95; // height of a label, relative to the size of the text of the page
 const TICK = 0.8; // shortest distance of two ticks, relative to the height of a label
+const ZOOM = 1.25; // change of the range of values by one step of the wheel
 const MOST_SAMPLED = 512; // largest number of rows of an estimate from which its range is computed
 // Estimates in the first half, half widths of intervals in the second. There is one more row in the newest window.
 const room = new Float64Array(2 * (MOST_SAMPLED + 2));
@@ -94,6 +95,38 @@ export class Strips {
     return this.rows[0]?.plot?.getBoundingClientRect();
   }
 
+  // Make the range of values of a strip larger (steps > 0) or smaller, and keep it. The value at the place `share`, from
+  // the top as a fraction of the height, keeps its place. The numbers of the strip are in the element `ticks`.
+  zoomValues(ticks, steps, share) {
+    this.#keepRange(ticks, ({ low, high }) => {
+      const value = high - share * (high - low);
+      return [low, high].map((end) => value + (end - value) * ZOOM ** steps);
+    });
+  }
+
+  // Move the curves of a strip down by a fraction of its height, and keep the range.
+  moveValues(ticks, share) {
+    this.#keepRange(ticks, ({ low, high }) => [low, high].map((end) => end + share * (high - low)));
+  }
+
+  // Let the range of a strip follow its data again.
+  releaseValues(ticks) {
+    this.#changeRange(ticks, (scale) => scale.release());
+  }
+
+  #keepRange(ticks, change) {
+    this.#changeRange(ticks, (scale) => scale.keep(...change(scale)));
+  }
+
+  #changeRange(ticks, change) {
+    const row = this.rows.find((one) => one.ticks === ticks);
+    if (!row) return; // a new trial has replaced the strip
+    change(row.chart.scale);
+    ticks.classList.toggle("is-kept", Boolean(row.chart.scale.kept));
+    this.#scale(row, performance.now());
+    row.strip.invalidate();
+  }
+
   #viewed() {
     for (const row of this.rows) {
       row.chart.scale.reset();
@@ -138,6 +171,7 @@ export class Strips {
     canvas.setAttribute("role", "img");
     canvas.setAttribute("aria-label", `${chart.title} over time`);
     const ticks = element("div", "ticks");
+    ticks.title = "range: the wheel zooms, dragging moves, a double click returns to the automatic range";
     plot.append(canvas);
     const markers = chart.traces.filter((trace) => trace.marker).map((trace) => element("i", `marker ${trace.marker}`));
     plot.append(...markers);
@@ -248,7 +282,7 @@ export class Strips {
       if (tops[i] === null) beside.push(text);
       else put(row.plot, `level level-${colour}`, text, tops[i]);
     });
-    row.notes.textContent = beside.join("  ");
+    row.notes.replaceChildren(...beside.map((text) => element("span", "", text)));
   }
 
   #extremes(chart) {
@@ -279,7 +313,8 @@ export class Strips {
     return [store.rowAt(view.time - view.span), end];
   }
 
-  // Return a range that contains most of the settled estimates that are not hidden, and the true values.
+  // Return a range that contains most of the settled estimates that are not hidden, and the true value. Without
+  // estimates, it contains all true values.
   #robust(chart) {
     const { store } = this;
     const [start, end] = this.#shown();
@@ -313,8 +348,9 @@ export class Strips {
       low -= margin;
       high += margin;
     }
+    const isEmpty = low > high;
     for (const level of chart.levels) {
-      if (level.text !== "true") continue;
+      if (level.text !== "true" && !isEmpty) continue;
       low = Math.min(low, level.value);
       high = Math.max(high, level.value);
     }

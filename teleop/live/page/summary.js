@@ -5,8 +5,8 @@ import { picture } from "./result_picture.js";
 
 const POLL = 500; // time between two questions whether a file is written [ms]
 const FILES = [
-  ["report", "Open the report"],
-  ["recording", "Download recording"],
+  ["report", "Open report"],
+  ["recording", "Recording"],
   ["csv", "CSV"],
 ];
 
@@ -98,20 +98,14 @@ async function waitForFile(url) {
   }
 }
 
-// Return the title, the elements and the links of the dialog while a trial is evaluated.
-export function evaluatingParts() {
-  const parts = [element("p", "muted", "k and b are computed from all samples of the trial.")];
-  return { title: "Evaluating the trial …", use: "", parts, files: [] };
-}
-
 // Return the title, the elements and the links of the dialog that shows the result, and which values can be used.
 // `summary` is the document that `teleop run --json` prints, with the texts `shown` and the data of the picture.
 export function summaryParts(summary) {
   const { shown, recording, picture: drawn, result } = summary;
   const parts = [];
   const fault = summary.safety && summary.safety.fault;
-  const cause = fault && fault.fault === "emergency stop" ? "a person" : "a fault";
-  if (fault) parts.push(element("p", "", `Stopped by ${cause}: ${fault.text || fault}`));
+  const cause = fault && (fault.fault === "emergency stop" ? "a person" : `a fault: ${fault.text || fault}`);
+  if (fault) parts.push(element("p", "", `Stopped by ${cause}`));
   if (shown.values.length) parts.push(values(shown.values));
   if (drawn) parts.push(picture(drawn));
   if (shown.reasons.length) {

@@ -9,24 +9,29 @@ export class Trials {
 
   #show(trials) {
     this.area.querySelector("summary").textContent = `Trials (${trials.length})`;
-    const rows = trials.map(({ number, values, ...trial }) => line("td", [number, describe(trial), text(values, "k"), text(values, "b")]));
-    this.table.replaceChildren(line("th", ["", "trial", "k", "b"]), ...rows.reverse());
+    const rows = trials.map(({ number, values, ...trial }) => line("td", [[number], [describe(trial)], texts(values, "k"), texts(values, "b")]));
+    this.table.replaceChildren(line("th", [[""], ["trial"], ["k"], ["b"]]), ...rows.reverse());
   }
 }
 
-// Return k or b with its interval, with the digits of the result; a dash if it cannot be given.
-function text(values, symbol) {
+// Return k or b, and its interval, with the digits of the result; a dash if it cannot be given.
+function texts(values, symbol) {
   const { value, unit, low, high } = values.find((one) => one.symbol === symbol) || {};
-  return value ? `${value} ${unit} (${low} to ${high})` : "–";
+  return value ? [`${value} ${unit}`, `${low} to ${high}`] : ["–"];
 }
 
 function describe({ condition, specimen, feedback, stopped }) {
   const law = feedback === "none" ? "" : feedback;
-  return [condition, specimen, law, stopped ? "stopped" : ""].filter(Boolean).join(", ");
+  return [condition, specimen, law, stopped].filter(Boolean).join(", ");
 }
 
-function line(tag, texts) {
+// Return a row of cells. Each cell has one or two lines.
+function line(tag, cells) {
   const row = document.createElement("tr");
-  row.append(...texts.map((one, i) => Object.assign(document.createElement(i ? tag : "th"), { textContent: one })));
+  for (const [i, [first, ...second]] of cells.entries()) {
+    const cell = document.createElement(i ? tag : "th");
+    cell.append(first, ...second.map((text) => Object.assign(document.createElement("small"), { textContent: text })));
+    row.append(cell);
+  }
   return row;
 }

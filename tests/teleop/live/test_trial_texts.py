@@ -123,9 +123,22 @@ def test_the_trials_of_the_session_are_listed_with_their_results(trial):
         shown = {"values": values}
         feed.receive({"type": "summary", "recording": recording, "picture": None, "shown": shown})
     (found,) = (one for one in feed.documents() if one["type"] == "trials")
-    about = {"number": 1, "condition": "free", "specimen": "soft cube", "feedback": "none"}
-    about["stopped"] = True
-    assert found["trials"] == [{**about, "values": [k]}, {**about, "values": []}]
+    about = {"condition": "free", "specimen": "soft cube", "feedback": "none"}
+    about["stopped"] = "ended by a fault"
+    first, second = {"number": 1, **about, "values": [k]}, {"number": 2, **about, "values": []}
+    assert found["trials"] == [first, second]
+
+
+def test_a_trial_that_a_person_stopped_is_listed_as_stopped_and_its_mark_is_no_fault(trial):
+    feed, report = trial
+    report(FAULT, "emergency stop: key", Fault.EMERGENCY_STOP, "key")
+    recording = {"path": None, "problem": None}
+    shown = {"values": []}
+    feed.receive({"type": "summary", "recording": recording, "picture": None, "shown": shown})
+    latest = {document["type"]: document for document in feed.documents()}
+    assert latest["trials"]["trials"][0]["stopped"] == "stopped"
+    (mark,) = latest["events"]["events"]
+    assert (mark["text"], mark["fault"]) == ("stopped at the terminal", False)
 
 
 def test_a_chosen_setting_is_one_of_the_choices_and_estimators_are_some_of_them(trial):

@@ -285,6 +285,7 @@ class TrialFeed(Feed):
             "slave_position": depth,
             "contact_force": 2000.0 * depth,
             "target": 0.008,
+            "excitation": 0.3,
             "mode": 3.0,
             "rls_k": 2000.0 + t,
             "rls_k_std": 10.0,

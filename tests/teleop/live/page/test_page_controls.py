@@ -174,20 +174,36 @@ def test_the_trials_of_the_session_are_listed_with_k_and_b(trial_feed, serve, op
     page = open_page(serve(feed).url())
     summary = page.locator("#trials-area summary")
     assert summary.inner_text() == "Trials (0)"
-    about = {"condition": "free", "specimen": "soft cube", "feedback": "none", "stopped": False}
+    about = {"condition": "free", "specimen": "soft cube", "feedback": "none", "stopped": ""}
     k = {"symbol": "k", "value": "2034.2", "unit": "N/m", "low": "2030.1", "high": "2038.3"}
     b = {"symbol": "b", "value": "", "unit": "N s/m", "low": "", "high": ""}
-    other = {"feedback": "position-force", "stopped": True, "values": []}
+    other = {"feedback": "position-force", "stopped": "stopped", "values": []}
     trials = [{"number": 1, **about, "values": [k, b]}, {"number": 2, **about, **other}]
     feed.news.append({"type": "trials", "trials": trials})
     wait_for(page, "document.querySelector('#trials-area summary').textContent === 'Trials (2)'")
     summary.click()
-    rows = [row.split("\t")[1:] for row in page.locator("#trials").inner_text().split("\n")]
-    assert rows == [
+    rows = page.locator("#trials tr")
+    cells = [rows.nth(i).locator("th, td").all_inner_texts()[1:] for i in range(3)]
+    assert cells == [
         ["trial", "k", "b"],
         ["free, soft cube, position-force, stopped", "\u2013", "\u2013"],
-        ["free, soft cube", "2034.2 N/m (2030.1 to 2038.3)", "\u2013"],
+        ["free, soft cube", "2034.2 N/m\n2030.1 to 2038.3", "\u2013"],
     ]
+
+
+@pytest.mark.parametrize("size", [(390, 844), (1024, 768)])
+def test_the_list_of_trials_needs_no_horizontal_scroll(size, trial_feed, serve, open_page):
+    feed = trial_feed(mode="ended")
+    page = open_page(serve(feed).url(), size=size)
+    about = {"condition": "autonomous", "specimen": "medium cube", "stopped": "ended by a fault"}
+    k = {"symbol": "k", "value": "12034.2", "unit": "N/m", "low": "12030.1", "high": "12038.3"}
+    b = {"symbol": "b", "value": "13.037", "unit": "N s/m", "low": "13.008", "high": "13.065"}
+    trial = {"number": 10, **about, "feedback": "model-mediated", "values": [k, b]}
+    feed.news.append({"type": "trials", "trials": [trial]})
+    wait_for(page, "document.querySelectorAll('#trials tr').length === 2")
+    page.locator("#trials-area summary").click()
+    wide, room = page.locator(".trials-box").evaluate("(one) => [one.scrollWidth, one.clientWidth]")
+    assert wide <= room
 
 
 def test_a_series_has_next_repeat_and_skip(trial_feed, serve, open_page):
@@ -296,7 +312,7 @@ def test_only_a_page_that_can_press_the_buttons_names_them(trial_feed, serve, op
     wait_for(second, f"{hint} === 'Another page has control.'")
     assert first.evaluate(hint).startswith("Press Unlock")
     second.goto(server.url("operator"))
-    wait_for(second, f"{text} === 'A text. The main view has the buttons for this.'")
+    wait_for(second, f"{text} === 'A text. Continue in the main view.'")
 
 
 def test_the_focus_goes_to_the_next_button_after_next_and_start(trial_feed, serve, open_page):

@@ -111,7 +111,7 @@ def test_the_feedback_its_channel_and_what_the_hand_feels_are_shown(trial_feed, 
     page = open_page(serve(feed).url())
     wait_for(page, "document.getElementById('feedback-felt').textContent.includes('2.8 N')")
     panel = page.locator("#feedback-panel")
-    for part in ("model-mediated", "delay 50 ms, jitter 20 ms, loss 10 %", "a stiff spring"):
+    for part in ("model-mediated", "delay 50 ms, jitter 20 ms, loss 10 %", "stiff until"):
         assert part in panel.inner_text()
     feed.values["model_stiffness"] = 2034.4
     wait_for(page, "document.getElementById('feedback-felt').textContent.includes('2034 N/m')")
@@ -297,6 +297,32 @@ DIFFERENCES = """() => new Promise((resolve) => {
 })"""
 
 
+CUT = """() => [...document.querySelectorAll('.strip-title, .strip-notes')].flatMap((line) => {
+  const box = line.getBoundingClientRect();
+  return [...line.children].filter((one) => {
+    const { left, right, top } = one.getBoundingClientRect();
+    return top < box.bottom - 1 && (left < box.left - 1 || right > box.right + 1);
+  }).map((one) => one.textContent);
+})"""
+SHOWN = """() => [...document.querySelectorAll('.strip-title *, .strip-notes *')].filter((one) =>
+  one.getBoundingClientRect().top < one.parentElement.getBoundingClientRect().bottom - 1
+).map((one) => one.textContent)"""
+
+
+@pytest.mark.parametrize("size", [(390, 844), (1024, 768), (1920, 1080)])
+def test_names_beside_the_titles_of_the_strips_are_shown_completely_or_not_at_all(
+    size, trial_feed, serve, open_page
+):
+    names = ("rls_conditional", "rls_directional", "kalman", "me_switching", "ai")
+    feed = trial_feed(estimators=names, target=TARGET, values={"excitation": 0.0})
+    page = open_page(serve(feed).url(), size=size)
+    wait_for(page, "document.querySelector('.strip-force .strip-notes').textContent")
+    assert page.evaluate(CUT) == []
+    shown = page.evaluate(SHOWN)
+    assert {"[mm]", "target"} <= set(shown)
+    assert ("ai" in shown) is (size == (1920, 1080))
+
+
 def explained(page, text):
     """Wait until the box shows a text; None until it is hidden."""
     shown = "document.getElementById('explanation')"
@@ -336,3 +362,55 @@ def test_an_estimator_without_an_explanation_is_a_plain_name(trial_feed, serve, 
     wait_for(page, "document.querySelectorAll('#estimates tbody tr').length === 2")
     assert page.locator("#estimates tbody button.term").count() == 0
     assert page.locator("#estimates tbody th").all_inner_texts() == ["rls", "me"]
+
+
+FEEDBACK = {"law": "model-mediated", "prior": 2e4, "delay": 0.05, "jitter": 0.02, "loss": 0.1}
+
+
+def test_three_estimators_and_the_feedback_fit_into_a_small_window(trial_feed, serve, open_page):
+    feel = {"displayed_force": 12.84, "model_stiffness": 2e4}
+    names = ("rls", "kalman", "window")
+    feed = trial_feed(estimators=names, target=TARGET, feedback=FEEDBACK, values=feel)
+    page = open_page(serve(feed).url(), size=(1280, 720))
+    wait_for(page, "document.getElementById('feedback-felt').textContent.includes('12.8 N')")
+    for panel in (".table-panel", "#feedback-felt", "#feedback-settings"):
+        room = page.locator(panel).evaluate(
+            "(one) => [one.scrollWidth - one.clientWidth, one.scrollHeight - one.clientHeight]"
+        )
+        assert max(room) <= 0, panel
+    for row in page.locator("#estimates tbody tr").all():  # a name stands beside its line style
+        line, name = (row.locator(part).bounding_box() for part in (".line-style", ".term"))
+        assert line["y"] < name["y"] + name["height"] / 2 < line["y"] + line["height"]
+
+
+@pytest.mark.parametrize("size", [(390, 844), (1024, 768), (1280, 720)])
+def test_the_buttons_the_lists_and_the_menus_each_stand_in_one_line(
+    size, trial_feed, serve, open_page
+):
+    feed = trial_feed("ready", condition="autonomous")
+    feed.welcome["choices"] |= {"condition": ["free", "mimic", "autonomous"]}
+    page = open_page(serve(feed).url(), size=size)
+    groups = (
+        ("#unlock", "#start", "#end", "#next", "#repeat"),
+        ("#condition", "#specimen", "#duration"),
+        ("#more-area", "#notes-area", "#trials-area"),
+    )
+    lines = []
+    for group in groups:
+        boxes = [page.locator(name).bounding_box() for name in group]
+        middles = [box["y"] + box["height"] / 2 for box in boxes]
+        assert max(middles) - min(middles) < 8.0, group
+        lines.append(median(middles))
+    assert abs(lines[2] - lines[1]) < 8.0 or size == (390, 844)
+    assert abs(lines[1] - lines[0]) < 8.0 or size != (1280, 720)
+
+
+@pytest.mark.parametrize("size", [(390, 844), (1280, 720)])
+def test_the_count_in_is_completely_visible_in_the_operator_view(
+    size, trial_feed, serve, open_page
+):
+    page = open_page(serve(trial_feed(target=TARGET)).url("operator"), size=size)
+    wait_for(page, "document.getElementById('count-in').textContent.includes('starts in')")
+    text, panel = (page.locator(one).bounding_box() for one in ("#count-in", ".pursuit-panel"))
+    assert panel["x"] <= text["x"]
+    assert text["x"] + text["width"] <= panel["x"] + panel["width"]

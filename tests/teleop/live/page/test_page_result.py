@@ -34,15 +34,22 @@ def shown(trial_feed, serve, open_page):
     return show
 
 
-def test_the_page_says_that_the_trial_is_evaluated_until_the_result_arrives(shown):
-    page = shown({"type": "evaluating"})
-    assert page.locator("#summary-title").inner_text().startswith("Evaluating")
-    assert not re.search(r"\d", page.locator("#summary").inner_text())
-    assert page.locator("#summary a").count() == 0
+def test_the_page_says_that_the_trial_is_evaluated_until_the_result_arrives(
+    trial_feed, serve, open_page
+):
+    feed = trial_feed("ended")
+    page = open_page(serve(feed).url())
+    text = "document.getElementById('text').textContent"
+    feed.news.append({"type": "evaluating"})
+    wait_for(page, f"{text}.includes('k and b are computed')")
+    assert not page.evaluate(IS_OPEN)
+    feed.news.append(summary())
+    wait_for(page, IS_OPEN)
+    assert "computed" not in page.evaluate(text)
 
 
-def test_the_result_replaces_the_text_of_the_evaluation(shown):
-    page = shown({"type": "evaluating"}, summary())
+def test_the_result_shows_values_remarks_and_the_recording(shown):
+    page = shown(summary())
     wait_for(page, f"document.getElementById('summary-title').textContent === {USE!r}")
     text = page.locator("#summary").inner_text()
     for part in ("2034 N/m", "2013 to 2055", "3.1 N s/m", "a remark", "tangent", "2034 \u00b1 21"):
@@ -106,6 +113,53 @@ def test_a_file_that_cannot_be_written_is_reported_and_the_page_stays(shown):
     page.locator("#summary a", has_text="CSV").click()
     wait_for(page, "document.getElementById('summary-files').textContent.includes('disk is full')")
     assert page.evaluate(IS_OPEN)
+
+
+@pytest.mark.parametrize("size", [(1024, 768), (1920, 1080)])
+def test_a_short_result_covers_the_whole_right_column(shown, size):
+    page = shown(failed("a reason"), size=size)
+    column, result = (page.locator(name).bounding_box() for name in (".side", "#summary"))
+    assert result == pytest.approx(column, abs=1.0)
+
+
+@pytest.mark.parametrize("size", [(1024, 768), (1280, 720), (390, 844)])
+def test_the_result_needs_no_horizontal_scroll_beside_a_scroll_bar(shown, size):
+    row = ["rls_conditional", "2204.3 \u00b1 16.3", "\u221210.4 \u00b1 8.1", "100%", "11%"]
+    values = [{**one, "value": "2230.4", "low": "2229.3", "high": "2231.5"} for one in VALUES]
+    texts = {**summary()["shown"], "values": values, "estimates": [row]}
+    page = shown(summary(shown=texts), size=size)
+    wide, room = page.evaluate("""() => {
+      const body = document.getElementById('summary-body');
+      body.style.paddingRight = '11px';  // the width of a thin scroll bar
+      return [body.scrollWidth, body.clientWidth];
+    }""")
+    assert wide <= room
+
+
+def test_a_closed_result_can_be_shown_again_until_the_next_trial(trial_feed, serve, open_page):
+    feed = trial_feed("ended")
+    page = open_page(serve(feed).url())
+    feed.news.append(summary())
+    wait_for(page, IS_OPEN)
+    page.locator("#summary-close").click()
+    page.locator("#trials-area summary").click()
+    page.locator("#result-again").click()
+    wait_for(page, IS_OPEN)
+    feed.news.append(feed.trial)
+    wait_for(page, "document.getElementById('result-again').hidden")
+    assert not page.evaluate(IS_OPEN)
+
+
+def test_the_files_are_not_offered_after_the_session(trial_feed, serve, open_page):
+    feed = trial_feed("ended")
+    server = serve(feed)
+    page = open_page(server.url())
+    feed.news.append(summary())
+    wait_for(page, IS_OPEN)
+    assert page.locator("#summary-files a").first.is_visible()
+    server.close()
+    wait_for(page, "!document.body.classList.contains('is-connected')")
+    assert not page.locator("#summary-files a").first.is_visible()
 
 
 @pytest.mark.parametrize("size", [(1024, 768), (1280, 720), (1920, 1080)])

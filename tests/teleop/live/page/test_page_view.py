@@ -204,3 +204,36 @@ def test_the_least_excitation_and_the_events_are_lines_in_the_strips(feed, page)
     _, along = page.evaluate(LINES, ["velocity", "limit"])
     assert before < 0.1
     assert along > 0.4  # the line is dashed
+
+
+NUMBERS = """(name) => [...document.querySelectorAll(`.strip-${name} .tick`)].map((tick) =>
+  Number(tick.textContent.replace('\u2212', '-'))).sort((one, other) => one - other)"""
+"""The numbers beside a strip."""
+
+
+def span(page, name):
+    numbers = page.evaluate(NUMBERS, name)
+    return numbers[-1] - numbers[0]
+
+
+def test_the_wheel_and_a_drag_beside_a_strip_change_its_values_until_a_double_click(feed, page):
+    rest(feed, page)
+    automatic, force = page.evaluate(NUMBERS, "position"), page.evaluate(NUMBERS, "force")
+    box = page.locator(".strip-position .ticks").bounding_box()
+    page.mouse.move(box["x"] + 5, box["y"] + 0.5 * box["height"])
+    for _ in range(6):
+        page.mouse.wheel(0, -60)
+    wait_for(page, f"({NUMBERS})('position').at(-1) < {automatic[-1]}")
+    zoomed = page.evaluate(NUMBERS, "position")
+    assert 0.0 < zoomed[-1] - zoomed[0] < 0.6 * (automatic[-1] - automatic[0])
+    page.mouse.down()
+    page.mouse.move(box["x"] + 5, box["y"] + box["height"])  # half of the range further up
+    page.mouse.up()
+    moved = page.evaluate(NUMBERS, "position")
+    assert moved[0] > zoomed[0]
+    page.wait_for_timeout(300)
+    assert page.evaluate(NUMBERS, "position") == moved  # the data do not change it
+    assert page.evaluate(NUMBERS, "force") == force
+    assert view(page) == {**view(page), "follows": True, "span": 10}
+    page.mouse.dblclick(box["x"] + 5, box["y"] + 10)
+    wait_for(page, f"String(({NUMBERS})('position')) === '{','.join(f'{x:g}' for x in automatic)}'")
