@@ -86,7 +86,7 @@ def print_result_details(summary: Mapping[str, Any]) -> None:
 
 
 CORRECTIONS = (
-    ("a force lag", "force_lag_s", 1e3, "ms"),
+    ("lag", "force_lag_s", 1e3, "ms"),
     ("lost motion", "lost_motion_m", 1e6, "um"),
 )
 """Corrections of the result: name, key in the summary, factor and unit of the shown value."""
@@ -169,15 +169,15 @@ def meaning_lines(summary: Mapping[str, Any]) -> list[str]:
         lines.append("b is the damping at the depth of k")
     transmission = summary.get("transmission") or {}
     corrected = [
-        f"{name} of {factor * transmission[key]:.4g} {unit}"
+        f"{name} {factor * transmission[key]:.3g} {unit}"
         for name, key, factor, unit in CORRECTIONS
         if transmission.get(key)
     ]
-    meaning = ["k and b: specimen and transmission in series"] if result["k_tip"] else []
+    meaning = ["transmission in series"] if result["k_tip"] else []
     if corrected:
-        meaning.append(f"corrected for {' and '.join(corrected)}")
+        meaning.append(f"corrected for {', '.join(corrected)}")
     if meaning:
-        lines.append(", ".join(meaning))
+        lines.append(f"k and b: {', '.join(meaning)}")
     return lines
 
 
@@ -185,6 +185,12 @@ def with_interval(one: Quantity, low: float, value: float, high: float) -> str:
     """Return a value with its unit and its 95 % interval, from values in SI units."""
     shown = shown_value(one, "", "", (low, value, high), usable=True)
     return f"{shown.value} {one.unit} (95 % interval {shown.low} to {shown.high})"
+
+
+def true_numbers(true: Mapping[str, float]) -> list[str]:
+    """Return true k, k at the tip, b and b at the tip in shown units, without the units."""
+    parts = ((STIFFNESS, "k", 5), (STIFFNESS, "k_tip", 5), (DAMPING, "b", 4), (DAMPING, "b_tip", 4))
+    return [small(one.shown(true[name]), digits) for one, name, digits in parts]
 
 
 def motion_line(summary: Mapping[str, Any]) -> str:
