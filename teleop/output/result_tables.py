@@ -390,7 +390,7 @@ def print_together(together: Mapping[str, Any]) -> None:
                     small(row["frequency_hz"]),
                     shown_half(STIFFNESS, row["storage_n_per_m"], row["storage_interval_n_per_m"]),
                     shown_half(STIFFNESS, row["loss_n_per_m"], row["loss_interval_n_per_m"]),
-                    f"{row['tan_delta']:.3f} \u00b1 {row['tan_delta_interval']:.1g}",
+                    with_half(row["tan_delta"], row["tan_delta_interval"]),
                 ]
                 for row in together["complex_stiffness"]
             ),
