@@ -16,8 +16,8 @@ from teleop.printable import wrapped
 
 MOST_DIGITS = 6
 """Largest number of significant digits of a printed value, also if its interval is narrower."""
-LARGE = 1e7
-"""Values from this one on are printed with a power of ten."""
+LARGE, LITTLE = 1e7, 1e-3
+"""Values from `LARGE` on, and values below `LITTLE`, are printed with a power of ten."""
 
 
 def print_result(summary: Mapping[str, Any], name: str) -> None:
@@ -336,8 +336,9 @@ def with_half(value: float, half: float) -> str:
     """
     if not math.isfinite(half) or half <= 0.0:
         return small(value, 4)
-    if abs(value) >= LARGE:
-        power = math.floor(math.log10(abs(value)))
+    size = max(abs(value), half)
+    if abs(value) >= LARGE or size < LITTLE:
+        power = math.floor(math.log10(size))
         return f"({with_half(value / 10.0**power, half / 10.0**power)})e{power}"
     decimals = shown_decimals(value, half)
     return f"{rounded(value, decimals)} \u00b1 {rounded(max(half, 10.0**-decimals), decimals)}"

@@ -195,6 +195,8 @@ def test_numbers_replace_the_longest_of_several_columns_with_text(monkeypatch, c
         (1000.0, 1e-13, "1000.00 \u00b1 0.01"),
         (1234.5678, 1e-3, "1234.57 \u00b1 0.01"),
         (2.4e12, 1.2e12, "(2.4 \u00b1 1.2)e12"),
+        (1.49e-5, 8.9e-6, "(1.49 \u00b1 0.89)e-5"),
+        (-2.4e-4, 8.5e-4, "(-2.4 \u00b1 8.5)e-4"),
     ],
 )
 def test_a_value_has_the_digits_of_its_interval_but_not_more_than_six(value, half, text):
