@@ -11,6 +11,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "_ext"))
+sys.argv[0] = "sphinx-build"  # after python -m sphinx, cyclopts adds "-m sphinx" to each usage line
 os.environ.setdefault("MPLBACKEND", "agg")
 warnings.filterwarnings("ignore", message=".*is multi-threaded, use of fork", append=False)
 

@@ -7,8 +7,9 @@ import errno
 import os
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any, cast
 
 from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
@@ -39,6 +40,11 @@ def installed_version() -> str:
     return software()
 
 
+def shown_default(value: Any) -> str | None:
+    """Return the default of an option for its help; None for an option that is off by default."""
+    return None if value is None or value is False else str(value)
+
+
 app = App(
     name="teleop",
     help=(
@@ -47,7 +53,10 @@ app = App(
     ),
     version=installed_version,
     help_format="markdown",
-    default_parameter=Parameter(negative=""),  # no --no-json, no --empty-fault
+    default_parameter=Parameter(
+        negative="",  # no --no-json, no --empty-fault
+        show_default=cast(Callable[[Any], str], shown_default),
+    ),
 )
 for command in (
     run,

@@ -146,6 +146,20 @@ OPTIONS = {"--help", "--install-completion"}.union(
 """Every option of every command, and of every benchmark."""
 
 
+def test_usage_lines_do_not_depend_on_how_the_site_is_built(tmp_path):
+    conf = ROOT / "docs" / "conf.py"
+    (tmp_path / "builder.py").write_text(
+        f"exec(open({str(conf)!r}).read(), {{'__file__': {str(conf)!r}}})\n"
+        "from cyclopts.docs.rst import generate_rst_docs\n"
+        "from teleop.cli import app\n"
+        "print(generate_rst_docs(app))\n"
+    )
+    command = [sys.executable, "-m", "builder"]
+    text = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+    assert "\n    teleop run [OPTIONS]\n" in text
+    assert "-m builder" not in text
+
+
 @pytest.mark.parametrize("page", [*PAGES, *GUIDES], ids=lambda page: page.stem)
 def test_options_in_the_text_exist(page):
     text = FENCE.sub("", page.read_text(encoding="utf-8"))

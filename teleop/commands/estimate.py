@@ -99,7 +99,8 @@ class FigureOptions:
         with figure_style(self.width):
             if self.plot:
                 truth = true_values(recording) if recording else None
-                figure = evaluation.plot(self.width, result_title(title, evaluation), truth)
+                heading = result_title(title, evaluation.analysis.result.summary())
+                figure = evaluation.plot(self.width, heading, truth)
                 save(figure, self.plot, overwrite)
             if self.plot_force:
                 save(evaluation.plot_force(self.width, title), self.plot_force, overwrite)

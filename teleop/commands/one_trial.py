@@ -182,7 +182,11 @@ class TrialRunner:
         from teleop.printable import discard_output
 
         try:
-            summary = {**trial.summary(), **trial.result.summary}
+            summary = {
+                **trial.summary(),
+                **trial.result.summary,
+                "true_result": trial.result.true,
+            }
             if self.output.json:
                 print_json(summary)
             else:

@@ -44,8 +44,6 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
     A method is the batch evaluation or an online estimator. A row states the number n of recordings
     that are averaged. If a method has no value for some recordings of a group, n has a mark. A note
     below the table begins with the same mark and states the reasons.
-
-    The parameter
     """
     rows, notes = [], [("", CAPTION)]
     if kinds := {kind for group in groups for kind in group.kinds[RESULT]["b"]}:
@@ -240,14 +238,18 @@ def common_part(files: Sequence[str]) -> tuple[str, list[str]]:
 
     For recordings in one folder, the pattern is the folder with `*` and the ending `RECORDING`, and
     the parts are the names without ending. For other files in one folder, it is the folder, and the
-    parts are the names. Otherwise the pattern is empty, and the names are unchanged.
+    parts are the names. For files in several folders, the pattern is empty, and the parts are the
+    names if all differ, and otherwise the paths.
     """
     paths = [Path(file) for file in files]
-    if len({path.parent for path in paths}) > 1 or str(paths[0].parent) == ".":
+    folders = {path.parent for path in paths}
+    if folders == {Path()}:
         return "", list(files)
-    if all(path.suffix == RECORDING for path in paths):
-        return str(paths[0].parent / f"*{RECORDING}"), [path.stem for path in paths]
-    return str(paths[0].parent), [path.name for path in paths]
+    recorded = all(path.suffix == RECORDING for path in paths)
+    names = [path.stem if recorded else path.name for path in paths]
+    if len(folders) > 1:
+        return "", names if len(set(names)) == len(names) else list(files)
+    return str(paths[0].parent / f"*{RECORDING}" if recorded else paths[0].parent), names
 
 
 def print_text_table(title: str, table: TextTable) -> None:

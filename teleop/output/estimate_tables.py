@@ -199,7 +199,7 @@ def percent(share: float) -> str:
 def left_out_lines(summary: Mapping[str, Any]) -> list[str]:
     """Return which part of the record results and tables leave out, as at most one line."""
     left_out = summary["left_out"]
-    return [f"results and tables leave out {left_out}"] if left_out else []
+    return [f"left out: {left_out}"] if left_out else []
 
 
 def print_estimated(console: Console, summary: Mapping[str, Any]) -> None:

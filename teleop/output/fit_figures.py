@@ -27,7 +27,10 @@ from estimation.figure_style import (
     new_figure,
     tidy,
 )
+from estimation.figures import Result
 from estimation.quantities import DAMPING, POSITION, STIFFNESS
+from estimation.stiffening import Interval
+from teleop.evaluation.batch import kinds
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.evaluation import Evaluation
 from teleop.output.figure_files import plain
@@ -47,6 +50,8 @@ PHASE_LINES: dict[str, dict[str, Any]] = {
     "unloading": {"linewidth": 1.2, "linestyle": (0, (5, 1.5))},
 }
 """Line width, dashes and markers of each phase, so that the phases also differ without colours."""
+ENDS = ("_low", "_high")
+"""Endings of the names of the ends of an interval in a result."""
 MODEL = "#000000"
 TANGENT = 0.15
 """Half of the width of the drawn tangent, as a fraction of the travel in contact."""
@@ -156,18 +161,27 @@ def draw_tangent(axes: Axes, evaluation: Evaluation) -> None:
     axes.plot(x * POSITION.factor, force, "o", color=PURPLE, markersize=6.0)
 
 
-def result_title(title: str, evaluation: Evaluation) -> str:
+def drawn_result(result: Mapping[str, Any]) -> Result:
+    """Return k and b of a result, to be drawn beside estimates."""
+    k, b = (
+        None if result[one] is None else Interval(*(result[one + end] for end in ("", *ENDS)))
+        for one in (STIFFNESS.symbol, DAMPING.symbol)
+    )
+    return Result(k, b, kinds.TANGENT if result["storage_at_hz"] is None else kinds.STORAGE)
+
+
+def result_title(title: str, result: Mapping[str, Any]) -> str:
     """Return the title of a figure, and below it k and b of the result with their intervals."""
-    result = evaluation.analysis.result
-    if not result.identifiable:
-        return f"{title}\n{fill(f'no k and b: {first_reason(evaluation)}', characters())}"
+    if not result["identifiable"]:
+        reason = fill(f"no k and b: {result['reasons'][0]}", characters())
+        return f"{title}\n{reason}"
     texts = []
     for one in (STIFFNESS, DAMPING):
-        if result.determines(one.symbol):
-            low, high = result.interval(one.symbol)
-            shown = with_interval(one, low, getattr(result, one.symbol), high)
+        if result[one.symbol] is not None:
+            low, high = (result[one.symbol + end] for end in ENDS)
+            shown = with_interval(one, low, result[one.symbol], high)
             texts.append(f"{one.symbol} = {shown}")
-    if result.b_reason:
+    if result["b_reason"]:
         texts.append("b cannot be used")
     together = ", ".join(texts)
     return "\n".join([title, *([together] if len(together) <= characters() else texts)])

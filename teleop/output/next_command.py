@@ -23,7 +23,10 @@ def print_command(text: str, words: Sequence[str]) -> None:
         return
     indent = " " * (len(text) - len(text.lstrip(" ")) + 2)
     console.print(f"{text}:")
-    console.print(" \\\n".join(broken(words, indent, width - len(" \\"))), soft_wrap=True)
+    lines = broken(words, indent, width)
+    if len(lines) > 1:
+        lines = broken(words, indent, width - len(" \\"))
+    console.print(" \\\n".join(lines), soft_wrap=True)
 
 
 def broken(words: Sequence[str], indent: str, width: int) -> list[str]:

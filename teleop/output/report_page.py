@@ -30,7 +30,13 @@ from teleop.output.estimate_tables import (
 from teleop.output.fault_report import fault_text
 from teleop.output.fit_figures import depth_figure, fit_figure
 from teleop.output.report_result import estimate_rows, values_of
-from teleop.output.result_tables import complex_lines, motion_line, result_lines, tangent_lines
+from teleop.output.result_tables import (
+    complex_lines,
+    meaning_lines,
+    motion_line,
+    result_lines,
+    tangent_lines,
+)
 from teleop.output.trial_figures import (
     ambiguity_figure,
     fault_figure,
@@ -195,7 +201,11 @@ def of_evaluation(
     return {
         "summary": summary,
         "values": values,
-        "remarks": [*tangent[:1], *(one for one in result["reasons"] if one not in stated)],
+        "remarks": [
+            *meaning_lines(summary),
+            *tangent[:1],
+            *(one for one in result["reasons"] if one not in stated),
+        ],
         "depth": svg(depth_figure(e)),
         "result": [
             *result_lines(summary),

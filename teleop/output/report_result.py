@@ -8,12 +8,8 @@ from typing import Any, NamedTuple
 from estimation.figures import Truth
 from estimation.misfit import LARGEST_MISFIT
 from estimation.quantities import DAMPING, STIFFNESS, Quantity
-from teleop.output.console import small
 from teleop.output.estimate_tables import interval_table
-from teleop.output.result_tables import with_interval
-
-DIGITS = {STIFFNESS: 5, DAMPING: 4}
-"""Number of significant digits of a true value."""
+from teleop.output.result_tables import true_numbers, with_interval
 
 
 class Value(NamedTuple):
@@ -34,13 +30,15 @@ class Value(NamedTuple):
 def values_of(result: Mapping[str, Any], true: Mapping[str, float] | None) -> list[Value]:
     """Return stiffness, stiffness at the tip (if it is known), and damping of a result."""
     k_reason = "" if result["identifiable"] else next(iter(result["reasons"]), "")
-    known = {name: true_text(name, value) for name, value in (true or {}).items()}
-    found = [shown(STIFFNESS, "stiffness k", ends(result, "k"), k_reason, known.get("k", ""))]
+    k_true = tip_true = b_true = ""
+    if true:
+        k, k_tip, b, b_tip = true_numbers(true)
+        k_true, tip_true = (f"{one} {STIFFNESS.unit}" for one in (k, k_tip))
+        b_true = f"{b} {DAMPING.unit} ({b_tip} at the tip)"
+    found = [shown(STIFFNESS, "stiffness k", ends(result, "k"), k_reason, k_true)]
     if tip := result["k_tip"]:
         interval = (tip["low"], tip["value"], tip["high"])
-        text = known.get("k_tip", "")
-        found.append(shown(STIFFNESS, "stiffness k at the tip", interval, "", text))
-    b_true = f"{known['b']} ({known['b_tip']} at the tip)" if known else ""
+        found.append(shown(STIFFNESS, "stiffness k at the tip", interval, "", tip_true))
     found.append(shown(DAMPING, "damping b", ends(result, "b"), result["b_reason"], b_true))
     return found
 
@@ -49,12 +47,6 @@ def ends(result: Mapping[str, Any], part: str) -> tuple[float, float, float] | N
     """Return lower end, value and upper end of k or b (`part`); None if it is not determined."""
     value = result[part]
     return None if value is None else (result[f"{part}_low"], value, result[f"{part}_high"])
-
-
-def true_text(name: str, value: float) -> str:
-    """Return a true value with its unit; the first letter of its name is that of the quantity."""
-    one = STIFFNESS if name.startswith("k") else DAMPING
-    return f"{small(one.shown(value), DIGITS[one])} {one.unit}"
 
 
 def shown(

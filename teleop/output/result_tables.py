@@ -16,8 +16,8 @@ from teleop.printable import wrapped
 
 MOST_DIGITS = 6
 """Largest number of significant digits of a printed value, also if its interval is narrower."""
-LARGE = 1e7
-"""Values from this one on are printed with a power of ten."""
+LARGE, LITTLE = 1e7, 1e-3
+"""Values from `LARGE` on, and values below `LITTLE`, are printed with a power of ten."""
 
 
 def print_result(summary: Mapping[str, Any], name: str) -> None:
@@ -86,7 +86,7 @@ def print_result_details(summary: Mapping[str, Any]) -> None:
 
 
 CORRECTIONS = (
-    ("a force lag", "force_lag_s", 1e3, "ms"),
+    ("lag", "force_lag_s", 1e3, "ms"),
     ("lost motion", "lost_motion_m", 1e6, "um"),
 )
 """Corrections of the result: name, key in the summary, factor and unit of the shown value."""
@@ -169,15 +169,15 @@ def meaning_lines(summary: Mapping[str, Any]) -> list[str]:
         lines.append("b is the damping at the depth of k")
     transmission = summary.get("transmission") or {}
     corrected = [
-        f"{name} of {factor * transmission[key]:.4g} {unit}"
+        f"{name} {factor * transmission[key]:.3g} {unit}"
         for name, key, factor, unit in CORRECTIONS
         if transmission.get(key)
     ]
-    meaning = ["k and b: specimen and transmission in series"] if result["k_tip"] else []
+    meaning = ["transmission in series"] if result["k_tip"] else []
     if corrected:
-        meaning.append(f"corrected for {' and '.join(corrected)}")
+        meaning.append(f"corrected for {', '.join(corrected)}")
     if meaning:
-        lines.append(", ".join(meaning))
+        lines.append(f"k and b: {', '.join(meaning)}")
     return lines
 
 
@@ -185,6 +185,12 @@ def with_interval(one: Quantity, low: float, value: float, high: float) -> str:
     """Return a value with its unit and its 95 % interval, from values in SI units."""
     shown = shown_value(one, "", "", (low, value, high), usable=True)
     return f"{shown.value} {one.unit} (95 % interval {shown.low} to {shown.high})"
+
+
+def true_numbers(true: Mapping[str, float]) -> list[str]:
+    """Return true k, k at the tip, b and b at the tip in shown units, without the units."""
+    parts = ((STIFFNESS, "k", 5), (STIFFNESS, "k_tip", 5), (DAMPING, "b", 4), (DAMPING, "b_tip", 4))
+    return [small(one.shown(true[name]), digits) for one, name, digits in parts]
 
 
 def motion_line(summary: Mapping[str, Any]) -> str:
@@ -337,8 +343,9 @@ def with_half(value: float, half: float) -> str:
     """
     if not math.isfinite(half) or half <= 0.0:
         return small(value, 4)
-    if abs(value) >= LARGE:
-        power = math.floor(math.log10(abs(value)))
+    size = max(abs(value), half)
+    if abs(value) >= LARGE or size < LITTLE:
+        power = math.floor(math.log10(size))
         return f"({with_half(value / 10.0**power, half / 10.0**power)})e{power}"
     decimals = shown_decimals(value, half)
     return f"{rounded(value, decimals)} \u00b1 {rounded(max(half, 10.0**-decimals), decimals)}"
@@ -391,7 +398,7 @@ def print_together(together: Mapping[str, Any]) -> None:
                     small(row["frequency_hz"]),
                     shown_half(STIFFNESS, row["storage_n_per_m"], row["storage_interval_n_per_m"]),
                     shown_half(STIFFNESS, row["loss_n_per_m"], row["loss_interval_n_per_m"]),
-                    f"{row['tan_delta']:.3f} \u00b1 {row['tan_delta_interval']:.1g}",
+                    with_half(row["tan_delta"], row["tan_delta_interval"]),
                 ]
                 for row in together["complex_stiffness"]
             ),

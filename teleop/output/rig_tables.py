@@ -154,8 +154,8 @@ def print_lag(summary: Mapping[str, Any], out: Path | None = None) -> None:
     share = ""
     if summary["separable"]:
         share = (
-            f"; share of a pure delay {summary['delay_share']:.2f}, "
-            f"{summary['delay_share_low']:.2f} to {summary['delay_share_high']:.2f}"
+            f"\n  {summary['delay_share']:.0%} of it is a pure delay, 95 % interval "
+            f"{summary['delay_share_low']:.0%} to {summary['delay_share_high']:.0%}"
         )
         lost = f"{summary['lost_motion_m'] * 1e6:.1f} um, 95 % interval "
     else:
@@ -189,8 +189,12 @@ def print_lag(summary: Mapping[str, Any], out: Path | None = None) -> None:
     if out:
         print_command("correct the results with", [*command, "--transmission", str(out)])
     else:
-        options = ["--conditioning", "matched", "--force-lag", f"{summary['lag_s']:.5f}"]
-        print_command("compensate the lag with", [*command, *options])
+        options = ["--force-lag", f"{summary['lag_s'] * 1e3:.4g}ms"]
+        if summary["separable"]:
+            options += ["--lost-motion", f"{summary['lost_motion_m'] * 1e6:.4g}um"]
+        if summary["compliance_m_per_n"] is not None:
+            options += ["--compliance", f"{summary['compliance_m_per_n'] * 1e6:.4g}um/N"]
+        print_command("correct the results with", [*command, *options])
 
 
 def print_tare(

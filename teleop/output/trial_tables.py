@@ -11,7 +11,7 @@ from estimation.quantities import DAMPING, STIFFNESS
 from teleop.output.console import plain_console
 from teleop.output.estimate_tables import left_out_lines, print_estimated, print_online
 from teleop.output.next_command import print_command
-from teleop.output.result_tables import print_best_model, print_result
+from teleop.output.result_tables import print_best_model, print_result, true_numbers
 from teleop.printable import wrapped
 from teleop.recording.gaps import Gap, missing_text
 from teleop.safety.events import time_text
@@ -69,7 +69,7 @@ def print_results(console: Console, summary: Mapping[str, Any], details: bool) -
         )
     if summary["truth"]:
         print_truth(console, summary, details)
-    print_tracking(console, summary["tracking"])
+    print_tracking(console, summary["tracking"], details)
     print_feedback(console, summary["feedback"])
     print_estimated(console, summary)
     if details:
@@ -112,13 +112,23 @@ def duration(summary: Mapping[str, Any]) -> str:
 
 
 def print_truth(console: Console, summary: Mapping[str, Any], details: bool) -> None:
-    """Print the true values of the simulated rig; its lag and lost motion only with `details`."""
-    truth = summary["truth"]
-    console.print(
-        f"  true b {DAMPING.text(truth['b'], '.3g')}; secant k "
-        f"{STIFFNESS.text(truth['k_surface'])} at the surface, "
-        f"{STIFFNESS.text(truth['k_deepest'])} at full depth"
-    )
+    """Print the true values of the simulated rig: those of the result, with `details` all others.
+
+    Without true values of the result, damping and secant stiffness of the specimen are printed.
+    """
+    truth, result = summary["truth"], summary.get("true_result")
+    if result:
+        k, k_tip, b, b_tip = true_numbers(result)
+        console.print(
+            f"  true k {k} {STIFFNESS.unit} ({k_tip} at the tip), b {b} {DAMPING.unit} ({b_tip} at "
+            "the tip)"
+        )
+    if details or not result:
+        console.print(
+            f"  true b {DAMPING.text(truth['b'], '.3g')}; secant k "
+            f"{STIFFNESS.text(truth['k_surface'])} at the surface, "
+            f"{STIFFNESS.text(truth['k_deepest'])} at full depth"
+        )
     causes = [
         name
         for name, key in (("lag", "force_lag_s"), ("lost motion", "lost_motion_m"))
@@ -144,11 +154,13 @@ def print_truth(console: Console, summary: Mapping[str, Any], details: bool) -> 
         )
 
 
-def print_tracking(console: Console, tracking: Mapping[str, Any] | None) -> None:
+def print_tracking(console: Console, tracking: Mapping[str, Any] | None, details: bool) -> None:
     """Print how well the slave followed the target; nothing if there was no target."""
     if tracking:
         first, second = tracking_lines(tracking)
-        console.print(f"  tracking: {first},\n  {second}")
+        console.print(f"  tracking: {first}")
+        if details:
+            console.print(f"  {second}")
 
 
 def tracking_lines(tracking: Mapping[str, Any]) -> tuple[str, str]:

@@ -175,19 +175,23 @@ class Trial(Presented):
     ) -> Figure:
         """Return a figure of the estimated stiffness and damping, and of the motion, over time.
 
+        k and b of `result` are drawn as horizontal lines with their 95 % intervals.
+
         Parameters
         ----------
         width
             Name of the width of the figure: `screen`, `a4`, `single` (one column of an IEEE paper)
             or `double` (two columns).
         title
-            Title of the figure. Default: condition and palpated body.
+            Title of the figure. Default: condition, palpated body, and k and b of `result`.
         truth
             True stiffness and damping to show. Default: those of the body on the simulated rig.
         """
         from estimation.figure_style import figure_style
         from estimation.figures import estimates_figure, known_truth, misfit_remark
+        from teleop.output.fit_figures import drawn_result, result_title
 
+        found = self.result.summary["result"]
         true = truth or known_truth(recorded_truth(self.shown.recording))
         rows = self.summary()["estimates"].items()
         remark = misfit_remark({name: row["misfit"] for name, row in rows})
@@ -195,7 +199,14 @@ class Trial(Presented):
         x, v, *_ = shown.regression
         with figure_style(width):
             return estimates_figure(
-                self._title(title), shown.t, x, v, shown.estimates, true, remark=remark
+                result_title(self._title(None), found) if title is None else title,
+                shown.t,
+                x,
+                v,
+                shown.estimates,
+                true,
+                drawn_result(found),
+                remark,
             )
 
     def plot_force(self, width: str = "screen", title: str | None = None) -> Figure:

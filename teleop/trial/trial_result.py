@@ -20,7 +20,7 @@ from teleop.evaluation.reason import Reason
 from teleop.evaluation.settings import settings_summary
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
-from teleop.trial.recorded_trial import estimate_settings
+from teleop.trial.recorded_trial import estimate_settings, true_result
 
 FAILED = "the evaluation failed because of an error in the program"
 """Reason without k and b after an unexpected exception, which must not end a session."""
@@ -41,6 +41,8 @@ class TrialResult(NamedTuple):
     not possible, the result contains the reasons."""
     picture: dict[str, Any] | None
     """Force over depth, as the live page draws it (`force_over_depth`)."""
+    true: dict[str, float] | None = None
+    """True k and b on the simulated rig (`true_result`); None if they are not known."""
 
 
 def trial_result(ticks: Recording | RecordingFile, recorded: Path | None) -> TrialResult:
@@ -50,9 +52,13 @@ def trial_result(ticks: Recording | RecordingFile, recorded: Path | None) -> Tri
     is much faster than all estimators of the trial.
     """
     try:
-        evaluation, stated = evaluated(ticks, recorded)
+        evaluation, stated, recording = evaluated(ticks, recorded)
         document = {**stated, **evaluation.batch_summary()}
-        return TrialResult({name: document[name] for name in PARTS}, force_over_depth(evaluation))
+        return TrialResult(
+            {name: document[name] for name in PARTS},
+            force_over_depth(evaluation),
+            true_result(recording, evaluation.analysis.result.position),
+        )
     except InputError as problem:
         return without(str(problem))
     except Exception as error:  # a session continues after it
@@ -69,8 +75,8 @@ def without(reason: str) -> TrialResult:
 
 def evaluated(
     ticks: Recording | RecordingFile, recorded: Path | None
-) -> tuple[Evaluation, dict[str, Any]]:
-    """Evaluate a trial; return the evaluation, and the settings that influenced it."""
+) -> tuple[Evaluation, dict[str, Any], Recording]:
+    """Evaluate a trial; return evaluation, settings that influenced it, and its recording."""
     path = ticks.path if isinstance(ticks, RecordingFile) else recorded
     if path:
         file = RecordedSamples(path, is_replayed)
@@ -85,7 +91,8 @@ def evaluated(
     names = settings.preset.estimators
     alone = replace(settings, estimators=names[:1])
     # as many samples are kept as with all estimators
-    return evaluate(samples, alone, KEPT / len(names)), settings_summary(settings)
+    evaluation = evaluate(samples, alone, KEPT / len(names))
+    return evaluation, settings_summary(settings), recording
 
 
 def force_over_depth(evaluation: Evaluation) -> dict[str, Any]:

@@ -215,6 +215,13 @@ def test_help_has_an_example(capsys, command):
     assert "Example: teleop" in capsys.readouterr().out
 
 
+def test_the_help_states_defaults_except_that_a_flag_is_off(capsys):
+    assert main(["run", "--help"]) == 0
+    out = capsys.readouterr().out
+    assert "[default: 127.0.0.1]" in out
+    assert "False" not in out
+
+
 def test_the_command_alone_shows_commands_to_start_with_in_80_columns(capsys):
     assert main([]) == 0
     out = capsys.readouterr().out.splitlines()

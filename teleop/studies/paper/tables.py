@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from textwrap import fill
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rich import box
 
 from estimation.quantities import FORCE_ERROR
-from teleop.output.console import TrimmedTable, plain_console
+from teleop.output.console import TrimmedTable, plain_console, terminal_width
+from teleop.printable import wrapped
 from teleop.studies.paper.table1 import TABLE_1
 
 
@@ -40,9 +40,15 @@ def print_reproduction(summary: Mapping[str, Any]) -> None:
                 ]
             table.add_row(f"{row['condition']} {row['estimator']}", *cells)
         console.print(table)
-    for claim in summary["claims"]:
-        style = "green" if claim["holds"] else "yellow"
-        console.print("holds:   " if claim["holds"] else "does not:", style=style, end=" ")
-        indent = " " * 10
-        text = fill(claim["claim"], console.width, initial_indent=indent, subsequent_indent=indent)
-        console.print(f"{text.lstrip()}\n{indent}{claim['evidence']}")
+    print_claims(summary["claims"])
+
+
+def print_claims(claims: Iterable[Mapping[str, Any]]) -> None:
+    """Print each claim, whether it holds or fails, and the evidence for it."""
+    console = plain_console()
+    for claim in claims:
+        mark, style = ("holds:", "green") if claim["holds"] else ("fails:", "yellow")
+        console.print(mark, style=style, end="  ")
+        indent = " " * len(f"{mark}  ")
+        lines = wrapped(claim["claim"], terminal_width() - len(indent)).split("\n")
+        console.print(f"\n{indent}".join([*lines, claim["evidence"]]))

@@ -24,7 +24,12 @@ from teleop.evaluation.across.comparison import Compared, tidy_rows
 from teleop.evaluation.across.groups import grouped, ranks_of
 from teleop.evaluation.batch.stiffness_result import StiffnessResult
 from teleop.evaluation.evaluate import evaluate
-from teleop.output.comparison_tables import group_table, print_comparison, published_table
+from teleop.output.comparison_tables import (
+    common_part,
+    group_table,
+    print_comparison,
+    published_table,
+)
 
 PLAN = """
 name = "short"
@@ -504,11 +509,25 @@ def test_the_folder_of_all_recordings_is_printed_once(series, tmp_path, capsys):
     assert out.count(folder) == 1
     first = min((series / "recordings").iterdir())
     assert f"  {first.stem}  " in out
-    copied = shutil.copy(first, tmp_path / "other.mcap")
+    copied = shutil.copy(first, tmp_path / first.name)
     assert main(["compare", str(first), str(copied)]) == 0
     out = capsys.readouterr().out
     assert out.splitlines()[0] == "results, with 95 % intervals"
     assert str(copied) in out
+
+
+@pytest.mark.parametrize(
+    ("files", "pattern", "names"),
+    [
+        (["day/free.mcap", "day/mimic.mcap"], "day/*.mcap", ["free", "mimic"]),
+        (["free.mcap", "day/mimic.mcap"], "", ["free", "mimic"]),
+        (["one/free.mcap", "two/mimic.csv"], "", ["free.mcap", "mimic.csv"]),
+        (["one/free.mcap", "two/free.mcap"], "", ["one/free.mcap", "two/free.mcap"]),
+        (["free.mcap", "mimic.mcap"], "", ["free.mcap", "mimic.mcap"]),
+    ],
+)
+def test_recordings_in_several_folders_have_short_names_if_all_names_differ(files, pattern, names):
+    assert common_part(files) == (pattern, names)
 
 
 def test_a_series_names_the_command_for_its_table_and_figure(series, capsys):

@@ -59,6 +59,13 @@ def test_the_page_does_not_scroll_sideways_also_with_all_details_open(tab, addre
     assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
 
 
+def test_the_first_remark_states_that_k_and_b_contain_the_transmission(tab, address):
+    first = show(tab, address, (1280, 720)).locator(".remarks li").first.inner_text()
+    assert first == (
+        "k and b: transmission in series, corrected for lag 2.66 ms, lost motion 122 um"
+    )
+
+
 def test_the_page_is_at_most_three_screens_long(tab, address):
     assert show(tab, address, (1280, 720)).evaluate("document.body.scrollHeight") <= 3 * 720
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from teleop.cli import main
 from teleop.output.console import number, plain_console, print_table, small
 from teleop.output.next_command import broken
-from teleop.output.result_tables import further_reasons, use_text, with_half
+from teleop.output.result_tables import further_reasons, print_together, use_text, with_half
 from teleop.output.table_files import TextTable, markdown_text
 from teleop.printable import wrapped
 
@@ -73,6 +73,23 @@ def test_long_names_are_numbered_where_a_table_would_not_fit(monkeypatch, capsys
     assert "  1       1" in lines
     assert lines[-1] == f"  2: {names[1]}"
     assert names[0] in lines[-2]
+
+
+def test_the_loss_tangent_has_the_digits_of_its_interval(capsys):
+    row = {
+        "file": "sine.csv",
+        "frequency_hz": 0.2,
+        "storage_n_per_m": 940593.0,
+        "storage_interval_n_per_m": 81.0,
+        "loss_n_per_m": 83787.0,
+        "loss_interval_n_per_m": 67.0,
+        "tan_delta": 0.0890788,
+        "tan_delta_interval": 0.0000712,
+    }
+    alone = {"file": "sine.csv", "k": 1.0, "b": 1.0, "rms": 1.0}
+    together = {"k": 1.0, "b": 1.0, "rms": 1.0, "ratios": {}, "insufficient": False, "reasons": []}
+    print_together({**together, "alone": [alone], "complex_stiffness": [row]})
+    assert "0.089079 ± 0.000071" in capsys.readouterr().out
 
 
 @given(st.lists(st.text("abc", min_size=1, max_size=30)), st.integers(1, 60), st.integers(0, 4))
@@ -178,6 +195,8 @@ def test_numbers_replace_the_longest_of_several_columns_with_text(monkeypatch, c
         (1000.0, 1e-13, "1000.00 \u00b1 0.01"),
         (1234.5678, 1e-3, "1234.57 \u00b1 0.01"),
         (2.4e12, 1.2e12, "(2.4 \u00b1 1.2)e12"),
+        (1.49e-5, 8.9e-6, "(1.49 \u00b1 0.89)e-5"),
+        (-2.4e-4, 8.5e-4, "(-2.4 \u00b1 8.5)e-4"),
     ],
 )
 def test_a_value_has_the_digits_of_its_interval_but_not_more_than_six(value, half, text):

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
 
 import numpy as np
 import pytest
@@ -243,8 +245,20 @@ def test_the_command_measures_a_recording(tmp_path, capsys):
     assert main(["lag"]) == 0
     out = capsys.readouterr().out
     assert "true lag (simulated)" in out
-    command = "teleop estimate FILE --conditioning matched --force-lag 0.00266"
-    assert f"compensate the lag with: {command}\n" in out
+    assert "  0% of it is a pure delay, 95 % interval 0% to 3%\n" in out
+
+
+def test_the_printed_command_corrects_for_all_measured_values(tmp_path, capsys):
+    assert main(["lag", "--json"]) == 0
+    measured = json.loads(capsys.readouterr().out)
+    assert main(["lag"]) == 0
+    (command,) = re.findall(r"correct the results with: teleop (.*)", capsys.readouterr().out)
+    path = written(tmp_path / "spring.csv", *spring(6e-3))
+    words = [str(path) if word == "FILE" else word for word in shlex.split(command)]
+    assert main([*words, "--json"]) == 0
+    used = json.loads(capsys.readouterr().out)["transmission"]
+    for name in ("force_lag_s", "lost_motion_m", "compliance_m_per_n"):
+        assert used[name] == pytest.approx(measured[name.replace("force_", "")], rel=1e-3)
 
 
 def test_the_command_says_when_a_recording_cannot_separate_them(tmp_path, capsys):

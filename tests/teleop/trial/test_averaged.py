@@ -124,4 +124,4 @@ def test_the_evaluation_of_a_recording_averages_the_same_part_as_the_trial(
             assert again[key] == pytest.approx(row[key], rel=1e-9), (name, key)
     assert main(["estimate", str(path)]) == 0
     text = " ".join(capsys.readouterr().out.split())
-    assert f"results and tables leave out {summary['left_out']}" in text
+    assert f"left out: {summary['left_out']}" in text

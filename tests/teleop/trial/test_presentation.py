@@ -7,9 +7,11 @@ import re
 import numpy as np
 import pytest
 
+from estimation.figure_style import PURPLE
 from teleop.cli import main
 from teleop.errors import InputError
 from teleop.evaluation.teleoperation.tracking import tracking
+from teleop.output.result_tables import result_values
 from teleop.output.trial_figures import tracking_figure
 from teleop.output.web_page import svg
 from teleop.recording.recording import Recording, load
@@ -32,12 +34,35 @@ def mimic(recorded):
 def test_the_figure_of_a_trial_names_it_and_has_the_true_values(mimic):
     figure = mimic.plot("double")
     assert figure.get_figwidth() == 7.16
-    title, remark = figure.axes[0].get_title(loc="left").split("\n")
+    title, *_, remark = figure.axes[0].get_title(loc="left").split("\n")
     assert title == "mimic, soft cube"
     assert remark.startswith("misfit above 5%, estimates cannot be used: rls")
     names = [text.get_text() for text in figure.legends[0].get_texts()]
     assert names[:2] == ["rls", "kalman"]
     assert "true values (k: secants)" in names
+
+
+def test_the_figure_of_a_trial_has_the_result_that_is_printed(mimic):
+    stiffness, damping, *_ = mimic.plot().axes
+    found = mimic.result.summary["result"]
+    levels = {
+        axes: {line.get_ydata()[0] for line in axes.get_lines() if line.get_color() == PURPLE}
+        for axes in (stiffness, damping)
+    }
+    assert levels == {stiffness: {found["k"] / 1e3}, damping: {found["b"]}}
+    title = stiffness.get_title(loc="left")
+    for one in result_values(found):
+        shown = f"{one.symbol} = {one.value} {one.unit} (95 % interval {one.low} to {one.high})"
+        assert (shown in title) == (one.symbol != "k at the tip")
+
+
+def test_the_figure_of_a_trial_without_a_result_states_why():
+    settings = TrialSettings("autonomous", duration=0.02, clock="virtual", estimators=("rls",))
+    short = run_trial(settings)
+    (reason, *_) = short.result.summary["result"]["reasons"]
+    stiffness = short.plot().axes[0]
+    assert f"no k and b: {reason}" in stiffness.get_title(loc="left").replace("\n", " ")
+    assert not [line for line in stiffness.get_lines() if line.get_color() == PURPLE]
 
 
 def test_the_figure_of_the_force_names_the_trial(mimic):

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import csv
 import errno
+import itertools
 import json
 
 import pytest
@@ -12,6 +13,7 @@ from teleop.studies.paper.claims import check_claims
 from teleop.studies.paper.page import reproduction_page
 from teleop.studies.paper.reproduction import reproduce
 from teleop.studies.paper.table1 import CONDITIONS, is_calibrated, table1
+from teleop.studies.paper.tables import print_claims
 from teleop.studies.paper.trials import Damping, PaperTrial, paper_trial
 
 from ...html_page import Page
@@ -133,6 +135,21 @@ def test_reproduce_writes_table_figures_and_a_page_that_needs_nothing_else(tmp_p
     assert all(link.startswith("#") for link in page.links)
 
 
+def test_the_lines_of_a_claim_after_the_first_are_indented(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "40")
+    words = " ".join(["word"] * 12)
+    print_claims(
+        [{"claim": words, "holds": holds, "evidence": "9 of 9"} for holds in (True, False)]
+    )
+    lines = capsys.readouterr().out.splitlines()
+    first, second = lines[: len(lines) // 2], lines[len(lines) // 2 :]
+    for mark, text in (("holds:  ", first), ("fails:  ", second)):
+        assert text[0].startswith(f"{mark}word")
+        assert all(line.startswith(" " * len(mark)) for line in text[1:])
+        assert max(map(len, text)) <= 40
+        assert text[-1].strip() == "9 of 9"
+
+
 def test_several_seeds_have_an_analysis_of_variance(monkeypatch):
     monkeypatch.setattr("teleop.studies.paper.trials.DURATION", 1.2)  # for a shorter test
     monkeypatch.setattr("teleop.studies.paper.reproduction.SLOW_FREQUENCIES", (0.4,))
@@ -140,6 +157,11 @@ def test_several_seeds_have_an_analysis_of_variance(monkeypatch):
     assert set(found.summary()["study"]) == {"e_f", "rise_time_s"}
     page = reproduction_page(found.first, found.claims, {}, found.slow, found.study, 2, {})
     assert page.count("<table") == 6
+    for before, table in itertools.pairwise(page.split("<table")):
+        many = table.split("</tr>")[0].count("<th") > 4
+        assert not many or before.endswith('<div class="wide">'), (
+            "scrolls in its own box on a phone"
+        )
 
 
 @pytest.mark.parametrize(
