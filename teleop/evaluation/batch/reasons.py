@@ -27,6 +27,7 @@ from teleop.evaluation.batch.thresholds import (
     CREEP_NOISE,
     FEWEST_INDEPENDENT,
     FEWEST_SAMPLES_PER_CYCLE,
+    FREE_SPEED,
     LARGEST_STOP_TRAVEL,
     LARGEST_ZERO_FORCE,
     LEAST_CONTACT_MOTION,
@@ -49,6 +50,7 @@ from teleop.evaluation.batch.thresholds import (
     SHORTEST_CREEP,
     SHORTEST_RELAXATION_HOLD,
     SMALL_BASELINE,
+    SPEED_DEGREE,
     STEEPEST_LOSS,
     STRUCTURAL_DEGREE,
     SUFFICIENT_RESIDUAL,
@@ -413,6 +415,21 @@ def no_damping(
         period = 1.0 / local.frequency if np.isfinite(local.frequency) else np.inf
         return negative_damping(local.b, transmission, -local.b / local.k, period)
     return None
+
+
+def change_of_speed_with_depth(x: Floats, v: Floats, position: float) -> float | None:
+    """Return |dv/dx| at a position [1/s]; None if depths are passed with different speeds.
+
+    In a single stroke, the speed is a smooth function of the depth. The force b v is then one more
+    function of the depth: b is not determined, and changes k by |dv/dx| times its change.
+    """
+    middle, span = float(x.mean()), max(float(np.ptp(x)), 1e-300)
+    scaled = (x - middle) / span
+    polynomial = np.polynomial.Polynomial.fit(scaled, v, SPEED_DEGREE)
+    rest = v - polynomial(scaled)
+    if float(np.std(rest)) > FREE_SPEED * float(np.sqrt(np.mean(v**2))):
+        return None
+    return abs(float(polynomial.deriv()((position - middle) / span))) / span
 
 
 def longest_hold(record: SmoothedRecord, phases: Phases) -> float:

@@ -42,6 +42,7 @@ from teleop.evaluation.batch.measured_point import Point, gap_at, measured_point
 from teleop.evaluation.batch.reasons import (
     DAMPING_NOT_RESOLVED,
     LAG,
+    change_of_speed_with_depth,
     no_damping,
     reasons_after_fit,
     reasons_before_fit,
@@ -297,7 +298,15 @@ def stiffness_result(
                 "sine cannot show this"
             )
         )
-    unusable = unknown = no_damping(v, local, half_b, drift, transmission)
+    along_depth = change_of_speed_with_depth(x, v, local.best.position)
+    half_k = math.hypot(half_k, (along_depth or 0.0) * (abs(local.b) + half_b))
+    unknown = no_damping(v, local, half_b, drift, transmission)
+    if along_depth is not None and not unknown:
+        unknown = Reason(
+            "each depth is passed with one speed: damping is not determined, because a stiffness "
+            "that changes with depth has the same effect"
+        )
+    unusable = unknown
     if unknown:
         found.append(unknown)
     elif half_b > abs(local.b):

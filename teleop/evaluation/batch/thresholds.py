@@ -356,6 +356,9 @@ model (structural misfit). With a lower degree, it is attributed to noise."""
 CONSTANT_SPEED = 1e-9
 """If the standard deviation of the velocity is below this fraction of the mean speed, the speed
 counts as constant."""
+SPEED_DEGREE, FREE_SPEED = 5, 0.1
+"""Degree of a polynomial of the depth, and largest residual of the speed about it, as a fraction of
+the speed, with which damping cannot be separated from a stiffness that depends on depth."""
 SUFFICIENT_RESIDUAL = 0.02
 """If the residual of the Kelvin-Voigt model is below this fraction of the typical force, the model
 is sufficient. The typical force is 0.35 times the force range, which is the root mean square of a

@@ -120,7 +120,7 @@ def test_damping_is_not_determined_where_the_amplitude_is_small():
     assert found.identifiable
     assert found.b is None
     assert "too small for b" in found.reasons[0]
-    nothing = analyse(record(x, linear(behind_play(x, 0.6 * AMPLITUDE)), 4)).result
+    nothing = analyse(record(x, linear(behind_play(x, 0.55 * AMPLITUDE)), 4)).result
     assert nothing.k is None
     assert "too small for k and b" in nothing.reasons[0]
 

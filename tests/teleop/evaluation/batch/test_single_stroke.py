@@ -98,6 +98,20 @@ def test_a_noisy_ramp_from_free_motion_has_its_contact_point(seed: int) -> None:
     assert point.low <= 1e-3 <= point.high
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_stroke_with_one_speed_at_each_depth_determines_no_damping(seed: int) -> None:
+    t = np.arange(round(0.4 * RATE)) / RATE
+    x = 1.5e-3 * (1.0 - np.cos(2.0 * np.pi * t / 1.2))
+    v = np.gradient(x, 1.0 / RATE)
+    stiffening = K * x * (1.0 + 40.0 * x) + 8.0 * v
+    f = stiffening + np.random.default_rng(seed).normal(0.0, 2e-3, len(t))
+    result = analyse(Signals(t, x, f, periods(t), "position")).result
+    assert result.b is None or "each depth is passed with one speed" in result.b_reason
+    if result.k is not None:
+        tangent = K * (1.0 + 80.0 * float(np.interp(result.force, stiffening, x)))
+        assert result.k_low <= tangent <= result.k_high
+
+
 def test_at_a_constant_speed_the_damping_is_not_determined() -> None:
     x = ramp()
     t = np.arange(len(x)) / RATE
