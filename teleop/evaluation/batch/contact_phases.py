@@ -23,6 +23,7 @@ of the part is its motion. A time with nearly constant position is a hold if it 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -46,6 +47,7 @@ from teleop.evaluation.batch.thresholds import (
     GUARD_WIDTHS,
     LAG_FACTOR,
     LARGEST_HOLD_MOTION,
+    LARGEST_PULL_NOISE,
     LEAST_ADHESION,
     LEAST_LEVEL_WIDTH,
     LEAST_MOVED,
@@ -56,6 +58,7 @@ from teleop.evaluation.batch.thresholds import (
     OUT_OF_CONTACT_TRAVEL,
     SHORTEST_CLIPPING,
     SHORTEST_HOLD,
+    SLOW_ADHESION_NOISE,
 )
 from teleop.evaluation.reading.signals import smallest_step
 
@@ -261,9 +264,26 @@ def adhesion(record: SmoothedRecord) -> float | None:
     lowest, span = float(f.min()), float(np.ptp(f))
     if lowest == out.min() or float(np.std(out)) > CONSTANT_FREE_FORCE * span:
         return None
-    pull = float(np.median(out)) - lowest
-    least = max(LEAST_ADHESION * span, ADHESION_NOISE * record.f_noise_smoothed)
+    level = float(np.median(out))
+    pull = level - lowest
+    slow_noise = 1.4826 * float(np.median(np.abs(out - level)))
+    noise = max(ADHESION_NOISE * record.f_noise_smoothed, SLOW_ADHESION_NOISE * slow_noise)
+    least = max(LEAST_ADHESION * span, noise)
     return pull if pull > least else None
+
+
+def pull_off_force(record: SmoothedRecord, smoothed: float) -> float:
+    """Return the largest adhesion force of the measured force [N].
+
+    `smoothed` is that of the smoothed force [N], which is too small where the tip separates. Here
+    only so many samples are averaged that the noise is a small part of the adhesion force.
+    """
+    noise = record.f_noise / (LARGEST_PULL_NOISE * smoothed)
+    width = round(record.width / record.period)
+    samples = int(np.clip(math.ceil(noise**2), 1, max(width, 1)))
+    mean = np.convolve(record.raw_f, np.full(samples, 1.0 / samples), "valid")
+    out = record.raw_f[record.x <= record.x.min() + OUT_OF_CONTACT_TRAVEL * np.ptp(record.x)]
+    return float(np.median(out) - mean.min())
 
 
 def peak_height(f: Floats) -> float:

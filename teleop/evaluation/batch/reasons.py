@@ -11,7 +11,7 @@ from estimation.quantities import DAMPING, STIFFNESS
 from estimation.transmission import TransmissionCalibration
 from teleop.evaluation.batch.candidate import FRICTION
 from teleop.evaluation.batch.constancy import Change, LagDrift, rise_at_rest
-from teleop.evaluation.batch.contact_phases import Phases, adhesion
+from teleop.evaluation.batch.contact_phases import Phases, adhesion, pull_off_force
 from teleop.evaluation.batch.depth import surface
 from teleop.evaluation.batch.extension_texts import phrases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
@@ -219,7 +219,8 @@ def contact_remarks(record: SmoothedRecord, local: LocalStiffness) -> list[Reaso
     if pull := adhesion(record):
         found.append(
             Reason(
-                f"adhesion: the smoothed force falls by {pull:.3g} N below its level out of contact"
+                f"adhesion: the force falls by {pull_off_force(record, pull):.3g} N below its "
+                "level out of contact"
             )
         )
     if record.ramp:

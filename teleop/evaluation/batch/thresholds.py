@@ -328,6 +328,12 @@ OUT_OF_CONTACT_TRAVEL = 0.05
 """Fraction of the travel, from the lowest position, that is assumed to be out of contact."""
 CONSTANT_FREE_FORCE = 0.02
 """Largest standard deviation of the force out of contact, as a fraction of the force range."""
+SLOW_ADHESION_NOISE = 5.0
+"""Smallest adhesion force, in standard deviations of the smoothed force out of contact: the noise
+of the force can be slow."""
+LARGEST_PULL_NOISE = 0.02
+"""Standard deviation of the noise of the mean of samples that is accepted for the adhesion force,
+as a fraction of it."""
 LEAST_ADHESION = 0.015
 """Smallest adhesion that is reported, as a fraction of the force range."""
 ADHESION_NOISE = 6.0

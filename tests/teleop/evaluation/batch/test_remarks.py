@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from estimation.transmission import TransmissionCalibration
 from teleop.evaluation.batch.analysis import analyse
@@ -106,7 +107,20 @@ def test_a_pull_at_release_is_called_adhesion(pull):
     held = (t > 14.0) & (x > -8e-4)
     f = 100.0 * np.maximum(x, 0.0) - pull * held * np.clip((t - 14.0) / 2.0, 0.0, 1.0)
     reasons = analyse(signals(t, x, f, 5e-4)).result.reasons
-    assert any("adhesion" in reason for reason in reasons) is (pull > 0.0)
+    found = [reason for reason in reasons if reason.startswith("adhesion: the force falls by")]
+    assert [float(reason.split()[5]) for reason in found] == [pytest.approx(pull, rel=0.1)] * (
+        pull > 0.0
+    )
+
+
+def test_slow_noise_of_the_force_is_no_adhesion():
+    rng = np.random.default_rng(12)
+    t = np.arange(0.0, 24.0, 2e-3)
+    x = 3e-3 * np.sin(2.0 * np.pi * 0.5 * t)
+    pole = np.exp(-2e-3 / 0.3)
+    slow = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], rng.normal(size=len(t)))
+    reasons = analyse(signals(t, x, 500.0 * np.maximum(x, 0.0) + 0.03 * slow)).result.reasons
+    assert not any("adhesion" in reason for reason in reasons)
 
 
 def test_a_small_adhesion_with_a_short_retraction_does_not_change_the_stiffness():
