@@ -4,7 +4,7 @@ The force is fitted with the position behind a play of each of a few half widths
 
     f = P(x) + (b + b1 x + b2 x^2) v + m a + relaxing parts
 
-P is a polynomial of degree 3. Each relaxing part is the position behind a high-pass filter of first
+P is a polynomial of degree 5. Each relaxing part is the position behind a high-pass filter of first
 order with a given time constant, and its decaying initial value. All terms are linear in the
 parameters. They describe the smooth hysteresis of damping, of a force lag, and of tissue that
 relaxes. The hysteresis of a play is different: it is sharp at each reversal, and does not depend on
@@ -139,7 +139,18 @@ class Blocks(NamedTuple):
         for i, decay in enumerate(decays[1:], 1):
             relaxing[:, i] = decay * relaxing[:, i - 1] + (periods[i] * v[:, i])[:, None]
         initial = np.exp(-since[:, None] / TIME_CONSTANTS)
-        smooth = (np.ones_like(x), x, x**2, x**3, v, x * v, x**2 * v, np.gradient(v, axis=1))
+        smooth = (
+            np.ones_like(x),
+            x,
+            x**2,
+            x**3,
+            x**4,
+            x**5,
+            v,
+            x * v,
+            x**2 * v,
+            np.gradient(v, axis=1),
+        )
         terms = np.concatenate(
             (np.stack(smooth, 2), relaxing, np.broadcast_to(initial, relaxing.shape)), axis=2
         )[:, self.used]

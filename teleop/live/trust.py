@@ -167,12 +167,12 @@ class Trust:
         change = 0.0 if play is None else abs(play.k_change if part == "k" else play.b_change)
         if play is None or not change > LEAST_CHANGE * abs(value) or change <= half:
             return ""
-        found = f"{play.half_width * 1e3:.2g} mm"
+        found = f"{play.half_width * 1e3:.2g}"
         if self._removed:
-            return f"lost motion of about {found}, not {self._removed * 1e3:.2g}"
+            return f"lost motion {found}, not {self._removed * 1e3:.2g} mm"
         if play.half_width == HALF_WIDTHS[-1]:
-            return f"lost motion of {found} or more"
-        return f"lost motion of about {found}"
+            return f"lost motion ≥ {found} mm"
+        return f"lost motion ≈ {found} mm"
 
     def _document(self, verdicts: Sequence[Mapping[str, Verdict]]) -> dict[str, Any]:
         """Return the mark of k and of b, and which estimates of each estimator are supported.

@@ -141,10 +141,10 @@ def decided_behind(play, transmission=RIGID, removed=0.0, seconds=6.0, **of):
 
 def test_b_cannot_be_used_if_the_force_indicates_lost_motion():
     found = decided_behind(100e-6)
-    assert found["b"] == {"mark": "cannot", "reason": "lost motion of about 0.1 mm"}
+    assert found["b"] == {"mark": "cannot", "reason": "lost motion ≈ 0.1 mm"}
     assert found["k"]["mark"] == "can be used"
     assert decided_behind(0.0)["b"]["mark"] == "can be used"
-    assert decided_behind(300e-6)["b"]["reason"] == "lost motion of 0.2 mm or more"
+    assert decided_behind(300e-6)["b"]["reason"] == "lost motion ≥ 0.2 mm"
 
 
 def test_lost_motion_that_changes_an_estimate_only_within_its_interval_is_not_stated():
@@ -155,17 +155,17 @@ def test_lost_motion_that_changes_an_estimate_only_within_its_interval_is_not_st
 def test_k_cannot_be_used_if_the_lost_motion_changes_it():
     soft = {"k": 100.0, "k_std": 1.0}
     found = decided_behind(200e-6, rls=soft, me=soft)
-    assert found["k"] == {"mark": "cannot", "reason": "lost motion of 0.2 mm or more"}
+    assert found["k"] == {"mark": "cannot", "reason": "lost motion ≥ 0.2 mm"}
 
 
 def test_indicated_lost_motion_is_compared_with_that_which_is_removed():
     assert decided_behind(120e-6, removed=120e-6)["b"]["mark"] == "can be used"
     found = decided_behind(50e-6, removed=150e-6)
-    assert found["b"]["reason"] == "lost motion of about 0.05 mm, not 0.15"
+    assert found["b"]["reason"] == "lost motion 0.05, not 0.15 mm"
 
 
 def test_lost_motion_is_stated_even_if_the_lag_is_unknown_and_a_known_shift_before_it():
-    assert decided_behind(100e-6, None)["b"]["reason"] == "lost motion of about 0.1 mm"
+    assert decided_behind(100e-6, None)["b"]["reason"] == "lost motion ≈ 0.1 mm"
     assert decided_behind(0.0, None)["b"]["reason"] == "force lag not measured"
     known = decided_behind(100e-6, {"force_lag": 0.02, "lost_motion": 0.0})
     assert known["b"]["reason"] == "lag: -40 N s/m"
