@@ -40,11 +40,10 @@ FEWEST_BLOCKS = 80
 """Smallest number of blocks in contact with which a lost motion is indicated."""
 TIME_CONSTANTS = np.array([0.04, 0.15, 0.5, 2.0])
 """Time constants of the relaxing parts [s]."""
-EVIDENCE = 20.0
+EVIDENCE = 15.0
 """Least n log(S0 / S) that indicates a play, with n independent values in the residual.
 
-S and S0 are the sums of squares of the residuals with and without the play. The value is twice the
-largest one in 150 simulated records without play. `docs/live.md` states how often play is found.
+S and S0 are the sums of squares of the residuals with and without the play.
 """
 RANK = 1e-9
 """Smallest relative singular value of the terms that is not treated as 0."""
