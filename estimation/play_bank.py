@@ -40,10 +40,11 @@ FEWEST_BLOCKS = 80
 """Smallest number of blocks in contact with which a lost motion is indicated."""
 TIME_CONSTANTS = np.array([0.04, 0.15, 0.5, 2.0])
 """Time constants of the relaxing parts [s]."""
-EVIDENCE = 15.0
+EVIDENCE = 20.0
 """Least n log(S0 / S) that indicates a play, with n independent values in the residual.
 
-S and S0 are the sums of squares of the residuals with and without the play.
+S and S0 are the sums of squares of the residuals with and without the play. The residuals are
+whitened by a filter of first order.
 """
 RANK = 1e-9
 """Smallest relative singular value of the terms that is not treated as 0."""
@@ -94,7 +95,12 @@ def strongest(
         return None
     force = blocks.means(f[valid])[blocks.used]
     moved = np.array([blocks.moved(Play(d).run(x[valid])) for d in half_widths.tolist()])
-    residuals = [residual(terms, force) for terms in blocks.terms(moved)]
+    terms = blocks.terms(moved)
+    best_fit = min((residual(one, force) for one in terms), key=lambda r: float(r @ r))
+    # without the correlation of coloured noise, the sharp reversals of a play are plain
+    weight = correlation(best_fit)
+    white = force[1:] - weight * force[:-1]
+    residuals = [residual(one[1:] - weight * one[:-1], white) for one in terms]
     squares = [max(float(r @ r), SMALLEST) for r in residuals]
     best, present = int(np.argmin(squares)), int(np.searchsorted(half_widths, removed))
     evidence = independent_values(residuals[best]) * math.log(squares[present] / squares[best])
@@ -208,8 +214,13 @@ def kelvin_voigt(moved: Floats, force: Floats) -> tuple[float, float]:
     return k, b
 
 
+def correlation(residual: Floats) -> float:
+    """Return the correlation of successive values of a residual; 0 if it is negative."""
+    products = float(residual[1:] @ residual[:-1])
+    return max(products / max(float(residual @ residual), SMALLEST), 0.0)
+
+
 def independent_values(residual: Floats) -> float:
-    """Return the number of independent values in a residual, from its correlation at lag 1."""
-    correlation = float(residual[1:] @ residual[:-1]) / max(float(residual @ residual), SMALLEST)
-    positive = max(correlation, 0.0)
-    return len(residual) * (1.0 - positive) / (1.0 + positive)
+    """Return the number of independent values in a residual, from its correlation."""
+    found = correlation(residual)
+    return len(residual) * (1.0 - found) / (1.0 + found)
