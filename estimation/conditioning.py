@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from estimation.arrays import Floats
 from estimation.checks import checked_samples, is_valid, sample_error
 from estimation.compiled import looped
-from estimation.filters import Lag, LowPass, Play, angular, difference, difference_series
+from estimation.filters import Delay, Lag, LowPass, Play, angular, difference, difference_series
 from estimation.model import KELVIN_VOIGT, Model
 
 BANDWIDTH = 20.0
@@ -301,6 +301,38 @@ class MatchedFilter(Conditioner):
         return Regression(y, rate, force, dt, np.reshape(further, (len(further), len(x))).T.copy())
 
 
+class WithDelay(Conditioner):
+    """Delay the position by the pure delay of the force channel, before another conditioner.
+
+    Parameters
+    ----------
+    conditioner
+        The conditioner that receives the delayed position and the measured force.
+    delay
+        Pure delay of the force channel [s].
+    """
+
+    def __init__(self, conditioner: Conditioner, delay: float) -> None:
+        self._conditioner = conditioner
+        self._delay = Delay(delay)
+        self.settling = conditioner.settling + delay
+
+    def reset(self) -> None:
+        """Reset delay and filter to their states before the first sample."""
+        self._delay.reset()
+        self._conditioner.reset()
+
+    def correlation(self, dt: float) -> float:
+        """Return the `correlation` of the other conditioner."""
+        return self._conditioner.correlation(dt)
+
+    def _condition(self, x: float, f: float, dt: float) -> ConditionedSample:
+        return self._conditioner._condition(self._delay.update(x, dt), f, dt)
+
+    def _condition_all(self, x: Floats, f: Floats, dt: Floats) -> Regression:
+        return self._conditioner._condition_all(self._delay.run(x, dt), f, dt)
+
+
 class WithoutLostMotion(Conditioner):
     """Remove the lost motion of the transmission from the position, before another conditioner.
 
@@ -349,6 +381,7 @@ def make_conditioner(
     force_lag: float = 0.0,
     model: Model = KELVIN_VOIGT,
     lost_motion: float = 0.0,
+    delay_share: float = 0.0,
 ) -> Conditioner:
     """Return a new signal conditioner with this name.
 
@@ -357,8 +390,9 @@ def make_conditioner(
 
     `bandwidth` [Hz] is not used by `foaw`. `resolution`, the distance per encoder count [m], is
     used only by `foaw`. Only `matched` supports a `force_lag` [s] and regressors besides v and x.
-    All of them support the half width of the play between encoder and tip, `lost_motion` [m].
-    ValueError otherwise, or if a number is out of its range.
+    `delay_share`, from 0 to 1, is the share of a pure delay in this lag; the rest is of first
+    order. All of them support the half width of the play between encoder and tip, `lost_motion`
+    [m]. ValueError otherwise, or if a number is out of its range.
     """
     if name not in CONDITIONERS:
         raise ValueError(f"conditioning {name!r}: expected one of {', '.join(CONDITIONERS)}")
@@ -366,13 +400,17 @@ def make_conditioner(
         raise ValueError(f"force lag {force_lag:g} s: expected conditioning matched, not {name}")
     if force_lag > LONGEST_LAG:
         raise ValueError(f"force lag {force_lag:g} s: expected at most {LONGEST_LAG:g} s")
+    if not 0.0 <= delay_share <= 1.0:
+        raise ValueError(f"delay share {delay_share:g}: expected 0 to 1")
     if model.further and name != "matched":
         raise ValueError(f"model {model.name}: expected conditioning matched, not {name}")
     made: Conditioner
     try:
         angular(bandwidth)
         if name == "matched":
-            made = MatchedFilter(bandwidth, force_lag, model)
+            made = MatchedFilter(bandwidth, (1.0 - delay_share) * force_lag, model)
+            if delay := delay_share * force_lag:
+                made = WithDelay(made, delay)
         elif name == "svf":
             made = StateVariableFilter(bandwidth)
         elif name == "difference":

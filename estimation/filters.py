@@ -6,6 +6,7 @@ The filters are exact if the input changes linearly between the samples.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
@@ -196,6 +197,56 @@ class Lag:
         looped(lag_series, (self._lag, self._u, self.y), (u, dt), (y,))
         self._u, self.y = float(u[-1]), float(y[-1])
         return y
+
+
+class Delay:
+    """Pure delay y(t) = u(t - T) with input u and output y.
+
+    The output is exact for every `dt` if the input is linear between samples. Before the first
+    sample, the input has the value of the first sample.
+
+    `delay` is T [s], >= 0.
+    """
+
+    def __init__(self, delay: float) -> None:
+        if not 0.0 <= delay < math.inf:
+            raise ValueError(f"delay must be >= 0, got {delay} s")
+        self._delay = delay
+        self._past: deque[tuple[float, float]] = deque()
+        self.reset()
+
+    def reset(self) -> None:
+        """Discard all inputs. The next input is processed as the first input."""
+        self._past.clear()
+        self._time = 0.0
+
+    def update(self, u: float, dt: float) -> float:
+        """Process one input, and return the output.
+
+        During the time `dt` [s], the input changes linearly from the previous input to `u`.
+        """
+        if self._delay == 0.0:
+            return u
+        past = self._past
+        self._time += dt
+        past.append((self._time, u))
+        t = self._time - self._delay
+        while len(past) > 1 and past[1][0] <= t:
+            past.popleft()
+        start, before = past[0]
+        if t <= start:
+            return before
+        end, after = past[1]
+        return before + (after - before) * ((t - start) / (end - start))
+
+    def run(self, u: Floats, dt: Floats) -> Floats:
+        """Process n inputs; return n outputs, which are those of n calls of `update`.
+
+        `u` contains the inputs, and `dt` the times since the previous input [s].
+        """
+        if self._delay == 0.0 or not len(u):
+            return u
+        return np.array(list(map(self.update, u.tolist(), dt.tolist())))
 
 
 class Play:

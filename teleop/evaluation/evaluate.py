@@ -102,7 +102,12 @@ def evaluate(
     model = settings.model or (given.model if given else KELVIN_VOIGT)
     with as_input_error():
         conditioner = make_conditioner(
-            settings.conditioning, bandwidth, resolution, online_known.force_lag, model
+            settings.conditioning,
+            bandwidth,
+            resolution,
+            online_known.force_lag,
+            model,
+            delay_share=online_known.delay_share,
         )
     sampled = conditioned(conditioner, signals, datum, motion)
     regression = sampled.regression

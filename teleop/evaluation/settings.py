@@ -57,10 +57,10 @@ def known_lag(settings: EstimateSettings) -> float | None:
 def online_transmission(settings: EstimateSettings) -> TransmissionCalibration:
     """Return the lag and the lost motion for which the online estimates are corrected."""
     known = settings.online or settings.transmission
-    lag = settings.force_lag
-    if lag is None:
-        lag = known.force_lag if settings.conditioning == "matched" else 0.0
-    return TransmissionCalibration(lag, known.lost_motion)
+    lag, share = settings.force_lag or 0.0, 0.0  # a stated lag is of first order
+    if settings.force_lag is None and settings.conditioning == "matched":
+        lag, share = known.force_lag, known.delay_share
+    return TransmissionCalibration(lag, known.lost_motion, delay_share=share)
 
 
 def settings_summary(settings: EstimateSettings) -> dict[str, Any]:

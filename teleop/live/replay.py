@@ -84,7 +84,9 @@ class Replay(Feed):
             *filter(None, [trial]),
             events_document(events),
         ]
-        self._trust = Trust(names, estimators, trial.get("transmission"))
+        self._trust = Trust(
+            names, estimators, trial.get("transmission"), trial.get("removed_lost_motion", 0.0)
+        )
         self._rate = 1.0
         self._at = self._from = float(self._t[0])
         self._since = now()

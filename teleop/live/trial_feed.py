@@ -289,7 +289,10 @@ class TrialFeed(Feed):
         self._latest = time.monotonic()
         shown = shown_columns(names, begin["estimators"])
         self._indices = [self._column[name] for name in shown]
-        self._trust = Trust(shown, begin["estimators"], begin["trial"]["transmission"])
+        trial = begin["trial"]
+        self._trust = Trust(
+            shown, begin["estimators"], trial["transmission"], trial["removed_lost_motion"]
+        )
         of = {column["name"]: column for column in begin["columns"]}
         for name in ("summary", "evaluating", "events"):
             self._valid.pop(name, None)
@@ -352,7 +355,9 @@ class TrialFeed(Feed):
             self._sent = found[rows[-1]]
             sent = slots["written"][rows, np.newaxis]
             self.history.add(np.hstack([values[rows][:, self._indices], sent]))
-            if self._mode is ACTIVE:  # the last decision of a trial remains
+            t = values[rows[-1], self._column["time"]]
+            # the last decision of a trial remains
+            if self._mode is ACTIVE and self._trust.is_due(t):
                 self._trust.update(self.history.latest(JUDGED))
 
     def _values(self, messages: NDArray[np.uint8]) -> Floats:

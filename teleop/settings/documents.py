@@ -32,7 +32,7 @@ def to_document(settings: TrialSettings) -> dict[str, Any]:
         "limits": asdict(settings.limits),
         "online_transmission": {
             name: getattr(settings.online_transmission, name)
-            for name in ("force_lag", "lost_motion")
+            for name in ("force_lag", "lost_motion", "delay_share")
         },
         **({"setup": settings.setup} if settings.is_simulated else {}),
     }

@@ -324,10 +324,13 @@ class TrialSettings:
     @property
     def online_transmission(self) -> TransmissionCalibration:
         """Lag and lost motion for which the online estimates are corrected."""
-        known, lag, lost = self.transmission, self.force_lag, self.lost_motion
-        if lag is None:
-            lag = known.force_lag if self.conditioning == "matched" else 0.0
-        return TransmissionCalibration(lag, known.lost_motion if lost is None else lost)
+        known, lost = self.transmission, self.lost_motion
+        lag, share = self.force_lag or 0.0, 0.0  # a stated lag is of first order
+        if self.force_lag is None and self.conditioning == "matched":
+            lag, share = known.force_lag, known.delay_share
+        return TransmissionCalibration(
+            lag, known.lost_motion if lost is None else lost, delay_share=share
+        )
 
     def make_conditioner(self) -> Conditioner:
         """Return a new signal conditioner, which computes the input of the estimators."""
@@ -339,6 +342,7 @@ class TrialSettings:
             correction.force_lag,
             self.preset.model if self.preset else self.model,
             correction.lost_motion,
+            correction.delay_share,
         )
 
     @property

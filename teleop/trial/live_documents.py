@@ -94,6 +94,7 @@ def trial_document(
         },
         "truth": true and shown_truth(true),
         "transmission": transmission_document(settings),
+        "removed_lost_motion": settings.online_transmission.lost_motion,
         "target": {
             "frequency": target.frequency,
             "depth": target.depth,

@@ -5,6 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from estimation import (
@@ -16,7 +18,8 @@ from estimation import (
     compiled,
     least_squares,
 )
-from estimation.conditioning import WithoutLostMotion, make_conditioner
+from estimation.conditioning import WithDelay, WithoutLostMotion, make_conditioner
+from estimation.filters import Delay, Lag
 from estimation.model import MODELS
 
 ALL = {
@@ -24,6 +27,7 @@ ALL = {
     "foaw": lambda: FirstOrderAdaptiveWindowing(1e-6),
     "svf": lambda: StateVariableFilter(20.0),
     "matched": lambda: MatchedFilter(20.0),
+    "with delay": lambda: WithDelay(MatchedFilter(20.0), 3.3e-3),
     "without lost motion": lambda: WithoutLostMotion(MatchedFilter(20.0), 2e-4),
 }
 
@@ -139,6 +143,9 @@ def test_foaw_refuses_an_impossible_window():
     [
         functools.partial(FilteredDifference, 20.0),
         functools.partial(make_conditioner, "difference", 20.0, 1e-6, lost_motion=2e-4),
+        functools.partial(
+            make_conditioner, "matched", 20.0, 1e-6, 5e-3, lost_motion=2e-4, delay_share=0.6
+        ),
         *(
             functools.partial(MatchedFilter, 20.0, lag, model)
             for lag in (0.0, 3e-3)
@@ -177,3 +184,65 @@ def test_behind_lost_motion_a_conditioner_receives_the_position_of_a_backlash(na
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
     assert behind.settling == rigid.settling
     assert behind.correlation(1e-3) == rigid.correlation(1e-3)
+
+
+PERIODS = st.lists(st.floats(1e-4, 5e-3), min_size=1, max_size=40)
+
+
+@given(delay=st.floats(0.0, 0.05), dt=PERIODS, data=st.data())
+def test_a_delay_is_the_interpolated_input_of_an_earlier_time(delay, dt, data):
+    size = len(dt)
+    u = np.array(data.draw(st.lists(st.floats(-1.0, 1.0), min_size=size, max_size=size)))
+    t = np.cumsum(dt)
+    expected = np.interp(t - delay, t, u)  # before the first sample, the input is constant
+    np.testing.assert_allclose(Delay(delay).run(u, np.array(dt)), expected, atol=1e-7)
+
+
+@given(delay=st.floats(0.0, 0.05), dt=PERIODS, cut=st.integers(0, 40))
+def test_a_delay_gives_the_same_bits_sample_by_sample_and_in_blocks(delay, dt, cut):
+    dt = np.array(dt)
+    u = np.sin(50.0 * np.cumsum(dt))
+    single, blocks = Delay(delay), Delay(delay)
+    online = [single.update(*one) for one in zip(u.tolist(), dt.tolist(), strict=True)]
+    parts = [blocks.run(u[part], dt[part]) for part in (slice(cut), slice(cut, None))]
+    assert np.array_equal(np.concatenate(parts), online)
+    blocks.reset()
+    assert np.array_equal(blocks.run(u, dt), online)
+
+
+def test_the_memory_of_a_delay_is_limited():
+    delay = Delay(5e-3)
+    for _ in range(10_000):
+        delay.update(1.0, 1e-3)
+    assert len(delay._past) <= 7
+
+
+@pytest.mark.parametrize("delay", [-1e-3, np.nan, np.inf])
+def test_an_impossible_delay_is_refused(delay):
+    with pytest.raises(ValueError, match="delay must be >= 0"):
+        Delay(delay)
+
+
+@pytest.mark.parametrize("share", [-0.1, 1.1, np.nan])
+def test_an_impossible_share_of_a_delay_is_refused(share):
+    with pytest.raises(ValueError, match="expected 0 to 1"):
+        make_conditioner("matched", 20.0, 1e-6, 1e-3, delay_share=share)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.6, 1.0])
+def test_k_and_b_are_right_only_with_the_share_of_the_delay_in_the_lag(share):
+    """A spring and a damper, whose force channel has the given share of a delay in 20 ms."""
+    k, b, lag, fine = 1000.0, 20.0, 20e-3, 1e-4
+    t = np.arange(0.0, 6.0, fine)
+    depth = sum(1e-3 * np.sin(2.0 * np.pi * f * t + f) for f in (0.7, 2.3, 5.9))
+    late = np.interp(t - share * lag, t, k * depth + b * np.gradient(depth, fine))
+    force = Lag((1.0 - share) * lag).run(late, np.full(t.size, fine))
+    x, f = depth[::10], force[::10]
+    errors = {}
+    for used in (0.0, 0.6, 1.0):
+        conditioner = make_conditioner("matched", 20.0, 1e-6, lag, delay_share=used)
+        sampled = conditioner.run(x, f, 1e-3).part(slice(1000, None))
+        fit = np.linalg.lstsq(np.column_stack([sampled.x, sampled.v]), sampled.f, rcond=None)[0]
+        errors[used] = np.abs(fit / (k, b) - 1.0)
+    assert errors.pop(share).max() < 5e-3
+    assert all(wrong[1] > 0.02 for wrong in errors.values())

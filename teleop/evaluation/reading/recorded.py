@@ -281,7 +281,8 @@ def recorded_settings(recording: Recording) -> EstimateSettings:
                 "preset": validator(Preset).validate_python(settings["preset"]),
                 "conditioning": settings["conditioning"],
                 "bandwidth": settings["bandwidth_hz"],
-                # earlier versions corrected the online estimates for the stated lag only
+                # Earlier versions corrected the online estimates for the stated lag only, and
+                # others for every lag as one of first order: they recorded no `delay_share`.
                 "online": settings.get("online_transmission")
                 or {"force_lag": settings["force_lag_s"]},
                 "whole": True,

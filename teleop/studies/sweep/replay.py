@@ -39,7 +39,7 @@ class RecordedTrial:
         self.averaged = recorded_part(recording)
         """The part of the trial over which the estimates are averaged."""
         self._signals = recorded_signals(recording)
-        self._known: dict[tuple[str, float, float, float, Model], ConditionedSamples] = {}
+        self._known: dict[tuple[str, float, float, float, float, Model], ConditionedSamples] = {}
 
     def conditioned(self, settings: TrialSettings) -> ConditionedSamples:
         """Return the samples of the trial after the filters that the settings state.
@@ -54,6 +54,7 @@ class RecordedTrial:
             settings.bandwidth,
             known.force_lag,
             known.lost_motion,
+            known.delay_share,
             preset.model,
         )
         if key not in self._known:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,10 +11,12 @@ import pytest
 from estimation.transmission import TransmissionCalibration
 from teleop.cli import main
 from teleop.evaluation.evaluate import evaluate
+from teleop.evaluation.reading.recorded import recorded_settings, recorded_signals
 from teleop.evaluation.reading.samples import Samples, SamplesAtTip
 from teleop.evaluation.reading.signals import Signals, periods, smallest_step
 from teleop.evaluation.settings import EstimateSettings
 from teleop.settings.trial_settings import TrialSettings
+from teleop.trial.run import run_trial
 
 K1, K3, B = 3000.0, 8e7, 5.0
 LAG, LOST_MOTION, COMPLIANCE = 3e-3, 90e-6, 12e-6
@@ -142,6 +145,42 @@ def test_the_online_estimates_of_a_trial_are_corrected_for_the_transmission_of_t
     for one in estimates.values():
         assert one["b"] == pytest.approx(truth.b, abs=0.3)
         assert one["k"] == pytest.approx(k, rel=0.02)
+
+
+def delayed(settings):
+    """A trial on a rig whose file states a pure delay as a part of the lag."""
+    known = TransmissionCalibration(5e-3, 90e-6, delay_share=0.6)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("teleop.settings.trial_settings.simulated_transmission", lambda: known)
+        return run_trial(settings).recording
+
+
+def assert_same_bits(recording, estimates):
+    for name, recorded in recording.estimated().estimates().items():
+        for ours, theirs in zip(estimates[name][:5], recorded[:5], strict=True):
+            assert np.array_equal(ours, theirs, equal_nan=True), name
+
+
+@pytest.mark.parametrize("duration", [1.5, 4.0])  # with and without the compiled code
+def test_the_delay_in_the_lag_is_applied_and_recorded_and_a_replay_gives_the_same_bits(duration):
+    settings = TrialSettings("mimic", clock="virtual", duration=duration)
+    recording = delayed(settings)
+    recorded = {"force_lag": 5e-3, "lost_motion": 90e-6, "delay_share": 0.6}
+    assert recording.settings["online_transmission"] == recorded
+    again = evaluate(recorded_signals(recording), recorded_settings(recording))
+    assert_same_bits(recording, again.estimates)
+    first_order = replace(recorded_settings(recording), online=TransmissionCalibration(5e-3, 90e-6))
+    wrong = evaluate(recorded_signals(recording), first_order).estimates["rls"]
+    assert not np.array_equal(wrong.b, again.estimates["rls"].b)
+
+
+def test_a_recording_without_a_share_of_the_delay_is_replayed_with_a_lag_of_first_order():
+    settings = TrialSettings("mimic", clock="virtual", duration=1.5, force_lag=5e-3)
+    recording = delayed(settings)  # a stated lag is of first order
+    document = recording.settings["online_transmission"]
+    assert document.pop("delay_share") == 0.0
+    again = evaluate(recorded_signals(recording), recorded_settings(recording))
+    assert_same_bits(recording, again.estimates)
 
 
 def test_without_correction_a_trial_has_the_low_damping_of_the_paper_and_says_why(tmp_path, capsys):

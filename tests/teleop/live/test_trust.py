@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from estimation.filters import Play
 from teleop.live.history import History
 from teleop.live.trust import JUDGED, Trust
 from teleop.settings.trial_settings import TrialSettings
@@ -39,7 +40,8 @@ def add(trust, history, start, end, motion=None, rls=None, me=None):
     for t in np.arange(start, end, 4e-3):
         values |= {"time": t, "v": 0.05 * math.cos(2.0 * math.pi * t)}
         history.add(np.array([[values[name] for name in COLUMNS]]))
-        trust.update(history.latest(JUDGED))
+        if trust.is_due(t):
+            trust.update(history.latest(JUDGED))
 
 
 def both(**own):
@@ -120,6 +122,53 @@ def test_b_cannot_be_used_if_the_lag_was_never_measured():
     found = decided(None)
     assert found["b"] == {"mark": "cannot", "reason": "force lag not measured"}
     assert found["k"]["mark"] == "can be used"
+
+
+def decided_behind(play, transmission=RIGID, removed=0.0, seconds=6.0, **of):
+    """Return the decision on a spring of 2000 N/m behind a play, as rows of a trial."""
+    names = [*COLUMNS, "slave_position", "contact_force"]
+    t = np.arange(0.0, seconds, 4e-3)
+    x = 5e-3 + 3e-3 * np.sin(2.0 * np.pi * (0.5 * t + 0.2 * t**2))
+    force = 2000.0 * Play(play).run(x) + np.random.default_rng(1).normal(0.0, 0.02, t.size)
+    values = MOTION | {f"{e}_{part}": value for e in ("rls", "me") for part, value in GOOD.items()}
+    values |= {f"{e}_{part}": value for e, own in of.items() for part, value in own.items()}
+    values |= {"time": t, "v": np.gradient(x, t), "slave_position": x, "contact_force": force}
+    rows = np.column_stack([np.broadcast_to(values[name], t.shape) for name in names])
+    trust = Trust(names, ["rls", "me"], transmission, removed)
+    trust.update(rows[-JUDGED:])
+    return trust.document
+
+
+def test_b_cannot_be_used_if_the_force_indicates_lost_motion():
+    found = decided_behind(100e-6)
+    assert found["b"] == {"mark": "cannot", "reason": "lost motion ≈ 0.1 mm"}
+    assert found["k"]["mark"] == "can be used"
+    assert decided_behind(0.0)["b"]["mark"] == "can be used"
+    assert decided_behind(300e-6)["b"]["reason"] == "lost motion ≥ 0.2 mm"
+
+
+def test_lost_motion_that_changes_an_estimate_only_within_its_interval_is_not_stated():
+    wide = {"k_std": 20.0, "b": 40.0, "b_std": 9.0}
+    assert decided_behind(100e-6, rls=wide, me=wide)["b"]["mark"] == "can be used"
+
+
+def test_k_cannot_be_used_if_the_lost_motion_changes_it():
+    soft = {"k": 100.0, "k_std": 1.0}
+    found = decided_behind(200e-6, rls=soft, me=soft)
+    assert found["k"] == {"mark": "cannot", "reason": "lost motion ≥ 0.2 mm"}
+
+
+def test_indicated_lost_motion_is_compared_with_that_which_is_removed():
+    assert decided_behind(120e-6, removed=120e-6)["b"]["mark"] == "can be used"
+    found = decided_behind(50e-6, removed=150e-6)
+    assert found["b"]["reason"] == "lost motion 0.05, not 0.15 mm"
+
+
+def test_lost_motion_is_stated_even_if_the_lag_is_unknown_and_a_known_shift_before_it():
+    assert decided_behind(100e-6, None)["b"]["reason"] == "lost motion ≈ 0.1 mm"
+    assert decided_behind(0.0, None)["b"]["reason"] == "force lag not measured"
+    known = decided_behind(100e-6, {"force_lag": 0.02, "lost_motion": 0.0})
+    assert known["b"]["reason"] == "lag: -40 N s/m"
 
 
 def test_before_the_first_row_nothing_can_be_used_and_without_estimators_there_is_no_mark():

@@ -8,6 +8,7 @@ from .conftest import wait_for
 
 SIZES = [(1280, 720), (390, 844), (3840, 2160)]
 COLOUR = """(cell) => getComputedStyle(cell).color"""
+SHOWN = """(reason) => document.getElementById('trust-b-reason').textContent === reason"""
 ROOM = """(id) => {
   const { scrollWidth, clientWidth } = document.getElementById(id);
   return [scrollWidth, clientWidth];
@@ -44,10 +45,17 @@ def test_estimates_that_cannot_be_used_are_grey(trial_feed, serve, open_page):
 def test_every_mark_and_the_usual_reasons_fit_into_their_place(size, trial_feed, serve, open_page):
     feed = trial_feed()
     page = open_page(serve(feed).url(), size=size)
-    for mark in ("can be used", "not yet", "cannot"):
-        one = {"mark": mark, "reason": "lag, lost motion: -15 N s/m (rls)"}
+    marks = ("can be used", "not yet", "cannot", "cannot", "cannot")
+    reasons = (
+        *["lag, lost motion: -15 N s/m (rls)"] * 3,
+        "lost motion ≈ 0.15 mm (rls)",
+        "lost motion 0.05, not 0.15 mm",
+    )
+    for mark, reason in zip(marks, reasons, strict=True):
+        one = {"mark": mark, "reason": reason}
         feed.trust = {**feed.trust, "k": one, "b": one}
         wait_for(page, "(mark) => document.getElementById('trust-b').dataset.mark === mark", mark)
+        wait_for(page, SHOWN, reason)
         for name in ("trust-k", "trust-b", "trust-k-reason", "trust-b-reason"):
             wide, room = page.evaluate(ROOM, name)
             assert wide <= room, (name, mark)
