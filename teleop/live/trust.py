@@ -218,7 +218,7 @@ def judge(
     if math.isnan(of["misfit"]):
         return NOT_YET, "misfit not known yet"
     if of["misfit"] > LARGEST_MISFIT:
-        return UNUSABLE, f"misfit {100.0 * of['misfit']:.0f} %"
+        return UNUSABLE, f"misfit up to {100.0 * of['misfit']:.0f} %"
     if of[part] < 0.0:
         return UNUSABLE, f"{part} is negative"
     return USABLE, percent(width)

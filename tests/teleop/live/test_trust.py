@@ -67,7 +67,7 @@ def test_good_estimates_can_be_used_and_the_narrowest_is_named():
         ({}, {"k_std": math.inf, "b_std": math.inf}, "not yet", "interval ± >100 %"),
         ({}, {"k_std": math.nan, "b_std": math.nan}, "cannot", "no interval"),
         ({}, {"misfit": math.nan}, "not yet", "misfit not known yet"),
-        ({}, {"misfit": 0.09}, "cannot", "misfit 9 %"),
+        ({}, {"misfit": 0.09}, "cannot", "misfit up to 9 %"),
         ({}, {"k": -2000.0, "b": -20.0}, "cannot", None),
     ],
 )
@@ -185,7 +185,7 @@ def test_marks_change_at_most_twice_per_second_and_follow_a_replay_back_in_time(
     add(trust, history, 2.1, 2.4, **both(misfit=0.5))
     assert trust.document == usable
     add(trust, history, 2.4, 2.7)
-    assert trust.document["k"]["reason"] == "misfit 50 %"
+    assert trust.document["k"]["reason"] == "misfit up to 50 %"
     history.clear()
     add(trust, history, 1.0, 1.2, {"contact": 0.0})
     assert trust.document["k"]["reason"] == "no contact"
