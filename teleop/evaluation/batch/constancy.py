@@ -57,6 +57,7 @@ from teleop.evaluation.batch.thresholds import (
     SAME_STIFFNESS,
     SAME_TRAVEL,
     SHORTEST_REST,
+    SINGLE_SHARE,
     STIFFEST_AT_REST,
     TREMOR_TRAVEL,
     TREND_PROBABILITY,
@@ -319,7 +320,8 @@ def isolated_cycles(cycles: Cycles) -> tuple[int, int] | None:
 
     In a short record, the differences between successive cycles are too few for a statistic. If
     three cycles or more have nearly the same stiffness, their spread is that of a constant body.
-    Two are sufficient if the others differ by much more than the errors from the residuals.
+    Two are sufficient if the others differ by much more than the errors from the residuals, and so
+    is a single other cycle beside three equal ones in a short record.
     """
     if len(cycles.k) < FEWEST_TREND_CYCLES:
         return None
@@ -333,13 +335,17 @@ def isolated_cycles(cycles: Cycles) -> tuple[int, int] | None:
     for sign in (-1.0, 1.0):
         apart = same_travel & (sign * (k - centre) > LEAST_CHANGE * abs(centre))
         best = max([best, *runs(apart)], key=lambda run: run[1] - run[0])
-    if best[1] - best[0] < FEWEST_ISOLATED_CYCLES:
+    equal, apart_count = int(group.sum()), best[1] - best[0]
+    if not apart_count:
         return None
     away = float(np.min(np.abs(k[slice(*best)] - centre)))
-    pair = group.sum() == 2 and away > max(
-        PAIR_CHANGE * abs(centre), CHANGE_ERRORS * float(cycles.error.max())
-    )
-    return best if group.sum() >= FEWEST_SAME_CYCLES or pair else None
+    largest = cycles.error.max() if equal < FEWEST_SAME_CYCLES else cycles.error[slice(*best)].max()
+    far = away > max(PAIR_CHANGE * abs(centre), CHANGE_ERRORS * float(largest))
+    several = apart_count >= FEWEST_ISOLATED_CYCLES
+    # fewer cycles on one of the two sides are sufficient if they are far apart
+    if equal >= FEWEST_SAME_CYCLES:
+        return best if several or (far and apart_count >= SINGLE_SHARE * len(k)) else None
+    return best if several and far and equal == 2 else None
 
 
 class LagDrift(NamedTuple):

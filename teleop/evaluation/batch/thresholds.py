@@ -542,6 +542,8 @@ SAME_STIFFNESS, FEWEST_SAME_CYCLES = 0.015, 3
 """Largest relative difference of cycles with the same stiffness, and their smallest number."""
 FEWEST_ISOLATED_CYCLES = 2
 """Smallest number of successive cycles that differ from the cycles with the same stiffness."""
+SINGLE_SHARE = 0.15
+"""Smallest share of all cycles at which a single cycle that differs by far is a change."""
 SAME_TRAVEL, EQUAL_TRAVEL = 0.1, 0.03
 """Largest relative differences of the travel of many and of few compared cycles: the stiffness of a
 nonlinear body depends on the travel."""

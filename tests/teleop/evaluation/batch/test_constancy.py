@@ -102,6 +102,11 @@ def test_a_single_cycle_with_another_slope_is_no_change():
     assert not any("changes over the cycles" in reason for reason in found.reasons)
 
 
+def test_a_single_cycle_of_a_short_record_that_differs_by_far_is_a_change():
+    found = palpated(lambda s: np.where((s > 2.76 / 6.3) & (s < 3.7 / 6.3), 0.63, 1.0), 6.3)
+    assert any("changes over the cycles" in reason for reason in found.reasons)
+
+
 def test_slow_softening_is_a_change():
     found = palpated(lambda s: 1.0 - 0.3 * s)
     assert any("changes over the cycles" in reason for reason in found.reasons)
