@@ -2,8 +2,9 @@
 
 An approach is a motion from free motion into contact. The model of its force is one of
 
-    f = f0 + a d + q d^2 + b v      (a body that is stiff from the beginning)
-    f = f0 + a d^1.5 + q d^2.5 + b v d      (a body that is soft at the beginning),
+    f = f0 + a d + q d^2 + b v            (a body that is stiff from the beginning)
+    f = f0 + a d^1.5 + q d^2.5 + b v      (a body that is soft at the beginning)
+    f = f0 + a d^1.5 + q d^2.5 + b v d    (and whose damping grows with depth)
 
 with the position x, the velocity v and the depth d = max(x - xc, 0). Out of contact (d = 0), the
 force is f0. The contact point xc is common to all approaches; the other parameters are fitted to
@@ -12,8 +13,8 @@ to the force out of contact and makes the residuals white, because the slow nois
 moves the fitted contact point much more than white noise of the same size. For each model, the 95 %
 interval contains the values of xc whose sum of squares is so little larger than the smallest that
 noise can cause the difference. If the sums of the approaches do not agree, the interval is larger
-(Birge's ratio). The interval of the contact point contains those of both models, unless one of them
-fits much worse.
+(Birge's ratio). The interval of the contact point contains those of all models, without the models
+that fit much worse than the best one.
 
 Without contact point, the model is a body in contact throughout, f = f0 + a x + q x^2 + b v. If it
 explains the approaches nearly as well, the record has no contact point.
@@ -81,7 +82,7 @@ def contact_point(
     best: Fits | None = None
     for reach in REACHES:
         spans = approaches(record, contact, free_force, reach, guard)
-        found = fits(record, spans, eroded(~contact, guard))
+        found = fitted(record, spans, eroded(~contact, guard))
         if found and (best is None or found.misfit.min() < best.misfit.min()):
             best = found
         if best and best.misfit.min() < LARGEST_MISFIT:
@@ -107,7 +108,7 @@ def interval(fits: Fits) -> Interval | None:
     return Interval(float(middle), low, high)
 
 
-def fits(
+def fitted(
     record: SmoothedRecord, spans: list[tuple[int, int]], free: NDArray[np.bool_]
 ) -> Fits | None:
     """Fit all models to the approaches; None if no approach has enough samples."""
