@@ -29,7 +29,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
 from scipy.special import chdtri
 
 from estimation.arrays import Floats
@@ -191,16 +190,22 @@ def squares(record: SmoothedRecord, part: slice, whitening: Floats, points: Floa
     `whitening` are the coefficients of `noise_filter`.
     """
     x, v, f = record.raw_x[part], record.v[part], record.raw_f[part]
-    begin = len(whitening) - 1
-    target = lfilter(whitening, 1.0, f)[begin:]
+    target = filtered(whitening, f)
     depth = np.maximum(x[:, None] - points, 0.0) / max(points[-1] - points[0], 1e-300)
     speed = np.broadcast_to(v[:, None] / max(float(np.abs(v).max()), 1e-300), depth.shape)
     found = np.empty((len(MODELS), len(points)))
     for i, terms in enumerate(MODELS):
         design = np.stack([np.ones_like(depth), *terms(depth, speed)])
-        white = lfilter(whitening, 1.0, design, axis=1)[:, begin:].transpose(2, 1, 0)
+        white = filtered(whitening, design.transpose(1, 2, 0)).transpose(1, 0, 2)
         white = white / np.maximum(np.linalg.norm(white, axis=1, keepdims=True), 1e-12)
         normal = white.transpose(0, 2, 1) @ white + 1e-10 * np.eye(white.shape[2])
         theta = np.linalg.solve(normal, (target @ white)[..., None])
         found[i] = np.sum((target - (white @ theta)[..., 0]) ** 2, axis=1)
     return found
+
+
+def filtered(coefficients: Floats, values: Floats) -> Floats:
+    """Return the filtered values along axis 0, without those that need earlier values."""
+    first, last = len(coefficients) - 1, len(values)
+    parts = (c * values[first - i : last - i] for i, c in enumerate(coefficients))
+    return np.asarray(sum(parts))

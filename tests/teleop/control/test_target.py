@@ -54,7 +54,7 @@ def test_the_simulated_operator_follows_the_frequency_of_the_target(frequency):
 def test_the_frequency_of_the_target_is_an_option_and_is_recorded_and_printed(capsys, tmp_path):
     path = tmp_path / "a.mcap"
     arguments = ["--condition", "mimic", "--clock", "virtual", "--estimators", "rls"]
-    options = ["--frequency", "1.5", "--duration", "4", "--record", str(path)]
+    options = ["--frequency", "1.5", "--duration", "4", "--details", "--record", str(path)]
     assert main(["run", *arguments, *options]) == 0
     assert read_configuration(path).target.frequency == 1.5
     assert "of 1.5 Hz" in capsys.readouterr().out
