@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.arrays import Floats
+from estimation.autocorrelation import correlation_of_successive, effective_samples
 from estimation.filters import Play
 
 WINDOW = 5.0
@@ -98,12 +99,12 @@ def strongest(
     terms = blocks.terms(moved)
     best_fit = min((residual(one, force) for one in terms), key=lambda r: float(r @ r))
     # without the correlation of coloured noise, the sharp reversals of a play are plain
-    weight = correlation(best_fit)
+    weight = correlation_of_successive(best_fit)
     white = force[1:] - weight * force[:-1]
     residuals = [residual(one[1:] - weight * one[:-1], white) for one in terms]
     squares = [max(float(r @ r), SMALLEST) for r in residuals]
     best, present = int(np.argmin(squares)), int(np.searchsorted(half_widths, removed))
-    evidence = independent_values(residuals[best]) * math.log(squares[present] / squares[best])
+    evidence = effective_samples(residuals[best]) * math.log(squares[present] / squares[best])
     if not evidence > EVIDENCE:
         return None
     k, b = np.transpose([kelvin_voigt(one[:, blocks.used], force) for one in moved])
@@ -212,15 +213,3 @@ def kelvin_voigt(moved: Floats, force: Floats) -> tuple[float, float]:
     matrix = np.array([[x @ x, x @ v], [x @ v, v @ v]])
     k, b = np.linalg.lstsq(matrix, np.array([x @ force, v @ force]), None)[0].tolist()
     return k, b
-
-
-def correlation(residual: Floats) -> float:
-    """Return the correlation of successive values of a residual; 0 if it is negative."""
-    products = float(residual[1:] @ residual[:-1])
-    return max(products / max(float(residual @ residual), SMALLEST), 0.0)
-
-
-def independent_values(residual: Floats) -> float:
-    """Return the number of independent values in a residual, from its correlation."""
-    found = correlation(residual)
-    return len(residual) * (1.0 - found) / (1.0 + found)

@@ -33,6 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.arrays import Floats
+from estimation.autocorrelation import effective_samples
 from estimation.estimator import LEVEL_95
 from teleop.evaluation.batch.candidate import (
     DEPTH_DAMPING,
@@ -163,15 +164,6 @@ def kinds(rows: RegressionRows, best: Candidate) -> Iterator[str]:
         # In a sine, the acceleration is proportional to the position.
         if kind not in present and not (kind == MASS and rows.record.sinusoidal):
             yield kind
-
-
-def effective_samples(residual: Floats) -> float:
-    """Return the number of independent samples with the information of n correlated samples."""
-    n = len(residual)
-    power = float(residual @ residual)
-    rho = float(residual[1:] @ residual[:-1]) / max(power, 1e-300)
-    rho = min(max(rho, 0.0), 0.99)
-    return max(n * (1.0 - rho) / (1.0 + rho), 2.0)
 
 
 def gain(one: Candidate, other: Candidate) -> float:
