@@ -313,17 +313,21 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
         ]
     if half_k > WIDEST_INTERVAL * abs(local.k) or local.k < 0.0:
         where = "" if phases.free_force is None else " in contact"
-        why, hint = "no contact, noise, or too little motion", ""
-        if local.r2 > BAD_FIT_R2 and local.best.degree > 1:
+        value = f"{STIFFNESS.number(local.k)} \u00b1 {STIFFNESS.text(half_k)}"
+        if local.r2 < BAD_FIT_R2:
+            return [
+                Reason(
+                    f"the force does not follow the displacement well enough{where}: stiffness "
+                    f"{value} (no contact, noise, or too little motion)"
+                )
+            ]
+        # the models explain the force, but do not agree on k
+        why, hint = "noise, or too little motion", ""
+        if local.best.times:
+            why = "the force relaxes at all times of this motion, and k at its speed varies"
+        elif local.best.degree > 1:
             why, hint = "it depends on depth or time", SLOPES
-        return [
-            Reason(
-                f"the force does not follow the displacement well enough{where}: stiffness "
-                f"{STIFFNESS.number(local.k)} \u00b1 "
-                f"{STIFFNESS.text(half_k)} ({why})",
-                hint,
-            )
-        ]
+        return [Reason(f"the stiffness is not determined{where}: {value} ({why})", hint)]
     return []
 
 

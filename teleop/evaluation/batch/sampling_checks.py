@@ -170,7 +170,8 @@ def dropped(values: Floats, start: int, end: int) -> bool:
     if end - start <= FEWEST_STALLED or start == 0 or end == len(values):
         return False
     to, back = values[start] - values[start - 1], values[end] - values[end - 1]
-    return bool(to * back < 0.0 and min(abs(to), abs(back)) > LEAST_DROP * np.ptp(values))
+    least = max(LEAST_DROP * float(np.ptp(values)), HELD_STEPS * smallest_step(values))
+    return bool(to * back < 0.0 and min(abs(to), abs(back)) > least)
 
 
 def is_stalled(signals: Signals, name: str, start: int, end: int) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -9,6 +11,7 @@ from scipy.signal import lfilter
 from estimation.transmission import TransmissionCalibration
 from teleop.evaluation.batch.analysis import analyse
 from teleop.evaluation.batch.local_stiffness import reported_times
+from teleop.evaluation.batch.reasons import reasons_after_fit
 from teleop.evaluation.reading.signals import Signals, periods
 from teleop.output.result_tables import parameter_text, with_half
 from teleop.settings.trial_settings import TrialSettings
@@ -111,6 +114,15 @@ def test_a_pull_at_release_is_called_adhesion(pull):
     assert [float(reason.split()[5]) for reason in found] == [pytest.approx(pull, rel=0.1)] * (
         pull > 0.0
     )
+
+
+def test_a_wide_interval_of_a_model_that_fits_is_not_called_no_contact():
+    analysis = analyse(sine())
+    (reason,) = reasons_after_fit(analysis.local, analysis.local.k, analysis.phases)
+    assert reason.text.startswith("the stiffness is not determined")
+    poor = replace(analysis.local, r2=0.5)
+    (reason,) = reasons_after_fit(poor, poor.k, analysis.phases)
+    assert "no contact, noise, or too little motion" in reason.text
 
 
 def test_slow_noise_of_the_force_is_no_adhesion():

@@ -67,6 +67,12 @@ def test_a_force_that_drops_to_zero_and_back_is_left_out():
     assert sum("its data stream stalled" in reason for reason in found.reasons) == 3
 
 
+def test_the_steps_of_a_coarse_force_sensor_are_no_lost_signal():
+    t, x, f = palpation()
+    coarse = np.round(f / 0.25) * 0.25
+    assert not any("stalled" in reason for reason in result(t, x, coarse).reasons)
+
+
 def test_both_channels_held_give_b_too():
     t, x, f = palpation()
     found = result(t, held(x, 10), held(f, 4))
