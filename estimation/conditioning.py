@@ -301,7 +301,25 @@ class MatchedFilter(Conditioner):
         return Regression(y, rate, force, dt, np.reshape(further, (len(further), len(x))).T.copy())
 
 
-class WithDelay(Conditioner):
+class OfFilteredPosition(Conditioner):
+    """Base of the conditioners that filter the position before another conditioner."""
+
+    def __init__(self, conditioner: Conditioner, position_filter: Delay | Play) -> None:
+        self._conditioner = conditioner
+        self._position_filter = position_filter
+        self.settling = conditioner.settling
+
+    def reset(self) -> None:
+        """Reset both filters to their states before the first sample."""
+        self._position_filter.reset()
+        self._conditioner.reset()
+
+    def correlation(self, dt: float) -> float:
+        """Return the `correlation` of the other conditioner."""
+        return self._conditioner.correlation(dt)
+
+
+class WithDelay(OfFilteredPosition):
     """Delay the position by the pure delay of the force channel, before another conditioner.
 
     Parameters
@@ -313,18 +331,9 @@ class WithDelay(Conditioner):
     """
 
     def __init__(self, conditioner: Conditioner, delay: float) -> None:
-        self._conditioner = conditioner
         self._delay = Delay(delay)
-        self.settling = conditioner.settling + delay
-
-    def reset(self) -> None:
-        """Reset delay and filter to their states before the first sample."""
-        self._delay.reset()
-        self._conditioner.reset()
-
-    def correlation(self, dt: float) -> float:
-        """Return the `correlation` of the other conditioner."""
-        return self._conditioner.correlation(dt)
+        super().__init__(conditioner, self._delay)
+        self.settling += delay
 
     def _condition(self, x: float, f: float, dt: float) -> ConditionedSample:
         return self._conditioner._condition(self._delay.update(x, dt), f, dt)
@@ -333,7 +342,7 @@ class WithDelay(Conditioner):
         return self._conditioner._condition_all(self._delay.run(x, dt), f, dt)
 
 
-class WithoutLostMotion(Conditioner):
+class WithoutLostMotion(OfFilteredPosition):
     """Remove the lost motion of the transmission from the position, before another conditioner.
 
     The position at the encoder is replaced by the output of the play operator. This is the position
@@ -348,18 +357,8 @@ class WithoutLostMotion(Conditioner):
     """
 
     def __init__(self, conditioner: Conditioner, lost_motion: float) -> None:
-        self._conditioner = conditioner
         self._play = Play(lost_motion)
-        self.settling = conditioner.settling
-
-    def reset(self) -> None:
-        """Reset play and filter to their states before the first sample."""
-        self._play.reset()
-        self._conditioner.reset()
-
-    def correlation(self, dt: float) -> float:
-        """Return the `correlation` of the other conditioner."""
-        return self._conditioner.correlation(dt)
+        super().__init__(conditioner, self._play)
 
     def _condition(self, x: float, f: float, dt: float) -> ConditionedSample:
         return self._conditioner._condition(self._play.update(x), f, dt)

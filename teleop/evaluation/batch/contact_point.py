@@ -79,9 +79,9 @@ def contact_point(
     contact point. Samples that are nearer than `guard` to contact are not used for the noise.
     """
     best: Fits | None = None
+    free = eroded(~contact, guard)
     for reach in REACHES:
-        spans = approaches(record, contact, free_force, reach, guard)
-        found = fitted(record, spans, eroded(~contact, guard))
+        found = fitted(record, approaches(record, contact, free_force, reach, guard), free)
         if found and (best is None or found.misfit.min() < best.misfit.min()):
             best = found
         if best and best.misfit.min() < LARGEST_MISFIT:

@@ -148,7 +148,8 @@ def without_stalls(signals: Signals) -> tuple[Signals, list[Reason]]:
             start -= 1  # the value that is repeated
             lost = dropped(values, start, end)
             if lost or (end - start > least and is_stalled(signals, name, start, end)):
-                kept[start + (not lost) : end] = False
+                # a value that jumps is wrong from its first sample, a stalled one is right there
+                kept[start if lost else start + 1 : end] = False
                 remarks.append(
                     Reason(
                         f"the {name} is constant from {signals.t[start]:.4g} to "
