@@ -239,6 +239,7 @@ def complex_lines(summary: Mapping[str, Any]) -> list[str]:
 
 
 SLOWER = ", at the speed of this motion: the force relaxes, so that k is smaller in slower motion"
+"""End of the sentence on k of a body that relaxes: k contains the relaxing force in loading."""
 
 
 def tangent_lines(result: Mapping[str, Any]) -> list[str]:

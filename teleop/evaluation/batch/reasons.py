@@ -324,7 +324,7 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
         # the models explain the force, but do not agree on k
         why, hint = "noise, or too little motion", ""
         if local.best.times:
-            why = "the force relaxes at all times of this motion, and k at its speed varies"
+            why = "the force relaxes, so that k depends on the speed, which varies in this motion"
         elif local.best.degree > 1:
             why, hint = "it depends on depth or time", SLOPES
         return [Reason(f"the stiffness is not determined{where}: {value} ({why})", hint)]
@@ -399,10 +399,12 @@ def no_damping(
     half_b: float,
     drift: LagDrift | None,
     transmission: TransmissionCalibration,
+    one_speed: bool,
 ) -> Reason | None:
     """Return the reason why a record with a stiffness determines no damping; otherwise None.
 
-    `v` is the velocity in contact. The damping of a passive body is not negative.
+    `v` is the velocity in contact, and `one_speed` states whether each depth has one speed
+    (`change_of_speed_with_depth`). The damping of a passive body is not negative.
     """
     if float(np.std(v)) < CONSTANT_SPEED * float(np.mean(np.abs(v))):
         return Reason("the speed in contact is constant: damping is not determined")
@@ -419,6 +421,11 @@ def no_damping(
         # besides relaxation, b is not the loss at a frequency, and shows no phase
         period = 1.0 / local.frequency if np.isfinite(local.frequency) else np.inf
         return negative_damping(local.b, transmission, -local.b / local.k, period)
+    if one_speed:
+        return Reason(
+            "each depth is passed with one speed: damping is not determined, because a stiffness "
+            "that changes with depth has the same effect"
+        )
     return None
 
 

@@ -300,13 +300,8 @@ def stiffness_result(
         )
     along_depth = change_of_speed_with_depth(x, v, local.best.position)
     half_k = math.hypot(half_k, (along_depth or 0.0) * (abs(local.b) + half_b))
-    unknown = no_damping(v, local, half_b, drift, transmission)
-    if along_depth is not None and not unknown:
-        unknown = Reason(
-            "each depth is passed with one speed: damping is not determined, because a stiffness "
-            "that changes with depth has the same effect"
-        )
-    unusable = unknown
+    one_speed = along_depth is not None
+    unusable = unknown = no_damping(v, local, half_b, drift, transmission, one_speed)
     if unknown:
         found.append(unknown)
     elif half_b > abs(local.b):
