@@ -6,6 +6,7 @@ A rig file is a TOML file that describes a telemanipulator. It gives the device 
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -20,6 +21,9 @@ from drivers.device import (
     DerivedDevice,
     Device,
     DeviceSettings,
+    ForceDrive,
+    ImpedanceDrive,
+    PositionDrive,
     SerialDevice,
     sole_drive,
 )
@@ -33,6 +37,7 @@ from drivers.rig_sections import (
     MeasurementSettings,
     RigSections,
     SerialSettings,
+    coupling_of,
 )
 
 
@@ -180,8 +185,12 @@ def reference_problems(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
     if sections.drives is not None:
         for name, drive in sections.drives.items():
             problem = drive_problem(drive, devices)
-            if problem and drive.device not in declared - devices.keys():
-                yield f"drives.{name}.{problem}"
+            if problem:
+                if drive.device not in declared - devices.keys():
+                    yield f"drives.{name}.{problem}"
+            elif sections.channels is not None:
+                for problem in axis_problems(name, rig, devices):
+                    yield f"drives.{name}{problem}"
         slave, master = sections.drives.slave, sections.drives.master
         if master and master.device == slave.device in devices:
             names = {sole_drive(devices[slave.device], one.drive) for one in (master, slave)}
@@ -253,3 +262,59 @@ def drive_problem(drive: DriveSettings, devices: Mapping[str, Device]) -> str | 
         names = ", ".join(devices[drive.device].drives) or "it has none"
         return f"drive: {drive.drive!r}: expected a drive of the device: {names}"
     return None
+
+
+FOR_FORCES = (
+    "max_force_n",
+    "stiffness_n_per_m",
+    "damping_ns_per_m",
+    "friction_ns_per_m",
+    "moving_mass_kg",
+    "latency_ticks",
+)
+"""Keys of a drive that accepts forces or closes a coupling itself."""
+
+
+def axis_problems(name: str, rig: RigFile, devices: Mapping[str, Device]) -> Iterator[str]:
+    """Yield the problems of a section of a drive that depend on the kind of the drive.
+
+    A virtual coupling must be passive: only then is it stable with every hand, also released.
+    """
+    settings = getattr(rig.sections.drives, name)
+    device = devices[settings.device]
+    drive = device.drives[sole_drive(device, settings.drive)]
+    given = settings.model_fields_set
+    if not isinstance(drive, ForceDrive | ImpedanceDrive):
+        accepts = "positions" if isinstance(drive, PositionDrive) else "velocities"
+        for key in FOR_FORCES:
+            if key in given:
+                yield f".{key}: the drive accepts {accepts}: expected no such key"
+    elif settings.max_force_n is None:
+        yield ".max_force_n: missing: the drive accepts forces"
+    elif (settings.stiffness_n_per_m is None) == (settings.moving_mass_kg is None):
+        yield (
+            ": expected stiffness_n_per_m, for a virtual coupling, or moving_mass_kg, for a "
+            "velocity loop"
+        )
+    elif rig.sections.channels.position_of(name) is None:
+        yield f": expected the channel {name}_position, because the drive accepts forces"
+    elif isinstance(drive, ForceDrive) and settings.stiffness_n_per_m is not None:
+        yield from coupling_problems(settings, 1.0 / rig.sections.rate_hz)
+    signal = getattr(drive, "signal", None)
+    if signal is not None and signal not in device.signals():
+        yield f".device: expected a signal {signal} of the device {device.name}"
+
+
+def coupling_problems(settings: DriveSettings, period: float) -> Iterator[str]:
+    """Yield a text if the coupling of a drive is not passive, with the largest permitted value."""
+    coupling = coupling_of(settings, period)
+    assert coupling
+    needed = coupling.needed_friction(period)
+    if needed > coupling.friction:
+        yield (
+            f".stiffness_n_per_m: {coupling.stiffness:g}: expected at most "
+            f"{math.floor(coupling.largest_stiffness(period)):d} with a damping of "
+            f"{coupling.damping:g} N s/m, {coupling.latency} ticks of latency at "
+            f"{1.0 / period:g} Hz, and friction_ns_per_m = {coupling.friction:g}, or a friction of "
+            f"at least {needed:.2g} N s/m"
+        )
