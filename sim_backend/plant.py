@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from drivers import Command
 from sim_backend.body import Body, Law
+from sim_backend.force_master import ForceMaster, FreeHandle
 from sim_backend.transmission import RIGID, Transmission
 
 MAX_STEP = 1e-3
@@ -66,11 +67,11 @@ class Handle:
         self._rate = 2.0 * math.pi * bandwidth
         self.x = self.v = 0.0
 
-    def advance(self, u: float, dt: float) -> None:
+    def advance(self, u: float, dt: float, arm: Arm, intended: Intention | None) -> None:
         """Advance the motion of the handle by the time `dt` [s].
 
         `u` is the velocity command [m/s], which is constant during this time. The equation of
-        motion is solved exactly.
+        motion is solved exactly. The hand has no effect on the servo.
         """
         slip = self.v - u
         left = slip * math.exp(-self._rate * dt)
@@ -197,7 +198,7 @@ class Arm(NamedTuple):
     damping: float
     """Damping [N s/m]."""
 
-    def force(self, intended: Intention, handle: Handle) -> float:
+    def force(self, intended: Intention, handle: Handle | FreeHandle) -> float:
         """Return the force of the hand on the handle [N] for an intended motion of the hand."""
         return self.stiffness * (intended.position - handle.x) + self.damping * (
             intended.velocity - handle.v
@@ -231,6 +232,8 @@ class Plant:
         Impedance of the operator's arm; `UNATTENDED` if nobody holds the handle.
     max_step
         Longest integration step [s].
+    master
+        Force-commanded master; None for a master with a velocity servo.
 
     Raises
     ------
@@ -244,10 +247,13 @@ class Plant:
         parameters: PlantParameters,
         arm: Arm = UNATTENDED,
         max_step: float = MAX_STEP,
+        master: ForceMaster | None = None,
     ) -> None:
         if not 0.0 < max_step < math.inf:
             raise ValueError(f"max_step must be positive, got {max_step} s")
-        self.handle = Handle(parameters.handle_bandwidth)
+        self.handle: Handle | FreeHandle = Handle(parameters.handle_bandwidth)
+        if master:
+            self.handle = FreeHandle(master.mass, master.friction)
         self.slave = Slave(body, parameters)
         self.master_force = ForceChannel(parameters.master_force_lag)
         self.contact_force = ForceChannel(parameters.contact_force_lag)
@@ -267,7 +273,7 @@ class Plant:
             Intended position and velocity of the operator's hand at the end of the step; None if
             the hand does not hold the handle.
         """
-        self.handle.advance(command.master_velocity, dt)
+        self.handle.advance(command.master_velocity, dt, self._arm, intended)
         hand = self._arm.force(intended, self.handle) if intended else 0.0
         self.master_force.advance(hand, dt)
         steps = max(1, math.ceil(dt / self._max_step - 1e-6))
