@@ -99,6 +99,21 @@ class CouplingParameters:
                 high = middle
         return low
 
+    def problem(self, period: float) -> str:
+        """Return why the coupling is not passive, with the permitted values; empty if it is.
+
+        `period` is the period of the control loop [s].
+        """
+        needed = self.needed_friction(period)
+        if needed <= self.friction:
+            return ""
+        return (
+            f"{self.stiffness:g} N/m: expected at most {math.floor(self.largest_stiffness(period))}"
+            f" N/m with a coupling damping of {self.damping:g} N s/m, {self.latency} periods of "
+            f"latency at {1.0 / period:g} Hz and a friction of the handle of {self.friction:g} "
+            f"N s/m, or a friction of at least {needed:.3g} N s/m"
+        )
+
 
 class VirtualCoupling:
     """Spring and damper between a proxy, whose velocity is commanded, and the moving part.

@@ -6,7 +6,6 @@ A rig file is a TOML file that describes a telemanipulator. It gives the device 
 
 from __future__ import annotations
 
-import math
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -299,22 +298,9 @@ def axis_problems(name: str, rig: RigFile, devices: Mapping[str, Device]) -> Ite
     elif rig.sections.channels.position_of(name) is None:
         yield f": expected the channel {name}_position, because the drive accepts forces"
     elif isinstance(drive, ForceDrive) and settings.stiffness_n_per_m is not None:
-        yield from coupling_problems(settings, 1.0 / rig.sections.rate_hz)
+        coupling = coupling_of(settings, 1.0 / rig.sections.rate_hz)
+        if coupling and (problem := coupling.problem(1.0 / rig.sections.rate_hz)):
+            yield f".stiffness_n_per_m: {problem}"
     signal = getattr(drive, "signal", None)
     if signal is not None and signal not in device.signals():
         yield f".device: expected a signal {signal} of the device {device.name}"
-
-
-def coupling_problems(settings: DriveSettings, period: float) -> Iterator[str]:
-    """Yield a text if the coupling of a drive is not passive, with the largest permitted value."""
-    coupling = coupling_of(settings, period)
-    assert coupling
-    needed = coupling.needed_friction(period)
-    if needed > coupling.friction:
-        yield (
-            f".stiffness_n_per_m: {coupling.stiffness:g}: expected at most "
-            f"{math.floor(coupling.largest_stiffness(period)):d} with a damping of "
-            f"{coupling.damping:g} N s/m, {coupling.latency} ticks of latency at "
-            f"{1.0 / period:g} Hz, and friction_ns_per_m = {coupling.friction:g}, or a friction of "
-            f"at least {needed:.2g} N s/m"
-        )

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
 
 from drivers.axes import CoupledAxis
 from drivers.coupling import CouplingParameters, VirtualCoupling
@@ -66,6 +66,32 @@ class ForceMaster:
             latency=self.latency,
             friction=self.friction,
         )
+
+
+def parse_force_master(text: str) -> ForceMaster:
+    """Return the master in a text such as `stiffness=500,latency=2`; `default` has no values.
+
+    Raises
+    ------
+    ValueError
+        A name is unknown or given twice, or a value is no number or out of range.
+    """
+    if text.strip() == "default":
+        return ForceMaster()
+    types = {field.name: int if field.name == "latency" else float for field in fields(ForceMaster)}
+    values: dict[str, Any] = {}
+    for part in text.split(","):
+        name, equals, given = (piece.strip() for piece in part.partition("="))
+        try:
+            if not equals or name in values:
+                raise ValueError
+            values[name] = types[name](given)
+        except (KeyError, ValueError):
+            raise ValueError(
+                f"force master {text!r}: {part.strip()!r}: expected default, or values in SI units "
+                f"such as stiffness=500,latency=2, each once, with {', '.join(types)}"
+            ) from None
+    return ForceMaster(**values)
 
 
 class FreeHandle:

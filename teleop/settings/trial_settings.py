@@ -22,6 +22,7 @@ from pydantic import (
 from pydantic.dataclasses import dataclass
 from pydantic.fields import FieldInfo
 
+from drivers.coupling import CouplingParameters
 from drivers.rig_file import RigFile
 from drivers.rig_sections import coupling_of
 from estimation import Preset, paper_preset
@@ -267,11 +268,23 @@ class TrialSettings:
     @property
     def coupling_stiffness(self) -> float:
         """Stiffness of the virtual coupling of a force-commanded master [N/m], else infinite."""
+        return self.master_coupling.stiffness if self.master_coupling else math.inf
+
+    @property
+    def master_coupling(self) -> CouplingParameters | None:
+        """Virtual coupling of a force-commanded master; None for a velocity-commanded one."""
         if self.rig:
             master = self.rig.sections.drives.master
-            coupling = master and coupling_of(master, 1.0 / self.loop_rate)
-            return coupling.stiffness if coupling else math.inf
-        return self.force_master.stiffness if self.force_master else math.inf
+            return coupling_of(master, 1.0 / self.loop_rate) if master else None
+        return self.force_master.coupling if self.force_master else None
+
+    @property
+    def hand_force_source(self) -> str:
+        """How the force of the hand is found: measured, from a coupling, or not at all."""
+        measured = not self.rig or self.rig.sections.channels.master_force is not None
+        if self.master_coupling and not (self.rig and measured):
+            return "virtual coupling of the master"
+        return "force sensor" if measured else "none: the rig has no handle"
 
     @property
     def has_link(self) -> bool:
