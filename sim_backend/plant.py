@@ -98,6 +98,8 @@ class Slave:
         self.x = self.v = 0.0
         self.command = 0.0
         """Last velocity command [m/s]."""
+        self.push: float | None = None
+        """Force of the motor [N] in place of that of the velocity servo; None for the servo."""
         self._error = 0.0
         self._transmission = parameters.transmission
         self._played = 0.0
@@ -132,6 +134,8 @@ class Slave:
     @property
     def motor_force(self) -> float:
         """Force of the motor on the moving mass of the slave [N]."""
+        if self.push is not None:
+            return self.push
         return self._mass * (
             self._proportional * (self.command - self.v) + self._integral * self._error
         )
@@ -152,17 +156,21 @@ class Slave:
         self.command = u
         x, v1, error, played = self.x, self.v, self._error, self._played
         proportional, integral, mass = self._proportional, self._integral, self._mass
+        push = 0.0
+        if self.push is not None:
+            proportional = integral = error = self._error = 0.0
+            push = self.push / mass
         law, load, half = self.law, self._transmission.load, 0.5 * h
-        a1 = proportional * (u - v1) + integral * error - load(law, played, x, v1) / mass
+        a1 = proportional * (u - v1) + integral * error - load(law, played, x, v1) / mass + push
         x2, v2, e2 = x + half * v1, v1 + half * a1, error + half * (u - v1)
-        a2 = proportional * (u - v2) + integral * e2 - load(law, played, x2, v2) / mass
+        a2 = proportional * (u - v2) + integral * e2 - load(law, played, x2, v2) / mass + push
         x3, v3, e3 = x + half * v2, v1 + half * a2, error + half * (u - v2)
-        a3 = proportional * (u - v3) + integral * e3 - load(law, played, x3, v3) / mass
+        a3 = proportional * (u - v3) + integral * e3 - load(law, played, x3, v3) / mass + push
         x4, v4, e4 = x + h * v3, v1 + h * a3, error + h * (u - v3)
-        a4 = proportional * (u - v4) + integral * e4 - load(law, played, x4, v4) / mass
+        a4 = proportional * (u - v4) + integral * e4 - load(law, played, x4, v4) / mass + push
         travel = h / 6.0 * (v1 + 2.0 * (v2 + v3) + v4)
         self.move_to(x + travel, v1 + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4))
-        self._error = error + u * h - travel
+        self._error = error + u * h - travel if self.push is None else 0.0
         tip = law.compressed(self._played, self._transmission.compliance)
         self._state = self._body.advanced(self._state, law.surface(tip), h)
 

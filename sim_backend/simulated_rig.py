@@ -56,6 +56,9 @@ class SimulatedRig(Rig):
     master
         Force-commanded master; None for a master with a velocity servo. The force of the hand is
         then that of its virtual coupling.
+    coupled
+        Whether the rig closes this coupling. If not, `plant.handle.push` is the force of the motor,
+        and the force of the hand is measured.
 
     Raises
     ------
@@ -76,6 +79,7 @@ class SimulatedRig(Rig):
         start: float = 0.0,
         arm: Arm = ARM,
         master: ForceMaster | None = None,
+        coupled: bool = True,
     ) -> None:
         for name, value in (("max_velocity", max_velocity), ("watchdog", watchdog)):
             if not 0.0 < value < math.inf:
@@ -83,7 +87,7 @@ class SimulatedRig(Rig):
         attended = arm if operator else UNATTENDED
         self.plant = Plant(body, parameters or PlantParameters(), attended, master=master)
         self._axis: CoupledAxis | None = None
-        if master:
+        if master and coupled:
             assert isinstance(self.plant.handle, FreeHandle)
             self._axis = make_axis(master, self.plant.handle, MOST_MASTER_SPEED, MASTER_AT_REST)
         self.plant.slave.move_to(start, 0.0)

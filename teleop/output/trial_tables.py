@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -189,7 +188,7 @@ def print_feedback(console: Console, feedback: Mapping[str, Any] | None) -> None
         console.print(
             f"  the hand felt k = {STIFFNESS.text(feedback['rendered_k'])} "
             f"({feedback['rendered_k_error']:+.1%} of that at the slave"
-            f"{series if coupling < math.inf else ''});\n"
+            f"{series if coupling == coupling else ''});\n"
             f"  error of the felt force {feedback['felt_force_error']:.1%} rms, lowest energy at "
             f"the hand {feedback['energy_min_j'] * 1e3 + 0.0:.1f} mJ"
         )

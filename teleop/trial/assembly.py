@@ -73,10 +73,12 @@ def make_simulated_rig(
     watchdog: float = 0.1,
     mimic: type[MimickedSine] = MimickedSine,
     pointer: PointerOperator | None = None,
+    coupled: bool = True,
 ) -> SimulatedRig:
     """Return a new simulated rig, with a simulated operator if the control condition needs one.
 
-    `pointer`: None for the simulated operator of the control condition.
+    `pointer`: None for the simulated operator of the control condition. `coupled`: False
+    if an emulated drive commands the force of a force-commanded master.
     """
     return SimulatedRig(
         settings.setup.cube,
@@ -88,6 +90,7 @@ def make_simulated_rig(
         seed=settings.seed,
         arm=settings.operator_model.arm,
         master=settings.force_master,
+        coupled=coupled,
     )
 
 

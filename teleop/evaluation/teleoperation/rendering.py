@@ -55,8 +55,8 @@ class Rendering(NamedTuple):
     `teleop.evaluation.teleoperation.loop_oscillation`). A slow instability that has not reached the
     threshold of a stop by the end of the trial is counted as stable. None: the trial had neither,
     but also too little contact to show that the loop is stable."""
-    coupling_k: float = math.inf
-    """Stiffness of the virtual coupling of a force-commanded master [N/m]; infinite if there is
+    coupling_k: float = math.nan
+    """Stiffness of the virtual coupling of a force-commanded master [N/m]; NaN if there is
     none."""
     remarks: tuple[str, ...] = ()
     """Why a value is missing, and what the hand felt instead of the specimen."""
@@ -218,7 +218,7 @@ class RunningRendering:
             rendered = float(felt / felt_square)
             difference = float(rendered / (touched / touched_square) - 1.0)
             relative = float(np.sqrt((error / count) / (square / count)))
-        coupling = self._coupling_k
+        coupling = self._coupling_k if self._coupling_k < math.inf else math.nan
         return Rendering(rendered, difference, relative, self._lowest, stable, coupling, remarks)
 
     def _remarks(self) -> Iterator[str]:
