@@ -99,6 +99,13 @@ class CouplingParameters:
                 high = middle
         return low
 
+    def energy(self, stretch: float) -> float:
+        """Return the energy that the spring stores at a stretch [m], with its limited force [J]."""
+        linear = min(abs(stretch), self.max_force / self.stiffness)
+        return 0.5 * self.stiffness * linear**2 + (
+            self.max_force * (abs(stretch) - linear) if abs(stretch) > linear else 0.0
+        )
+
     def problem(self, period: float) -> str:
         """Return why the coupling is not passive, with the permitted values; empty if it is.
 
@@ -188,7 +195,7 @@ class VirtualCoupling:
         stretch = last - self.proxy
         self.proxy += step
         new = position - self.proxy
-        self._balance(moved, step, 0.5 * p.stiffness * (new * new - stretch * stretch), dt)
+        self._balance(moved, step, p.energy(new) - p.energy(stretch), dt)
         force = p.stiffness * new + p.damping * (self.speed - self.velocity)
         self.force = min(max(force, -p.max_force), p.max_force)
         self._forces.append(self.force)
