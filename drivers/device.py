@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     import can
 
     from drivers.transports.can_bus import CanBus
-    from drivers.transports.serial_port import SerialPort
+    from drivers.transports.datagram_port import DatagramPort
+    from drivers.transports.stream_port import StreamPort
 
 
 class Sample(NamedTuple):
@@ -184,7 +185,7 @@ class Device(ABC):
         return False
 
     def stop(self) -> None:  # noqa: B027
-        """End the communication with the device, before its serial port or CAN bus is closed.
+        """End the communication with the device, before its port or bus is closed.
 
         When this method is called, the drives are already out of operation. The default method
         does nothing.
@@ -192,10 +193,10 @@ class Device(ABC):
 
 
 class SerialDevice(Device):
-    """A device on a serial port. No other device uses this port."""
+    """A device on a serial port or a TCP connection. No other device uses this port."""
 
     @abstractmethod
-    def start(self, port: SerialPort) -> None:
+    def start(self, port: StreamPort) -> None:
         """Set up the device on an open port. This method may wait with `port.wait_for`.
 
         Raises
@@ -253,6 +254,36 @@ class CanDevice(Device):
         ----------
         frame
             The frame. Its identifier is one of those that `identifiers` returns.
+        time
+            Time of arrival on the controller's clock [s].
+        """
+
+
+class DatagramDevice(Device):
+    """A device that exchanges UDP datagrams. No other device uses its address."""
+
+    @abstractmethod
+    def start(self, port: DatagramPort) -> None:
+        """Set up the device on an open port. This method may wait with `port.wait_for`.
+
+        Raises
+        ------
+        RigError
+            The device does not answer, or does not match its settings in the rig file.
+        """
+
+    @abstractmethod
+    def receive(self, data: bytes, time: float) -> None:
+        """Process a datagram that the device has sent.
+
+        Datagrams can be lost, repeated, or received in another order. Use the newest datagram, and
+        count in `rejected` those that are older than a received one. Malformed datagrams are also
+        counted there.
+
+        Parameters
+        ----------
+        data
+            The datagram.
         time
             Time of arrival on the controller's clock [s].
         """

@@ -17,6 +17,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from drivers.device import (
     CanDevice,
+    DatagramDevice,
     DerivedDevice,
     Device,
     DeviceSettings,
@@ -28,12 +29,15 @@ from drivers.problems import syntax_problem, value_problem
 from drivers.registry import device_class, kinds
 from drivers.rig import UNITS, RigError
 from drivers.rig_sections import (
-    CanSettings,
+    AnyBusSettings,
     DriveSettings,
     MeasurementSettings,
     RigSections,
-    SerialSettings,
+    UdpSettings,
 )
+
+BUS_KINDS = {SerialDevice: ("serial", "tcp"), CanDevice: ("can",), DatagramDevice: ("udp",)}
+"""Kinds of buses to which a device can be connected, by its base class."""
 
 
 class RigFileError(ValueError):
@@ -190,26 +194,29 @@ def reference_problems(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
 
 
 def bus_problems(
-    devices: Mapping[str, Device], buses: Mapping[str, SerialSettings | CanSettings]
+    devices: Mapping[str, Device], buses: Mapping[str, AnyBusSettings]
 ) -> Iterator[str]:
     """Yield texts on problems: unknown buses of devices, ports or CAN identifiers used twice."""
     ports: dict[str, str] = {}
     for name, settings in buses.items():
-        port = settings.port if isinstance(settings, SerialSettings) else settings.channel
-        if ports.setdefault(port, name) != name:
-            yield f"buses.{name}: {port!r} is already used by bus {ports[port]}"
+        own = [settings.address]
+        if isinstance(settings, UdpSettings) and settings.local_port:
+            own.append(f"local UDP port {settings.local_host}:{settings.local_port}")
+        for port in own:
+            if ports.setdefault(port, name) != name:
+                yield f"buses.{name}: {port!r} is already used by bus {ports[port]}"
     users: dict[str, str] = {}
     senders: dict[tuple[str, int], str] = {}
     for name, device in devices.items():
-        kind = "serial" if isinstance(device, SerialDevice) else "can"
-        if not isinstance(device, SerialDevice | CanDevice):
+        kinds = next((kinds for base, kinds in BUS_KINDS.items() if isinstance(device, base)), ())
+        if not kinds:
             continue
         bus = device.settings.bus
-        fitting = [other for other, settings in buses.items() if settings.kind == kind]
+        fitting = [other for other, settings in buses.items() if settings.kind in kinds]
         if bus not in fitting:
             yield (
-                f"devices.{name}.bus: {bus!r}: expected a {kind} bus of the section [buses]: "
-                f"{', '.join(fitting) or 'there is none'}"
+                f"devices.{name}.bus: {bus!r}: expected a {' or '.join(kinds)} bus of the section "
+                f"[buses]: {', '.join(fitting) or 'there is none'}"
             )
         elif isinstance(device, CanDevice):
             for identifier in device.identifiers():

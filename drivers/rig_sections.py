@@ -16,6 +16,7 @@ Positive = Annotated[FiniteFloat, Field(gt=0)]
 NonNegative = Annotated[FiniteFloat, Field(ge=0)]
 UpTo1 = Annotated[FiniteFloat, Field(ge=0, le=1)]
 UpTo500 = Annotated[FiniteFloat, Field(ge=0, le=500)]
+PortNumber = Annotated[int, Field(ge=1, le=65_535)]
 UpTo10000 = Annotated[FiniteFloat, Field(ge=0, le=10_000)]
 
 
@@ -32,6 +33,11 @@ class SerialSettings(Section):
     port: Annotated[str, Field(min_length=1)]
     baud_bps: Annotated[int, Field(gt=0)]
 
+    @property
+    def address(self) -> str:
+        """Text that no other bus may have."""
+        return self.port
+
 
 class CanSettings(Section):
     """Section `[buses.NAME]` of a rig file, for a CAN bus.
@@ -45,8 +51,46 @@ class CanSettings(Section):
     bitrate_bps: Annotated[int, Field(gt=0)] | None = None
     options: dict[str, Any] = {}
 
+    @property
+    def address(self) -> str:
+        """Text that no other bus may have."""
+        return self.channel
 
-BusSettings = Annotated[SerialSettings | CanSettings, Field(discriminator="kind")]
+
+class TcpSettings(Section):
+    """Section `[buses.NAME]` of a rig file, for a TCP connection to a device or serial server."""
+
+    kind: Literal["tcp"]
+    host: Annotated[str, Field(min_length=1)]
+    port: PortNumber
+    baud_bps: Annotated[int, Field(gt=0)] | None = None
+    """Rate of the serial line of a serial server."""
+
+    @property
+    def address(self) -> str:
+        """Text that no other bus may have."""
+        return f"TCP port {self.host}:{self.port}"
+
+
+class UdpSettings(Section):
+    """Section `[buses.NAME]` of a rig file, for UDP datagrams to and from a device."""
+
+    kind: Literal["udp"]
+    host: Annotated[str, Field(min_length=1)]
+    port: PortNumber
+    local_host: str = ""
+    """Address of the network interface of this computer; empty for any interface."""
+    local_port: PortNumber | None = None
+    """Port of this computer; None for any free port."""
+
+    @property
+    def address(self) -> str:
+        """Text that no other bus may have."""
+        return f"UDP port {self.host}:{self.port}"
+
+
+AnyBusSettings = SerialSettings | CanSettings | TcpSettings | UdpSettings
+BusSettings = Annotated[AnyBusSettings, Field(discriminator="kind")]
 
 
 class MeasurementSettings(Section):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import ipaddress
 import json
 import math
@@ -13,7 +12,6 @@ from typing import Any
 
 import can
 
-from drivers.claims import claim, claimant, process_text
 from drivers.rig import RigError, reason
 from drivers.transports.bus import Bus
 from drivers.transports.slcan import SlcanBus, StatusFlags
@@ -62,7 +60,6 @@ class CanBus(Bus):
         self._bitrate = bitrate
         self._options = options
         self._bus: can.BusABC | None = None
-        self._claim = contextlib.ExitStack()
         self._drain: Callable[[], list[can.Message]] = list
         self._routes: dict[int, Callable[[can.Message, float], object]] = {}
         self._polled = now()
@@ -81,12 +78,11 @@ class CanBus(Bus):
     def open(self) -> None:
         """Open the adapter.
 
-        Before, the bus is claimed, because several processes can open the same SocketCAN interface:
-        they would send commands to the same drives. Only Linux has such claims. The devices on the
-        bus, also emulated ones, do not claim it.
+        Before, the bus is claimed, because several processes can open the same SocketCAN interface.
         """
         if self.interface not in UNSHARED:
-            self._claim_bus()
+            identity = json.dumps(self._identity(), sort_keys=True, default=str)
+            self._claim(identity, f"CAN bus {self.channel} ({self.interface})")
         try:
             if self.interface == "slcan":
                 bus = SlcanBus(self.channel, bitrate=self._bitrate, **self._options)
@@ -98,27 +94,12 @@ class CanBus(Bus):
                 other = can.Bus(interface=self.interface, channel=self.channel, **options)
                 self._bus, self._drain = other, lambda: waiting(other)
         except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
-            self._claim.close()
+            self._held.close()
             raise RigError(
                 f"{self.name}: CAN bus {self.channel} ({self.interface}) cannot be opened: "
                 f"{reason(error)}"
             ) from error
         self._polled = self.now()
-
-    def _claim_bus(self) -> None:
-        """Claim the bus, until `close`; raise RigError if another process has claimed it."""
-        identity = json.dumps(self._identity(), sort_keys=True, default=str)
-        name = f"CAN bus {hashlib.sha256(identity.encode()).hexdigest()[:32]}"
-        try:
-            held = claim(name)
-        except (AttributeError, OSError):  # a system without these claims
-            return
-        if held is None:
-            raise RigError(
-                f"{self.name}: CAN bus {self.channel} ({self.interface}) is used by "
-                f"{process_text(claimant(name) or 0)}: expected a bus that no other process uses"
-            )
-        self._claim.enter_context(held)
 
     def _identity(self) -> list[object]:
         """Return what identifies the bus: the same for each way to name the same bus."""
@@ -200,7 +181,7 @@ class CanBus(Bus):
             with contextlib.suppress(can.CanError, OSError):
                 self._bus.shutdown()
         self._bus = None
-        self._claim.close()
+        self._held.close()
 
     def _gone(self, error: Exception) -> RigError:
         where = "" if self.interface == "slcan" else f"CAN bus {self.channel} ({self.interface}): "

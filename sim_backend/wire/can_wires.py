@@ -127,6 +127,10 @@ class SlcanWire(CanWire):
         """Return a list with the file descriptor of the pseudo-terminal; empty if it is closed."""
         return self.port.filenos()
 
+    def host_entries(self) -> dict[str, str | int]:
+        """Return the path of the pseudo-terminal."""
+        return {"channel": str(self.port.path)}
+
 
 class InterfaceWire(CanWire):
     """A real or virtual CAN bus that the library python-can opens, for example with SocketCAN.
@@ -173,3 +177,7 @@ class InterfaceWire(CanWire):
         """Return a list with the file descriptor of the bus; empty if the bus has none."""
         number = self._bus.fileno() if self._bus else -1
         return [number] if number >= 0 else []
+
+    def host_entries(self) -> dict[str, str | int]:
+        """Return the channel of the bus, which is that of the rig file."""
+        return {"channel": self._channel}

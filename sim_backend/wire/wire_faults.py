@@ -170,7 +170,7 @@ class WrongLength(Random):
 
 
 class Corrupted(Random):
-    """Fault: in serial frames chosen at random, one bit is inverted.
+    """Fault: in frames chosen at random, one bit is inverted.
 
     This fault does not exist for CAN frames, because CAN controllers discard frames with bit
     errors.
@@ -186,7 +186,7 @@ class Corrupted(Random):
 
 
 class Noise(Random):
-    """Fault: on a serial line, random bytes are received between the frames."""
+    """Fault: on a serial line or by UDP, random bytes are received between the frames."""
 
     def noise(self) -> bytes:
         """Return some random bytes with the probability `share`, and otherwise no bytes."""
@@ -247,8 +247,10 @@ FAULTS: dict[str, Callable[[], WireFault]] = {
 """Functions that return a new object of a fault, by the name of the fault."""
 ON_CAN = ("error-frames", "bus-off")
 """Names of the faults that exist only on CAN buses."""
-ON_SERIAL_LINES = ("corrupt", "noise", "baud", "unplug", "replug")
-"""Names of the faults that exist only on serial lines, including the line of an slcan adapter."""
+NOT_ON_CAN = ("corrupt", "noise", "baud", "unplug", "replug")
+"""Names of the faults that no CAN bus has, except one with an slcan adapter."""
+NOT_ON_UDP = ("baud",)
+"""Names of the faults that UDP datagrams do not have."""
 
 
 def with_data(frame: can.Message, data: bytes | bytearray) -> can.Message:
