@@ -6,9 +6,9 @@ The key of a physical quantity ends with its unit, for example `lag_ms`. Unknown
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from drivers.rig import AXES, CHANNELS
 
@@ -49,7 +49,19 @@ class CanSettings(Section):
     interface: str
     channel: Annotated[str, Field(min_length=1)]
     bitrate_bps: Annotated[int, Field(gt=0)] | None = None
+    fd: bool = False
+    """Whether the bus has CAN FD: up to 64 bytes per frame, and a higher bit rate of the data."""
+    data_bitrate_bps: Annotated[int, Field(gt=0)] | None = None
+    """Bit rate of the data of a CAN FD frame."""
     options: dict[str, Any] = {}
+
+    @model_validator(mode="after")
+    def _check_fd(self) -> Self:
+        if self.fd and self.interface == "slcan":
+            raise ValueError("fd = true: the interface slcan has no CAN FD: expected another one")
+        if self.data_bitrate_bps and not self.fd:
+            raise ValueError("data_bitrate_bps: expected only with fd = true")
+        return self
 
     @property
     def address(self) -> str:

@@ -316,5 +316,7 @@ def make_bus(name: str, file: RigFile, now: Callable[[], float]) -> Bus:
             settings.channel,
             settings.bitrate_bps,
             settings.options,
+            settings.fd,
+            settings.data_bitrate_bps,
         )
     return SerialPort(name, now, settings.port, settings.baud_bps)

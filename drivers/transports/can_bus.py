@@ -8,6 +8,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 import can
@@ -39,10 +40,17 @@ UNSHARED = ("slcan", "virtual")
 in one process."""
 
 
+FD_LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
+"""Possible numbers of data bytes of a CAN FD frame."""
+FD_MTU = 72
+"""Smallest maximum transmission unit of a SocketCAN interface with CAN FD [bytes]."""
+
+
 class CanBus(Bus):
     """A CAN bus. Each received frame is passed to the function registered for its identifier.
 
-    `bitrate`: None to leave the bit rate unchanged.
+    `bitrate`: None to leave the bit rate unchanged. `fd`: whether the bus has CAN FD.
+    `data_bitrate`: bit rate of the data of a CAN FD frame; None to leave it unchanged.
     """
 
     def __init__(
@@ -53,12 +61,16 @@ class CanBus(Bus):
         channel: str,
         bitrate: int | None,
         options: Mapping[str, Any],
+        fd: bool = False,
+        data_bitrate: int | None = None,
     ) -> None:
         super().__init__(name, now)
         self.interface = interface
         self.channel = channel
         self._bitrate = bitrate
         self._options = options
+        self.fd = fd
+        self._data_bitrate = data_bitrate
         self._bus: can.BusABC | None = None
         self._drain: Callable[[], list[can.Message]] = list
         self._routes: dict[int, Callable[[can.Message, float], object]] = {}
@@ -91,6 +103,8 @@ class CanBus(Bus):
                 options = dict(self._options)
                 if self._bitrate:
                     options["bitrate"] = self._bitrate
+                if self.fd:
+                    options |= self._fd_options()
                 other = can.Bus(interface=self.interface, channel=self.channel, **options)
                 self._bus, self._drain = other, lambda: waiting(other)
         except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
@@ -99,7 +113,29 @@ class CanBus(Bus):
                 f"{self.name}: CAN bus {self.channel} ({self.interface}) cannot be opened: "
                 f"{reason(error)}"
             ) from error
+        if self.fd and not self._has_fd():
+            self.close()
+            raise RigError(
+                f"{self.name}: CAN bus {self.channel} ({self.interface}) has no CAN FD: expected "
+                "an interface that was set up with CAN FD"
+            )
         self._polled = self.now()
+
+    def _fd_options(self) -> dict[str, Any]:
+        """Return the arguments with which python-can opens a bus with CAN FD."""
+        if self.interface == "virtual":
+            return {"protocol": can.CanProtocol.CAN_FD}
+        rate = {"data_bitrate": self._data_bitrate} if self._data_bitrate else {}
+        return {"fd": True, **rate}
+
+    def _has_fd(self) -> bool:
+        """Return whether the opened bus can send CAN FD frames."""
+        if not self._bus or self._bus.protocol is can.CanProtocol.CAN_20:
+            return False
+        if self.interface == "socketcan":
+            with contextlib.suppress(OSError, ValueError):
+                return int(Path(f"/sys/class/net/{self.channel}/mtu").read_text()) >= FD_MTU
+        return True
 
     def _identity(self) -> list[object]:
         """Return what identifies the bus: the same for each way to name the same bus."""
@@ -154,10 +190,30 @@ class CanBus(Bus):
         if flags and flags & (StatusFlags.ERROR_WARNING | StatusFlags.ERROR_PASSIVE):
             self.errors += 1
 
-    def send(self, identifier: int, data: bytes, extended: bool = False) -> None:
-        """Send a data frame without waiting."""
+    def send(
+        self,
+        identifier: int,
+        data: bytes,
+        extended: bool = False,
+        fd: bool = False,
+        bitrate_switch: bool = False,
+    ) -> None:
+        """Send a data frame without waiting.
+
+        `fd`: whether it is a CAN FD frame. `bitrate_switch`: whether its data are sent with the
+        bit rate of the data.
+        """
+        if fd and (not self.fd or len(data) not in FD_LENGTHS):
+            raise ValueError(f"CAN FD frame of {len(data)} bytes: expected a bus with CAN FD")
         self._put(
-            can.Message(arbitration_id=identifier, data=data, is_extended_id=extended, check=False)
+            can.Message(
+                arbitration_id=identifier,
+                data=data,
+                is_extended_id=extended,
+                is_fd=fd,
+                bitrate_switch=bitrate_switch,
+                check=False,
+            )
         )
 
     def request(self, identifier: int, length: int = 8) -> None:

@@ -109,7 +109,7 @@ class Emulator:
         devices = [d for d in self._on(bus) if isinstance(d, EmulatedCanDevice)]
         if settings.interface == "slcan":
             return SlcanWire(path, devices)
-        return InterfaceWire(settings.interface, settings.channel, devices)
+        return InterfaceWire(settings.interface, settings.channel, settings.fd, devices)
 
     def reset(self, name: str) -> None:
         """Restart the device with this name, as after an interruption of its power supply."""

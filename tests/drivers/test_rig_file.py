@@ -107,6 +107,20 @@ def test_two_devices_on_one_port_are_refused(tmp_path):
     ]
 
 
+@pytest.mark.parametrize(
+    ("added", "problem"),
+    [
+        ("fd = true", "fd = true: the interface slcan has no CAN FD: expected another one"),
+        ("data_bitrate_bps = 5_000_000", "data_bitrate_bps: expected only with fd = true"),
+    ],
+)
+def test_a_bus_that_cannot_have_can_fd_is_refused(tmp_path, added, problem):
+    text = (RIGS / "odrive-bota.toml").read_text()
+    assert problems(tmp_path, text.replace('kind = "can"', f'kind = "can"\n{added}')) == [
+        f"buses.can.can: {problem}"
+    ]
+
+
 def on_tcp(text, host, port):
     old = 'kind = "serial"\nport = "/dev/ttyACM0"\nbaud_bps = 921600'
     assert old in text
