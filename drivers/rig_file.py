@@ -22,6 +22,7 @@ from drivers.device import (
     Device,
     DeviceSettings,
     SerialDevice,
+    SharedSerialDevice,
     sole_drive,
 )
 from drivers.input_file import read_input
@@ -36,7 +37,12 @@ from drivers.rig_sections import (
     UdpSettings,
 )
 
-BUS_KINDS = {SerialDevice: ("serial", "tcp"), CanDevice: ("can",), DatagramDevice: ("udp",)}
+BUS_KINDS = {
+    SerialDevice: ("serial", "tcp"),
+    SharedSerialDevice: ("serial", "tcp"),
+    CanDevice: ("can",),
+    DatagramDevice: ("udp",),
+}
 """Kinds of buses to which a device can be connected, by its base class."""
 
 
@@ -205,7 +211,7 @@ def bus_problems(
         for port in own:
             if ports.setdefault(port, name) != name:
                 yield f"buses.{name}: {port!r} is already used by bus {ports[port]}"
-    users: dict[str, str] = {}
+    users: dict[str, list[str]] = {}
     senders: dict[tuple[str, int], str] = {}
     for name, device in devices.items():
         kinds = next((kinds for base, kinds in BUS_KINDS.items() if isinstance(device, base)), ())
@@ -227,8 +233,22 @@ def bus_problems(
                         f"device {other}"
                     )
                     break
-        elif users.setdefault(bus, name) != name:
-            yield f"devices.{name}.bus: port {bus!r} is already used by device {users[bus]}"
+        else:
+            others = users.setdefault(bus, [])
+            if problem := sharing_problem(device, [devices[other] for other in others]):
+                yield f"devices.{name}.bus: {problem}"
+            others.append(name)
+
+
+def sharing_problem(device: Device, others: list[Device]) -> str | None:
+    """Return why a device cannot have the same port as other devices; None if it can."""
+    for other in others:
+        taken = f"{device.settings.bus!r} is already used by device {other.name}"
+        if not isinstance(device, SharedSerialDevice) or type(other) is not type(device):
+            return f"port {taken}"
+        if other.address == device.address:
+            return f"address {device.address} on {taken}"
+    return None
 
 
 def channel_problem(

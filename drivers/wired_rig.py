@@ -13,6 +13,7 @@ from drivers.device import (
     DerivedDevice,
     Device,
     SerialDevice,
+    SharedSerialDevice,
     VelocityDrive,
     sole_drive,
 )
@@ -34,6 +35,7 @@ from drivers.transports.bus import Bus
 from drivers.transports.can_bus import CanBus
 from drivers.transports.datagram_port import DatagramPort
 from drivers.transports.serial_port import SerialPort
+from drivers.transports.shared_line import SharedLine
 from drivers.transports.stream_port import StreamPort
 from drivers.transports.tcp_port import TcpPort
 
@@ -80,6 +82,10 @@ class WiredRig(Rig):
         self.file = file
         self.devices = file.make_devices()
         self.buses = {name: make_bus(name, file, now) for name in file.sections.buses}
+        for name in {d.settings.bus for d in self.devices.values() if is_shared(d)}:
+            stream = self.buses[name]
+            assert isinstance(stream, StreamPort)
+            self.buses[name] = SharedLine(stream)
         self._now = now
         self._channels = {
             name: Channel(
@@ -128,6 +134,8 @@ class WiredRig(Rig):
                 self._can_bus_of(device).attach(device.identifiers(), device.receive)
             elif isinstance(device, DatagramDevice):
                 self._datagram_port_of(device).attach(device.receive, device.rejected)
+            elif isinstance(device, SharedSerialDevice):
+                self._line_of(device).attach(device)
         for device in self.devices.values():
             if isinstance(device, SerialDevice):
                 device.start(self._port_of(device))
@@ -135,6 +143,8 @@ class WiredRig(Rig):
                 device.start(self._can_bus_of(device))
             elif isinstance(device, DatagramDevice):
                 device.start(self._datagram_port_of(device))
+            elif isinstance(device, SharedSerialDevice):
+                self._line_of(device).start(device)
             elif isinstance(device, DerivedDevice):
                 device.start(self.devices)
         end = self._now() + FIRST_SAMPLES
@@ -177,6 +187,11 @@ class WiredRig(Rig):
         port = self.buses[device.settings.bus]
         assert isinstance(port, DatagramPort)
         return port
+
+    def _line_of(self, device: SharedSerialDevice) -> SharedLine:
+        line = self.buses[device.settings.bus]
+        assert isinstance(line, SharedLine)
+        return line
 
     def _poll(self) -> None:
         """Read every bus, and then call the method `update` of every device.
@@ -292,6 +307,11 @@ class WiredRig(Rig):
                 stack.callback(device.stop)
             if self._operating:
                 next(iter(self.buses.values())).wait_for(self.idle, 2.0 * LONGEST_STOP)
+
+
+def is_shared(device: Device) -> bool:
+    """Return whether a device may share its serial line with other devices."""
+    return isinstance(device, SharedSerialDevice)
 
 
 def make_bus(name: str, file: RigFile, now: Callable[[], float]) -> Bus:

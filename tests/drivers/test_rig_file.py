@@ -9,10 +9,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from drivers import rig_file
 from drivers.rig_file import RigFileError, read_rig_file
+from drivers.transports.serial_port import SerialPort
+from drivers.transports.shared_line import SharedLine
 from drivers.transports.tcp_port import TcpPort
 from drivers.wired_rig import WiredRig
 from teleop.safety.rig_limits import rig_limits
+
+from .shared_line_devices import Meter
 
 RIGS = Path(__file__).parents[2] / "rigs"
 EXAMPLES = sorted(RIGS.glob("*.toml"))
@@ -146,6 +151,42 @@ def test_the_problems_of_network_buses_are_reported_together(tmp_path):
         "buses.c: 'UDP port 192.168.1.6:49152' is already used by bus a",
         "buses.d: 'TCP port 192.168.1.5:4001' is already used by bus usb",
         "devices.other.bus: 'a': expected a serial or tcp bus of the section [buses]: usb, d",
+    ]
+
+
+@pytest.fixture
+def meters(monkeypatch):
+    """Adds the kind `meter`, whose devices may share a serial line."""
+    of_others = rig_file.device_class
+    monkeypatch.setattr(
+        rig_file, "device_class", lambda kind: Meter if kind == "meter" else of_others(kind)
+    )
+    known = rig_file.kinds()
+    monkeypatch.setattr(rig_file, "kinds", lambda: [*known, "meter"])
+
+
+LINE = '\n[buses.line]\nkind = "serial"\nport = "/dev/ttyUSB5"\nbaud_bps = 115200\n'
+
+
+def meter(name, address, bus="line"):
+    return f'[devices.{name}]\nkind = "meter"\nbus = "{bus}"\naddress = {address}\n'
+
+
+@pytest.mark.usefixtures("meters")
+def test_devices_made_for_a_shared_line_may_have_the_same_bus(tmp_path):
+    rig = WiredRig(read(tmp_path, BOARD + LINE + meter("a", 1) + meter("b", 2)), lambda: 0.0)
+    assert isinstance(rig.buses["line"], SharedLine)
+    assert isinstance(rig.buses["usb"], SerialPort)
+
+
+@pytest.mark.usefixtures("meters")
+def test_a_shared_line_with_other_devices_or_equal_addresses_is_refused(tmp_path):
+    text = BOARD + LINE + meter("a", 1) + meter("b", 1) + meter("c", 1, bus="usb")
+    text += '[devices.d]\nkind = "bota"\nbus = "line"\n'
+    assert problems(tmp_path, text) == [
+        "devices.b.bus: address 1 on 'line' is already used by device a",
+        "devices.c.bus: port 'usb' is already used by device board",
+        "devices.d.bus: port 'line' is already used by device a",
     ]
 
 
