@@ -100,7 +100,7 @@ class EmulatedDevice(ABC):  # noqa: B024
 
 
 class EmulatedSerialDevice(EmulatedDevice):
-    """Base class of emulated devices on a serial port."""
+    """Base class of emulated devices on a serial port or a TCP connection."""
 
     @abstractmethod
     def receive(self, data: bytes, now: float) -> None:
@@ -109,6 +109,18 @@ class EmulatedSerialDevice(EmulatedDevice):
     @abstractmethod
     def emit(self, now: float) -> list[bytes]:
         """Return the frames that the device sends at time `now` [s], including answers."""
+
+
+class EmulatedDatagramDevice(EmulatedDevice):
+    """Base class of emulated devices that exchange UDP datagrams."""
+
+    @abstractmethod
+    def receive(self, data: bytes, now: float) -> None:
+        """Process a datagram from the host at time `now` [s]."""
+
+    @abstractmethod
+    def emit(self, now: float) -> list[bytes]:
+        """Return the datagrams that the device sends at time `now` [s], including answers."""
 
 
 class EmulatedCanDevice(EmulatedDevice):

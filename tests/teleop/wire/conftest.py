@@ -60,7 +60,7 @@ class SteppedRig(WiredRig):
         )
         prepare(self.emulator)
         host = folder / "host.toml"
-        host.write_text(rewrite(host_file(file, folder)))
+        host.write_text(rewrite(host_file(self.emulator)))
         super().__init__(read_rig_file(host), self.present)
         for bus in self.buses.values():
             bus.nap = self.nap
@@ -181,7 +181,8 @@ class RigInMemory(SteppedRig):
     def open(self) -> None:
         self.emulator.__enter__()
         for wire in self.emulator.wires.values():
-            wire.port.answer = self.emulator.step
+            if isinstance(port := getattr(wire, "port", None), Line):
+                port.answer = self.emulator.step
         WiredRig.open(self)
 
 
