@@ -125,6 +125,8 @@ class Bench:
         streams = isinstance(device, SerialDevice | SharedSerialDevice)
         self.pieces: Callable[[Sequence[Any]], list[Any]] = joined if streams else list
         """Converts the frames of a tick to the data of the calls of `receive`."""
+        self.reported = ""
+        """Error of the device when the rig last read it."""
         self.sent: list[Sent] = []
         self.emitted: list[Any] = []
         """Frames that the device has sent."""
@@ -269,6 +271,7 @@ class Bench:
             self.device.update(self.time)
         for signal, sample in self.device.samples.items():
             self._check_time(signal, sample, before.get(signal))
+        self.reported = self.device.error
 
     def _check_time(self, signal: str, sample: Sample, before: Sample | None) -> None:
         ahead = sample.time - self.time

@@ -18,7 +18,7 @@ from unittest import mock
 
 import can
 
-from drivers.bench import TICK, Bench, Emulated, Frame, Sender, Violation
+from drivers.bench import FORCE, SPEED, STEP, TICK, Bench, Emulated, Frame, Sender, Violation
 from drivers.device import (
     NO_SAMPLE,
     DatagramDevice,
@@ -157,7 +157,7 @@ def operate(bench: Bench) -> None:
 
 def check_still(bench: Bench) -> None:
     """Raise Violation if the part moves or is pushed while operation is only requested."""
-    if bench.velocity or bench.force:
+    if abs(bench.velocity) > 0.01 * SPEED or abs(bench.force) > 0.01 * FORCE:
         seen = f"{bench.velocity:g} m/s and {bench.force:g} N before the first command"
         raise Violation("still", seen)
 
@@ -486,7 +486,7 @@ def check_command(case: Case) -> Iterator[tuple[str, str]]:
         returned = bench.command(size, 1.0)
         does, should = bench.applied(returned)
         if isinstance(bench.tested, PositionDrive):
-            is_equal = abs(does - should) < 0.05 * abs(size) * 1e-3
+            is_equal = abs(does - should) < 0.05 * abs(size) * STEP
         else:
             is_equal = math.isclose(does, should, rel_tol=1e-4, abs_tol=1e-9)
         if not is_equal:
@@ -600,15 +600,15 @@ def check_restart(case: Case) -> Iterator[tuple[str, str]]:
     bench = case.moving()
     bench.restart_emulated()
     end = bench.time + LONGEST_STOP
-    while not bench.device.error:
+    while not bench.reported:
         if bench.time > end:
             yield "restart", f"no error in {LONGEST_STOP:g} s after a restart of the device"
             return
         bench.command(1.0, TICK)
-    error = bench.device.error
+    error = bench.reported
     for _ in range(round(RUN / TICK)):
         bench.command(0.0, TICK)
-        if not bench.device.error:
+        if not bench.reported:
             yield "latched", f"the error {error!r} ended without rearm"
             return
 

@@ -1,4 +1,4 @@
-"""`teleop rig`: the commands list, check, emulate and tare, with which a rig is set up."""
+"""`teleop rig`: the commands with which a rig is set up."""
 
 from __future__ import annotations
 
@@ -7,11 +7,15 @@ from cyclopts import App
 from teleop.commands.options import Json
 from teleop.commands.rig_check import check
 from teleop.commands.rig_emulate import emulate
+from teleop.commands.rig_new_driver import new_driver
 from teleop.commands.rig_tare import tare
 
 rig = App(
     name="rig",
-    help="Set up a rig: list ports, check or emulate its devices, measure its zero offsets.",
+    help=(
+        "Set up a rig: list ports, check or emulate its devices, measure its zero offsets, write "
+        "a driver."
+    ),
 )
 
 
@@ -34,5 +38,5 @@ def list_(*, json: Json = False) -> int:
     return 0
 
 
-for command in (check, emulate, tare):
+for command in (check, emulate, tare, new_driver):
     rig.command(command)
