@@ -19,6 +19,7 @@ from drivers.device import Device
 GROUP = "teleop.devices"
 """Group of the entry points with which other packages register device classes."""
 BUILT_IN = {
+    "ati_netft": "drivers.devices.ati_netft:AtiNetFt",
     "board": "drivers.devices.board:Board",
     "bota": "drivers.devices.bota:Bota",
     "cia402": "drivers.devices.cia402:Cia402",

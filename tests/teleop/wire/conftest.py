@@ -253,4 +253,6 @@ def in_memory(monkeypatch) -> Callable[..., SteppedTrial]:
         monkeypatch.setattr(f"sim_backend.wire.{module}.PseudoTerminal", Line)
     for module in ("serial_port", "slcan"):
         monkeypatch.setattr(f"drivers.transports.{module}.open_port", HostEnd)
+    # the kernel's time stamps are in real time
+    monkeypatch.setattr("drivers.transports.datagram_port.LATEST", -1.0)
     return partial(stepped_trial, kind=RigInMemory)
