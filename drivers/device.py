@@ -46,39 +46,24 @@ class DeviceSettings(BaseModel):
     kind: str
 
 
-class VelocityDrive(ABC):
-    """A drive with velocity control.
+class Drive(ABC):
+    """Base class of drives. `VelocityDrive`, `ForceDrive` and the others state what they accept.
 
-    Velocities are in m/s. They are positive in the positive direction of the drive. The methods
-    send messages to the device, but do not wait for its answer.
+    Positions are in m, velocities in m/s, forces in N. They are positive in the positive direction
+    of the drive. The methods send messages to the device, but do not wait for its answer.
     """
 
     @abstractmethod
     def enable(self) -> bool:
-        """Request that the drive goes into operation with zero velocity.
+        """Request that the drive goes into operation, without motion and without force.
 
-        In operation, the drive follows velocity commands, and its watchdog is active. This method
-        is called once per tick until it returns True.
+        In operation, the drive follows commands, and its watchdog is active. This method is called
+        once per tick until it returns True.
 
         Returns
         -------
         bool
             Whether the drive is in operation.
-        """
-
-    @abstractmethod
-    def command(self, velocity: float) -> float:
-        """Store the velocity that the next call of `Device.transmit` sends to the drive.
-
-        Parameters
-        ----------
-        velocity
-            Wanted velocity [m/s].
-
-        Returns
-        -------
-        float
-            Velocity that will be sent [m/s]. The device may round and limit the wanted velocity.
         """
 
     @abstractmethod
@@ -98,6 +83,102 @@ class VelocityDrive(ABC):
         -------
         bool
             Whether the drive has reported, after the request, that it is out of operation.
+        """
+
+
+class VelocityDrive(Drive):
+    """A drive with velocity control."""
+
+    @abstractmethod
+    def command(self, velocity: float) -> float:
+        """Store the velocity that the next call of `Device.transmit` sends to the drive.
+
+        Parameters
+        ----------
+        velocity
+            Wanted velocity [m/s].
+
+        Returns
+        -------
+        float
+            Velocity that will be sent [m/s]. The device may round and limit the wanted velocity.
+        """
+
+
+class PositionDrive(Drive):
+    """A drive with position control."""
+
+    signal = "position"
+    """Name of the signal of the device that measures the position of the drive."""
+
+    @abstractmethod
+    def command(self, position: float) -> float:
+        """Store the position that the next call of `Device.transmit` sends to the drive.
+
+        Parameters
+        ----------
+        position
+            Wanted position [m], on the scale of the position signal of the drive.
+
+        Returns
+        -------
+        float
+            Position that will be sent [m]. The device may round and limit the wanted position.
+        """
+
+
+class ForceDrive(Drive):
+    """A drive that exerts a commanded force, for example a motor with torque control."""
+
+    @abstractmethod
+    def command(self, force: float) -> float:
+        """Store the force that the next call of `Device.transmit` sends to the drive.
+
+        Parameters
+        ----------
+        force
+            Wanted force of the drive on the moving part [N].
+
+        Returns
+        -------
+        float
+            Force that will be sent [N]. The device may round and limit the wanted force.
+        """
+
+
+class ImpedanceDrive(Drive):
+    """A drive that itself computes the force of a spring and a damper from its own encoder.
+
+    Motors with the "MIT mode" are such drives. Their loop has no delay of a bus.
+    """
+
+    signal = "position"
+    """Name of the signal of the device that measures the position of the drive."""
+
+    @abstractmethod
+    def command(
+        self, position: float, velocity: float, stiffness: float, damping: float
+    ) -> tuple[float, float]:
+        """Store the reference and the gains that the next `Device.transmit` sends to the drive.
+
+        The force of the drive on the moving part is stiffness * (position - x) + damping *
+        (velocity - v), where x and v are the motion that the encoder of the drive measures.
+
+        Parameters
+        ----------
+        position
+            Reference position [m], on the scale of the position signal of the drive.
+        velocity
+            Reference velocity [m/s].
+        stiffness
+            Stiffness of the spring [N/m].
+        damping
+            Damping of the damper [N s/m].
+
+        Returns
+        -------
+        tuple
+            Position [m] and velocity [m/s] that will be sent. The device may round and limit them.
         """
 
 
@@ -138,7 +219,7 @@ class Device(ABC):
         self.error = ""
         self.emergency_stop = False
         self.rejected: Counter[str] = Counter()
-        self.drives: dict[str, VelocityDrive] = {}
+        self.drives: dict[str, Drive] = {}
 
     @abstractmethod
     def signals(self) -> Mapping[str, str]:
@@ -165,7 +246,7 @@ class Device(ABC):
         self.error = ""
 
     def transmit(self) -> None:  # noqa: B027
-        """Send the velocities that `VelocityDrive.command` has stored for the drives.
+        """Send the commands that the method `command` of the drives has stored.
 
         The default method does nothing.
         """

@@ -21,6 +21,9 @@ from drivers.device import (
     DerivedDevice,
     Device,
     DeviceSettings,
+    ForceDrive,
+    ImpedanceDrive,
+    PositionDrive,
     SerialDevice,
     SharedSerialDevice,
     sole_drive,
@@ -35,6 +38,7 @@ from drivers.rig_sections import (
     MeasurementSettings,
     RigSections,
     UdpSettings,
+    coupling_of,
 )
 
 BUS_KINDS = {
@@ -190,8 +194,12 @@ def reference_problems(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
     if sections.drives is not None:
         for name, drive in sections.drives.items():
             problem = drive_problem(drive, devices)
-            if problem and drive.device not in declared - devices.keys():
-                yield f"drives.{name}.{problem}"
+            if problem:
+                if drive.device not in declared - devices.keys():
+                    yield f"drives.{name}.{problem}"
+            elif sections.channels is not None:
+                for problem in axis_problems(name, rig, devices):
+                    yield f"drives.{name}{problem}"
         slave, master = sections.drives.slave, sections.drives.master
         if master and master.device == slave.device in devices:
             names = {sole_drive(devices[slave.device], one.drive) for one in (master, slave)}
@@ -280,3 +288,46 @@ def drive_problem(drive: DriveSettings, devices: Mapping[str, Device]) -> str | 
         names = ", ".join(devices[drive.device].drives) or "it has none"
         return f"drive: {drive.drive!r}: expected a drive of the device: {names}"
     return None
+
+
+FOR_FORCES = (
+    "max_force_n",
+    "stiffness_n_per_m",
+    "damping_ns_per_m",
+    "friction_ns_per_m",
+    "moving_mass_kg",
+    "latency_ticks",
+)
+"""Keys of a drive that accepts forces or closes a coupling itself."""
+
+
+def axis_problems(name: str, rig: RigFile, devices: Mapping[str, Device]) -> Iterator[str]:
+    """Yield the problems of a section of a drive that depend on the kind of the drive.
+
+    A virtual coupling must be passive: only then is it stable with every hand, also released.
+    """
+    settings = getattr(rig.sections.drives, name)
+    device = devices[settings.device]
+    drive = device.drives[sole_drive(device, settings.drive)]
+    given = settings.model_fields_set
+    if not isinstance(drive, ForceDrive | ImpedanceDrive):
+        accepts = "positions" if isinstance(drive, PositionDrive) else "velocities"
+        for key in FOR_FORCES:
+            if key in given:
+                yield f".{key}: the drive accepts {accepts}: expected no such key"
+    elif settings.max_force_n is None:
+        yield ".max_force_n: missing: the drive accepts forces"
+    elif (settings.stiffness_n_per_m is None) == (settings.moving_mass_kg is None):
+        yield (
+            ": expected stiffness_n_per_m, for a virtual coupling, or moving_mass_kg, for a "
+            "velocity loop"
+        )
+    elif rig.sections.channels.position_of(name) is None:
+        yield f": expected the channel {name}_position, because the drive accepts forces"
+    elif isinstance(drive, ForceDrive) and settings.stiffness_n_per_m is not None:
+        coupling = coupling_of(settings, 1.0 / rig.sections.rate_hz)
+        if coupling and (problem := coupling.problem(1.0 / rig.sections.rate_hz)):
+            yield f".stiffness_n_per_m: {problem}"
+    signal = getattr(drive, "signal", None)
+    if signal is not None and signal not in device.signals():
+        yield f".device: expected a signal {signal} of the device {device.name}"

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
+from drivers.coupling import CouplingParameters, velocity_loop
 from drivers.rig import AXES, CHANNELS
 
 Positive = Annotated[FiniteFloat, Field(gt=0)]
@@ -180,15 +181,19 @@ class VelocitySettings(MeasurementSettings):
 class ChannelsSettings(Section):
     """Section `[channels]` of a rig file: the settings of all channels.
 
-    The position of the handle (`master_position`) and the velocity of the slave
-    (`slave_velocity`) are optional.
+    Without `master_force`, the force of the hand is that of the virtual coupling of the master's
+    drive. A rig without this channel and without this drive has no handle.
     """
 
-    master_force: ForceSettings
     contact_force: ForceSettings
     slave_position: PositionSettings
+    master_force: ForceSettings | None = None
     master_position: PositionSettings | None = None
     slave_velocity: VelocitySettings | None = None
+
+    def position_of(self, axis: str) -> PositionSettings | None:
+        """Return the channel with the position of an axis (`master`, `slave`)."""
+        return self.master_position if axis == "master" else self.slave_position
 
     def items(self) -> Iterator[tuple[str, ForceSettings | PositionSettings | VelocitySettings]]:
         """Yield the name and settings of each channel that the rig file contains.
@@ -208,6 +213,21 @@ class DriveSettings(Section):
     """Name of the drive in its device. Needed only if the device has several drives."""
     sign: Literal[1, -1] = 1
     max_velocity_mm_per_s: Positive
+    lag_ms: UpTo500 = 0.0
+    """Lag with which the drive follows its command [ms]."""
+    latency_ticks: Annotated[int, Field(ge=0, le=20)] = 1
+    """Whole periods from a measurement to the force of the drive that is computed from it."""
+    max_force_n: Positive | None = None
+    """Greatest force of the drive. Needed for a drive that accepts forces."""
+    stiffness_n_per_m: Positive | None = None
+    """Stiffness of the virtual coupling of a drive that accepts forces."""
+    damping_ns_per_m: NonNegative = 0.0
+    """Damping of the virtual coupling."""
+    friction_ns_per_m: NonNegative = 0.0
+    """Viscous damping of the moving part itself."""
+    moving_mass_kg: Positive | None = None
+    """Moving mass. If it is given in place of the stiffness, a drive that accepts forces follows
+    its velocity in a loop for this mass."""
 
 
 class DrivesSettings(Section):
@@ -281,3 +301,24 @@ class RigSections(Section):
     drives: DrivesSettings
     limits: LimitsSettings
     transmission: TransmissionSettings | None = None
+
+
+def coupling_of(drive: DriveSettings, period: float) -> CouplingParameters | None:
+    """Return the coupling of a drive that accepts forces; None if the section describes none.
+
+    `period` is the period of the control loop [s].
+    """
+    if drive.max_force_n is None:
+        return None
+    friction, latency = drive.friction_ns_per_m, drive.latency_ticks
+    if drive.moving_mass_kg is not None:
+        return velocity_loop(drive.moving_mass_kg, friction, latency, period, drive.max_force_n)
+    if drive.stiffness_n_per_m is None:
+        return None
+    return CouplingParameters(
+        drive.stiffness_n_per_m,
+        drive.damping_ns_per_m,
+        max_force=drive.max_force_n,
+        latency=latency,
+        friction=friction,
+    )

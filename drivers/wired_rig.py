@@ -7,14 +7,15 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import NamedTuple
 
+from drivers.axes import Axis, CoupledAxis, make_axis
 from drivers.device import (
     CanDevice,
     DatagramDevice,
     DerivedDevice,
     Device,
+    Sample,
     SerialDevice,
     SharedSerialDevice,
-    VelocityDrive,
     sole_drive,
 )
 from drivers.rig import (
@@ -30,7 +31,7 @@ from drivers.rig import (
     RigError,
 )
 from drivers.rig_file import RigFile
-from drivers.rig_sections import CanSettings, TcpSettings, UdpSettings
+from drivers.rig_sections import CanSettings, DriveSettings, TcpSettings, UdpSettings, coupling_of
 from drivers.transports.bus import Bus
 from drivers.transports.can_bus import CanBus
 from drivers.transports.datagram_port import DatagramPort
@@ -43,6 +44,10 @@ FIRST_SAMPLES = 2.0
 """Longest wait until every channel has a first sample [s]."""
 ENABLING = 2.0
 """Longest time from the first call of `enable` until all drives are in operation [s]."""
+
+
+FASTEST = 2.0
+"""Largest measured speed of a coupled axis, in multiples of its largest commanded speed."""
 
 
 class Channel(NamedTuple):
@@ -62,15 +67,13 @@ class Channel(NamedTuple):
 
 
 class WiredDrive(NamedTuple):
-    """A drive of the rig, with its direction and its largest speed."""
+    """A drive of the rig as an axis, with its largest speed."""
 
     name: str
     """`master` or `slave`."""
-    axis: int
+    place: int
     """Index of the drive's velocity in a `Command`."""
-    drive: VelocityDrive
-    sign: int
-    """1 if the positive directions of the drive and of the rig are the same, otherwise -1."""
+    axis: Axis
     max_velocity: float
     """Largest speed [m/s]."""
 
@@ -99,19 +102,50 @@ class WiredRig(Rig):
         }
         self._sources = [self._channels.get(name) for name in CHANNELS]
         self._drives = [
-            WiredDrive(
-                name,
-                AXES.index(name),
-                self.devices[d.device].drives[sole_drive(self.devices[d.device], d.drive)],
-                d.sign,
-                d.max_velocity_mm_per_s * 1e-3,
-            )
+            WiredDrive(name, AXES.index(name), self._axis(name, d), d.max_velocity_mm_per_s * 1e-3)
             for name, d in file.sections.drives.items()
         ]
+        # Axes that need the measured position of their moving part, with its channel.
+        self._coupled = [
+            (drive.name, drive.axis, CHANNELS.index(f"{drive.name}_position"))
+            for drive in self._drives
+            if isinstance(drive.axis, CoupledAxis)
+        ]
+        self._hand = self._axis_at_the_hand()
         self._enabling = self._stopping = math.nan
         self._enabled = False
         self._operating = False
         """Whether a drive can be in operation: from `enable` until `idle` returns True."""
+
+    def _axis(self, name: str, settings: DriveSettings) -> Axis:
+        """Return the axis of a drive in the rig file."""
+        device = self.devices[settings.device]
+        drive = device.drives[sole_drive(device, settings.drive)]
+        sections = self.file.sections
+        limits = sections.limits
+        position = sections.channels.position_of(name)
+
+        def reading() -> float:
+            return device.samples[getattr(drive, "signal", "")].value
+
+        return make_axis(
+            drive,
+            settings.sign,
+            reading,
+            coupling_of(settings, 1.0 / sections.rate_hz),
+            limits.rest_velocity_mm_per_s * 1e-3,
+            FASTEST * settings.max_velocity_mm_per_s * 1e-3,
+            position.max_age_ms * 1e-3 if position else 0.0,
+        )
+
+    def _axis_at_the_hand(self) -> CoupledAxis | None:
+        """Return the axis whose coupling gives the force of the hand; None if it is measured."""
+        if "master_force" in self._channels:
+            return None
+        for _, axis, index in self._coupled:
+            if CHANNELS[index] == "master_position":
+                return axis
+        return None
 
     @property
     def rejected(self) -> Mapping[str, Mapping[str, int]]:
@@ -225,6 +259,15 @@ class WiredRig(Rig):
                 values.append(channel.gain * value + channel.offset)
                 ages.append(now - time + channel.lag)
         error, stop = "", False
+        for name, axis, index in self._coupled:
+            source = self._sources[index]
+            assert source
+            time = source.device.samples[source.signal].time
+            axis.measure(Sample(values[index], time))
+            if axis.error:
+                error = error or f"drive {name}: {axis.error}"
+        if self._hand:
+            values[0], ages[0] = self._hand.force, ages[CHANNELS.index("master_position")]
         for device in self.devices.values():
             if device.error:
                 error = error or f"{device.name}: {device.error}"
@@ -241,10 +284,14 @@ class WiredRig(Rig):
         if math.isnan(self._enabling):
             self._enabling, self._stopping = self._now(), math.nan
             self._operating = True
-        ready = [drive.drive.enable() for drive in self._drives]
+        ready = [drive.axis.enable() for drive in self._drives]
         self._enabled = all(ready)
         if not self._enabled and self._now() - self._enabling > ENABLING:
-            late = [d.name for d, r in zip(self._drives, ready, strict=True) if not r]
+            late = [
+                d.name + (f" (waits for {d.axis.waits_for})" if d.axis.waits_for else "")
+                for d, r in zip(self._drives, ready, strict=True)
+                if not r
+            ]
             raise RigError(f"drive {' and '.join(late)} not ready within {ENABLING:g} s")
         return self._enabled
 
@@ -257,10 +304,10 @@ class WiredRig(Rig):
             raise ValueError(f"a velocity command must be finite, got {command}")
         if not self._enabled:
             command = STANDSTILL
-        applied = [*STANDSTILL]
-        for _, axis, drive, sign, most in self._drives:
-            v = min(max(command[axis], -most), most)
-            applied[axis] = sign * drive.command(sign * v)
+        applied, now = [*STANDSTILL], self._now()
+        for _, place, axis, most in self._drives:
+            v = min(max(command[place], -most), most)
+            applied[place] = axis.command(v, now)
         for device in self.devices.values():
             device.transmit()
         return Command(*applied)
@@ -274,7 +321,7 @@ class WiredRig(Rig):
         self._enabled, self._enabling = False, math.nan
         if math.isnan(self._stopping):
             self._stopping = self._now()
-        running = {wired.name: wired.drive for wired in self._drives}
+        running = {wired.name: wired.axis for wired in self._drives}
         with ExitStack() as stack:
             for name in list(running):
                 stack.callback(self._stop, name, running)
@@ -289,7 +336,7 @@ class WiredRig(Rig):
         return False
 
     @staticmethod
-    def _stop(name: str, running: dict[str, VelocityDrive]) -> None:
+    def _stop(name: str, running: dict[str, Axis]) -> None:
         """Take a drive out of operation. If it has confirmed this, remove it from `running`."""
         if running[name].idle():
             del running[name]

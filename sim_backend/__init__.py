@@ -4,6 +4,7 @@ from sim_backend.bodies import AnyBody, Changing, Relaxing
 from sim_backend.body import Body, Law
 from sim_backend.cube import Cube
 from sim_backend.faults import FaultyRig
+from sim_backend.force_master import ForceMaster
 from sim_backend.force_palpation import ForcePalpation
 from sim_backend.operator_model import OperatorModel
 from sim_backend.operators import ARM, AttentiveOperator, FreePalpation, MimickedSine, Operator
@@ -37,6 +38,7 @@ __all__ = [
     "Changing",
     "Cube",
     "FaultyRig",
+    "ForceMaster",
     "ForcePalpation",
     "FreePalpation",
     "Intention",

@@ -27,6 +27,7 @@ from math import cos, sin
 from typing import NamedTuple
 
 from drivers import new_tuple
+from sim_backend.force_master import FreeHandle
 from sim_backend.plant import Arm, Handle, Intention
 
 
@@ -41,7 +42,7 @@ class Hand(ABC):
         The handle of the simulated rig; None before the rig is created.
     """
 
-    handle: Handle | None = None
+    handle: Handle | FreeHandle | None = None
 
     @abstractmethod
     def intention(self, t: float) -> Intention | None:

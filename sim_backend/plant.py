@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from drivers import Command
 from sim_backend.body import Body, Law
+from sim_backend.force_master import ForceMaster, FreeHandle
 from sim_backend.transmission import RIGID, Transmission
 
 MAX_STEP = 1e-3
@@ -66,11 +67,11 @@ class Handle:
         self._rate = 2.0 * math.pi * bandwidth
         self.x = self.v = 0.0
 
-    def advance(self, u: float, dt: float) -> None:
+    def advance(self, u: float, dt: float, arm: Arm, intended: Intention | None) -> None:
         """Advance the motion of the handle by the time `dt` [s].
 
         `u` is the velocity command [m/s], which is constant during this time. The equation of
-        motion is solved exactly.
+        motion is solved exactly. The hand has no effect on the servo.
         """
         slip = self.v - u
         left = slip * math.exp(-self._rate * dt)
@@ -97,6 +98,8 @@ class Slave:
         self.x = self.v = 0.0
         self.command = 0.0
         """Last velocity command [m/s]."""
+        self.push: float | None = None
+        """Force of the motor [N] in place of that of the velocity servo; None for the servo."""
         self._error = 0.0
         self._transmission = parameters.transmission
         self._played = 0.0
@@ -131,6 +134,8 @@ class Slave:
     @property
     def motor_force(self) -> float:
         """Force of the motor on the moving mass of the slave [N]."""
+        if self.push is not None:
+            return self.push
         return self._mass * (
             self._proportional * (self.command - self.v) + self._integral * self._error
         )
@@ -151,17 +156,21 @@ class Slave:
         self.command = u
         x, v1, error, played = self.x, self.v, self._error, self._played
         proportional, integral, mass = self._proportional, self._integral, self._mass
+        push = 0.0
+        if self.push is not None:
+            proportional = integral = error = self._error = 0.0
+            push = self.push / mass
         law, load, half = self.law, self._transmission.load, 0.5 * h
-        a1 = proportional * (u - v1) + integral * error - load(law, played, x, v1) / mass
+        a1 = proportional * (u - v1) + integral * error - load(law, played, x, v1) / mass + push
         x2, v2, e2 = x + half * v1, v1 + half * a1, error + half * (u - v1)
-        a2 = proportional * (u - v2) + integral * e2 - load(law, played, x2, v2) / mass
+        a2 = proportional * (u - v2) + integral * e2 - load(law, played, x2, v2) / mass + push
         x3, v3, e3 = x + half * v2, v1 + half * a2, error + half * (u - v2)
-        a3 = proportional * (u - v3) + integral * e3 - load(law, played, x3, v3) / mass
+        a3 = proportional * (u - v3) + integral * e3 - load(law, played, x3, v3) / mass + push
         x4, v4, e4 = x + h * v3, v1 + h * a3, error + h * (u - v3)
-        a4 = proportional * (u - v4) + integral * e4 - load(law, played, x4, v4) / mass
+        a4 = proportional * (u - v4) + integral * e4 - load(law, played, x4, v4) / mass + push
         travel = h / 6.0 * (v1 + 2.0 * (v2 + v3) + v4)
         self.move_to(x + travel, v1 + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4))
-        self._error = error + u * h - travel
+        self._error = error + u * h - travel if self.push is None else 0.0
         tip = law.compressed(self._played, self._transmission.compliance)
         self._state = self._body.advanced(self._state, law.surface(tip), h)
 
@@ -197,7 +206,7 @@ class Arm(NamedTuple):
     damping: float
     """Damping [N s/m]."""
 
-    def force(self, intended: Intention, handle: Handle) -> float:
+    def force(self, intended: Intention, handle: Handle | FreeHandle) -> float:
         """Return the force of the hand on the handle [N] for an intended motion of the hand."""
         return self.stiffness * (intended.position - handle.x) + self.damping * (
             intended.velocity - handle.v
@@ -231,6 +240,8 @@ class Plant:
         Impedance of the operator's arm; `UNATTENDED` if nobody holds the handle.
     max_step
         Longest integration step [s].
+    master
+        Force-commanded master; None for a master with a velocity servo.
 
     Raises
     ------
@@ -244,10 +255,13 @@ class Plant:
         parameters: PlantParameters,
         arm: Arm = UNATTENDED,
         max_step: float = MAX_STEP,
+        master: ForceMaster | None = None,
     ) -> None:
         if not 0.0 < max_step < math.inf:
             raise ValueError(f"max_step must be positive, got {max_step} s")
-        self.handle = Handle(parameters.handle_bandwidth)
+        self.handle: Handle | FreeHandle = Handle(parameters.handle_bandwidth)
+        if master:
+            self.handle = FreeHandle(master.mass, master.friction)
         self.slave = Slave(body, parameters)
         self.master_force = ForceChannel(parameters.master_force_lag)
         self.contact_force = ForceChannel(parameters.contact_force_lag)
@@ -267,7 +281,7 @@ class Plant:
             Intended position and velocity of the operator's hand at the end of the step; None if
             the hand does not hold the handle.
         """
-        self.handle.advance(command.master_velocity, dt)
+        self.handle.advance(command.master_velocity, dt, self._arm, intended)
         hand = self._arm.force(intended, self.handle) if intended else 0.0
         self.master_force.advance(hand, dt)
         steps = max(1, math.ceil(dt / self._max_step - 1e-6))

@@ -7,12 +7,19 @@ import random
 from collections.abc import Callable
 
 from drivers import CHANNELS, STANDSTILL, Ages, Command, Measurement, Rig, new_tuple
+from drivers.axes import CoupledAxis
+from drivers.device import Sample
 from sim_backend.body import Body
+from sim_backend.force_master import ForceMaster, FreeHandle, make_axis
 from sim_backend.operators import ARM, Hand
 from sim_backend.plant import UNATTENDED, Arm, Plant, PlantParameters
 from sim_backend.sensors import Sensors
 
 FRESH = Ages(*(0.0 for _ in CHANNELS))
+MOST_MASTER_SPEED = 1.0
+"""Largest speed of a force-commanded handle [m/s]. A faster handle is a drive error."""
+MASTER_AT_REST = 0.02
+"""Largest speed of a force-commanded handle at which it can be enabled [m/s]."""
 
 
 class SimulatedRig(Rig):
@@ -46,6 +53,12 @@ class SimulatedRig(Rig):
         Initial position of the slave [m].
     arm
         Impedance of the operator's arm. It has no effect if nobody holds the handle.
+    master
+        Force-commanded master; None for a master with a velocity servo. The force of the hand is
+        then that of its virtual coupling.
+    coupled
+        Whether the rig closes this coupling. If not, `plant.handle.push` is the force of the motor,
+        and the force of the hand is measured.
 
     Raises
     ------
@@ -65,11 +78,18 @@ class SimulatedRig(Rig):
         seed: int = 0,
         start: float = 0.0,
         arm: Arm = ARM,
+        master: ForceMaster | None = None,
+        coupled: bool = True,
     ) -> None:
         for name, value in (("max_velocity", max_velocity), ("watchdog", watchdog)):
             if not 0.0 < value < math.inf:
                 raise ValueError(f"{name} must be positive, got {value}")
-        self.plant = Plant(body, parameters or PlantParameters(), arm if operator else UNATTENDED)
+        attended = arm if operator else UNATTENDED
+        self.plant = Plant(body, parameters or PlantParameters(), attended, master=master)
+        self._axis: CoupledAxis | None = None
+        if master and coupled:
+            assert isinstance(self.plant.handle, FreeHandle)
+            self._axis = make_axis(master, self.plant.handle, MOST_MASTER_SPEED, MASTER_AT_REST)
         self.plant.slave.move_to(start, 0.0)
         if operator:
             operator.handle = self.plant.handle
@@ -111,10 +131,17 @@ class SimulatedRig(Rig):
                 self._operator.feel(now - self._start, handle.x, force.y)
         plant, sensors, noise = self.plant, self._sensors, self._noise
         slave = plant.slave
+        position = sensors.position(plant.handle.x)
+        if axis := self._axis:
+            axis.measure(Sample(position, now))
+            master_force = axis.force
+            self._error = self._error or (axis.error and f"drive master: {axis.error}")
+        else:
+            master_force = sensors.force(plant.master_force.y, noise) + sensors.master_zero
         values = (
             now,
-            sensors.force(plant.master_force.y, noise) + sensors.master_zero,
-            sensors.position(plant.handle.x),
+            master_force,
+            position,
             sensors.position(slave.x + sensors.contact_position),
             sensors.force(plant.contact_force.y, noise) + sensors.contact_zero,
             slave.v,
@@ -134,8 +161,10 @@ class SimulatedRig(Rig):
         Returns
         -------
         bool
-            Always True, because the simulated drives are enabled without delay.
+            Whether a force-commanded handle is at rest. Other drives are enabled without delay.
         """
+        if self._axis and not self._axis.enable():
+            return False
         self._enabled, self._error = True, ""
         self._start = self._commanded = self._time
         return True
@@ -160,6 +189,8 @@ class SimulatedRig(Rig):
                 command = Command(min(max(master, -most), most), min(max(slave, -most), most))
             self._applied = command
             self._commanded = self._time
+            if self._axis:
+                self._axis.command(command.master_velocity, self._time)
         return self._applied
 
     def idle(self) -> bool:
@@ -167,6 +198,8 @@ class SimulatedRig(Rig):
         self._enabled = False
         self._applied = STANDSTILL
         self._start = math.inf
+        if self._axis:
+            self._axis.idle()
         return True
 
     def close(self) -> None:

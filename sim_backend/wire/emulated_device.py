@@ -49,6 +49,18 @@ class Mount(ABC):
             Velocity [m/s], positive in the positive direction of the drive.
         """
 
+    def push(self, name: str, force: float) -> None:
+        """Enable a drive of the device if it is disabled, and command the force of its motor.
+
+        Parameters
+        ----------
+        name
+            Name of the drive in its device.
+        force
+            Force on the moving part [N], positive in the positive direction of the drive.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no drive that accepts forces")
+
     @abstractmethod
     def brake(self, name: str) -> None:
         """Disable the drive of the device with this name. The drive stops."""

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from drivers import AXES, Command, Measurement
 from drivers.device import sole_drive
 from drivers.rig_file import RigFile
+from sim_backend.force_master import FreeHandle
 from sim_backend.simulated_rig import SimulatedRig
 from sim_backend.wire.emulated_device import Mount
 
@@ -142,9 +143,23 @@ class Mechanism:
         self.driven.add(axis)
         self._velocities[axis] = velocity
 
+    def push(self, axis: str, force: float) -> None:
+        """Command the force of the motor of an axis [N]. If its drive is disabled, enable it."""
+        self.drive(axis, 0.0)
+        plant = self.rig.plant
+        if axis == "slave":
+            plant.slave.push = force
+        elif isinstance(plant.handle, FreeHandle):
+            plant.handle.push = force
+
     def brake(self, axis: str) -> None:
         """Disable the drive of an axis (`master` or `slave`). The axis stops."""
         self._velocities[axis] = 0.0
+        plant = self.rig.plant
+        if axis == "slave":
+            plant.slave.push = None
+        elif isinstance(plant.handle, FreeHandle):
+            plant.handle.push = 0.0
         if self.driven == {axis}:
             self.rig.idle()
             self._idle_since = self._now()
@@ -158,13 +173,15 @@ class Mechanism:
         axis
             `master` or `slave`.
         signal
-            `position`, `velocity` or `force`. For another signal, and for the force of the master,
-            the result is 0.
+            `position`, `velocity` or `force`. For another signal, and for the force of a master
+            with a velocity servo, the result is 0.
         """
         plant = self.rig.plant
         body = plant.slave if axis == "slave" else plant.handle
         if signal == "force":
-            return plant.slave.motor_force if axis == "slave" else 0.0
+            if axis == "slave":
+                return plant.slave.motor_force
+            return plant.handle.push if isinstance(plant.handle, FreeHandle) else 0.0
         return {"position": body.x, "velocity": body.v}.get(signal, 0.0)
 
 
@@ -222,6 +239,20 @@ class DeviceMount(Mount):
         if name in self.axes:
             axis, sign = self.axes[name]
             self._mechanism.drive(axis, sign * velocity)
+
+    def push(self, name: str, force: float) -> None:
+        """Enable a drive if it is disabled, and command the force of its motor.
+
+        Parameters
+        ----------
+        name
+            Name of the drive in its device.
+        force
+            Force on the moving part [N], positive in the positive direction of the drive.
+        """
+        if name in self.axes:
+            axis, sign = self.axes[name]
+            self._mechanism.push(axis, sign * force)
 
     def brake(self, name: str) -> None:
         """Disable the drive with this name. Its axis stops."""

@@ -90,6 +90,7 @@ def emulate(
     from teleop.output import console, rig_tables
     from teleop.rig.emulation import (
         Palpation,
+        emulated_master,
         is_unchanged,
         make_emulator,
         opened,
@@ -112,6 +113,7 @@ def emulate(
         depth=depth,
         signal=None if frequency is None else make_signal("sine", frequency),
         count_in=COUNT_IN,
+        force_master=emulated_master(rig),
     )
     palpated = Palpation(settings, AttentiveOperator if condition == "any" else MimickedSine)
     urgency: RealtimeName = "try" if (os.cpu_count() or 1) > 1 else "off"

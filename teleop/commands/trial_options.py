@@ -83,12 +83,18 @@ class TrialOptions:
     """Communication channel between master and slave, such as delay=100ms,jitter=20ms,loss=5%. The
     delay is one-way, so the round trip is twice the delay. Default: none."""
 
+    force_master: Annotated[str | None, Parameter(group=CONTROL)] = None
+    """Force-commanded master of the simulated rig, as most haptic devices are: the word default, or
+    values in SI units such as stiffness=500,latency=2,max_force=12. Default: a velocity-commanded
+    master with a force sensor."""
+
     def settings(self, others: Mapping[str, Any]) -> TrialSettings:
         """The settings of the trial, changed by these options and by `others`, all at once.
 
         Settings are checked together when they are created, so that a valid combination of changes
         must not pass through an invalid one.
         """
+        from sim_backend.force_master import parse_force_master
         from teleop.control.channel import parse_channel
         from teleop.control.conditions import CONDITIONS
         from teleop.control.tare import read_tare
@@ -116,6 +122,9 @@ class TrialOptions:
         if self.channel:
             with as_input_error():
                 given["channel"] = parse_channel(self.channel)
+        if self.force_master:
+            with as_input_error():
+                given["force_master"] = parse_force_master(self.force_master)
         if self.tare:
             given["tare"] = read_tare(self.tare)
         for name in ("config", "frequency"):  # no settings

@@ -183,9 +183,12 @@ def print_feedback(console: Console, feedback: Mapping[str, Any] | None) -> None
     channel = f", channel {feedback['channel']}" if feedback["channel"] else ""
     console.print(f"  feedback: {feedback['law']}{channel}")
     if feedback["law"] != "none" and feedback["rendered_k"] == feedback["rendered_k"]:
+        coupling = feedback["coupling_k"]
+        series = f" in series with the coupling of {STIFFNESS.text(coupling)}"
         console.print(
             f"  the hand felt k = {STIFFNESS.text(feedback['rendered_k'])} "
-            f"({feedback['rendered_k_error']:+.1%} of that at the slave);\n"
+            f"({feedback['rendered_k_error']:+.1%} of that at the slave"
+            f"{series if coupling == coupling else ''});\n"
             f"  error of the felt force {feedback['felt_force_error']:.1%} rms, lowest energy at "
             f"the hand {feedback['energy_min_j'] * 1e3 + 0.0:.1f} mJ"
         )

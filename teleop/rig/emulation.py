@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from drivers.rig_file import RigFile
-from drivers.rig_sections import AnyBusSettings, CanSettings, UdpSettings
-from sim_backend import CUBES, AttentiveOperator, MimickedSine
+from drivers.rig_sections import AnyBusSettings, CanSettings, UdpSettings, coupling_of
+from sim_backend import CUBES, AttentiveOperator, ForceMaster, MimickedSine
 from sim_backend.wire.emulator import ACTIONS, Emulator, PlannedFault
 from sim_backend.wire.mechanism import NEVER
 from sim_backend.wire.wire_faults import FAULTS, NOT_ON_CAN, NOT_ON_UDP, ON_CAN
@@ -182,7 +182,8 @@ class Palpation:
     def rig(self, now: Callable[[], float], enabled: int) -> SimulatedRig:
         """Return a new simulated telemanipulator. Its random seed is different in each trial."""
         seed = self.settings.seed + SEEDS_APART * enabled
-        return make_simulated_rig(replace(self.settings, seed=seed), now, NEVER, self.mimic)
+        settings = replace(self.settings, seed=seed)
+        return make_simulated_rig(settings, now, NEVER, self.mimic, coupled=False)
 
     def changed(self, line: str) -> Palpation:
         """Return a copy of the palpation, changed by the line that a person typed."""
@@ -205,6 +206,27 @@ class Palpation:
                 f"({', '.join(CUBES)}), a depth such as 5mm, or several of them"
             )
         return Palpation(replace(self.settings, **changes), mimic)
+
+
+def emulated_master(rig: RigFile) -> ForceMaster | None:
+    """Return the moving part of a force-commanded master of a rig; None for another master.
+
+    Its coupling is closed by the host and not by the emulator.
+    """
+    master = rig.sections.drives.master
+    if not master or not coupling_of(master, 1.0 / rig.sections.rate_hz):
+        return None
+    return ForceMaster(
+        stiffness=1.0,
+        mass=master.moving_mass_kg or ForceMaster.mass,
+        friction=max(master.friction_ns_per_m, LEAST_FRICTION),
+        latency=0,
+        max_force=master.max_force_n or ForceMaster.max_force,
+    )
+
+
+LEAST_FRICTION = 0.05
+"""Smallest viscous damping of an emulated handle [N s/m]."""
 
 
 @contextlib.contextmanager

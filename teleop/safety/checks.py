@@ -186,10 +186,11 @@ def check_rest(measurement: Measurement, limits: Limits) -> DetectedFault | None
 
 def update_following_error(
     state: Supervision, measurement: Measurement, dt: float, limits: Limits
-) -> float:
-    """Return the following error of the slave after this tick [m].
+) -> tuple[float, float]:
+    """Return the following error of the slave [m], and the velocity with which it follows [m/s].
 
-    The following error is the commanded travel minus the measured travel, summed over the ticks. At
+    The following error is the commanded travel minus the measured travel, summed over the ticks.
+    The commanded travel is that of a drive with the lag `Limits.drive_lag` (of first order). At
     each tick, two parts of the difference are subtracted, because they are not errors. One part is
     the displacement of the drive by the contact force (compliance times change of force). The other
     part is an allowed gain error of at most `GAIN_ERROR` times the commanded travel.
@@ -201,16 +202,22 @@ def update_following_error(
     """
     before = state.position
     if before != before or state.mode is IDLE:
-        return 0.0
+        return 0.0, 0.0
     if not 0.0 <= dt <= limits.max_gap:
-        return state.following_error
-    travel = state.applied[1] * dt
+        return state.following_error, state.followed
+    followed = state.applied[1]
+    travel = followed * dt
+    if lag := limits.drive_lag:
+        behind = state.followed - followed
+        left = behind * math.exp(-dt / lag)
+        travel += (behind - left) * lag
+        followed += left
     error = state.following_error + travel - (measurement.slave_position - before)
     pressed = measurement.contact_force - state.channel_states[CONTACT_FORCE].value
     if pressed == pressed:
         error -= limits.drive_compliance * pressed
     tolerated = min(GAIN_ERROR * abs(travel), abs(error))
-    return error - math.copysign(tolerated, error)
+    return error - math.copysign(tolerated, error), followed
 
 
 def update_skipped_fraction(state: Supervision, request: Request, dt: float) -> float:

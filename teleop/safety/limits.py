@@ -118,6 +118,8 @@ class Limits:
     """Hard limit of the difference between commanded and measured travel of the slave [m]."""
     drive_compliance: float = 0.0
     """Compliance of the slave's drive: displacement divided by contact force [m/N]."""
+    drive_lag: float = 0.0
+    """Lag with which the slave's drive follows its command [s]. It causes no following error."""
     rest_velocity: float = 2e-3
     """Largest speed at which the slave is treated as at rest [m/s]."""
     rest_master_force: float = 5.0
@@ -135,7 +137,7 @@ class Limits:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            least = 0.0 if name == "drive_compliance" else math.ulp(0.0)
+            least = 0.0 if name in ("drive_compliance", "drive_lag") else math.ulp(0.0)
             if isinstance(value, float | int) and not least <= value < math.inf:
                 raise ValueError(f"{name} must be positive, got {value}")
         if self.max_skipped_fraction >= 1.0:

@@ -29,6 +29,7 @@ def rig_limits(rig: RigSections) -> Limits:
             hard_force=given.hard_force_n,
             following_error=given.following_error_mm * 1e-3,
             drive_compliance=given.drive_compliance_um_per_n * 1e-6,
+            drive_lag=rig.drives.slave.lag_ms * 1e-3,
             rest_velocity=given.rest_velocity_mm_per_s * 1e-3,
             rest_master_force=given.rest_master_force_n,
             channels=channels,

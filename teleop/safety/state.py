@@ -77,6 +77,8 @@ class Supervision(NamedTuple):
     It does not include the difference that the compliance of the drive and an allowed gain error
     can cause; see `update_following_error`.
     """
+    followed: float = 0.0
+    """Velocity with which the slave follows its commands, after the lag of its drive [m/s]."""
     skipped_fraction: float = 0.0
     """Fraction of its periods that the loop skipped; see `update_skipped_fraction`."""
     drift: float = 0.0

@@ -52,7 +52,7 @@ def supervise(
     now = measurement.time
     # The first tick has no previous time (NaN). 0 * now is NaN if the first time itself is invalid.
     dt = now - state.time if state.time == state.time else 0.0 * now
-    following_error = update_following_error(state, measurement, dt, limits)
+    following_error, followed = update_following_error(state, measurement, dt, limits)
     skipped_fraction = update_skipped_fraction(state, request, dt)
     drift = update_clock_drift(state, request, dt)
     position = measurement.slave_position
@@ -65,6 +65,7 @@ def supervise(
             time=now,
             position=position,
             following_error=following_error,
+            followed=followed,
             skipped_fraction=skipped_fraction,
             drift=drift,
             halting=halting,
@@ -104,6 +105,7 @@ def supervise(
             0.0,
             position,
             following_error,
+            followed,
             skipped_fraction,
             drift,
             channel_states,
@@ -152,6 +154,7 @@ def supervise(
         velocity_change,
         position,
         following_error,
+        followed,
         skipped_fraction,
         drift,
         channel_states,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from teleop.control.conditions import CONDITIONS
+from teleop.control.conditions import BY_HAND, CONDITIONS
 from teleop.errors import InputError
 from teleop.settings import ranges
 
@@ -93,6 +93,7 @@ def problems_of_rig(settings: TrialSettings) -> Iterator[str]:
             f"{target.shortest:g} s or more"
         )
     yield from settings.feedback.problems(settings.condition, settings.rig)
+    yield from problems_of_handle(settings)
     if settings.rig and settings.clock != "real":
         yield "clock virtual: a hardware rig runs in real time: expected real"
     try:
@@ -122,3 +123,32 @@ def problems_of_rig(settings: TrialSettings) -> Iterator[str]:
         limits.shifted(settings.tare.zeros)
     except ValueError as error:
         yield f"tare: {error}"
+
+
+def problems_of_handle(settings: TrialSettings) -> Iterator[str]:
+    """Yield a message for each problem of the handle: none, or one whose motor is too weak."""
+    rig, coupling = settings.rig, settings.master_coupling
+    if rig and not (rig.sections.channels.master_force or coupling):
+        if settings.condition in BY_HAND:
+            others = [name for name in CONDITIONS if name not in BY_HAND]
+            yield (
+                f"condition {settings.condition}: the rig {rig.sections.name!r} has no handle: "
+                f"expected {' or '.join(others)}"
+            )
+        return
+    if settings.force_master and rig:
+        yield "force_master: belongs to the simulated rig: expected [drives.master] in the rig file"
+    if not coupling:
+        return
+    if problem := coupling.problem(1.0 / settings.loop_rate):
+        yield f"stiffness of the coupling of the master: {problem}"
+    most, gain = settings.untightened_limits.soft_force, settings.feedback.gain
+    tightened = settings.tightened_limits.soft_force
+    if tightened is not None:
+        most = min(most, tightened)
+    if settings.feedback.law != "none" and gain * most > coupling.max_force:
+        yield (
+            f"feedback.gain {gain:g}: with the soft force limit of {most:.3g} N, the hand would "
+            f"have to feel {gain * most:.3g} N, and the motor of the master exerts at most "
+            f"{coupling.max_force:g} N: expected a gain of at most {coupling.max_force / most:.2g}"
+        )

@@ -19,6 +19,9 @@ LOOP_DELAY = 1.5
 """Delay of the control loop in periods. A sample is at most one period old. A command is held for
 one period, which is a mean delay of half a period."""
 
+COUPLED_LOOP_DELAY = 3.5
+"""Delay of the control loop with a force-commanded master in periods, without its latency."""
+
 
 def check_feedback(settings: TrialSettings) -> str:
     """Check that the force feedback of a trial may be used, and return a warning or an empty text.
@@ -66,10 +69,19 @@ def unknown_values(settings: TrialSettings) -> list[str]:
 def lag(settings: TrialSettings) -> float:
     """Return the delay from the contact force to the force that the hand feels [s].
 
-    This delay is the sum of the lag of the contact force sensor and the delay of the control loop.
-    It does not include the delay of the communication channel.
+    This delay is the sum of the lags of the contact force sensor and of the slave's drive, and the
+    delay of the control loop. It does not include the delay of the communication channel.
     """
-    return sensor_lag(settings) + LOOP_DELAY / settings.loop_rate
+    coupling = settings.master_coupling
+    periods = COUPLED_LOOP_DELAY + coupling.latency if coupling else LOOP_DELAY
+    return sensor_lag(settings) + slave_lag(settings) + periods / settings.loop_rate
+
+
+def slave_lag(settings: TrialSettings) -> float:
+    """Return the lag with which the slave's drive follows its command [s]."""
+    if settings.rig is None:
+        return 1.0 / (2.0 * math.pi * settings.plant_parameters.slave_bandwidth)
+    return settings.rig.sections.drives.slave.lag_ms * 1e-3
 
 
 def sensor_lag(settings: TrialSettings) -> float:
@@ -127,7 +139,10 @@ def delayed_loop(settings: TrialSettings) -> DelayedLoop:
     `safe_delay` of this loop, the feedback is stable with any passive hand.
     """
     admittance, feedback = settings.admittance, settings.feedback
-    arm = UNATTENDED if settings.rig else settings.operator_model.arm
+    # The arm acts on a force-commanded master through the virtual coupling, so that its damping
+    # does not reach the virtual mass.
+    known = settings.rig is None and settings.master_coupling is None
+    arm = settings.operator_model.arm if known else UNATTENDED
     return DelayedLoop(
         admittance.mass,
         admittance.damping,

@@ -5,10 +5,11 @@ The limits are computed from the palpation depth and from the properties of the 
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
-from sim_backend import RIGID, Law, Transmission
-from teleop.safety.limits import Limits, default_channel_limits
+from sim_backend import RIGID, ForceMaster, Law, Transmission
+from teleop.safety.limits import ChannelLimits, Limits, default_channel_limits
 
 SOFT, HARD = 1.5, 1.8
 """Soft and hard upper position limit, as multiples of the palpation depth.
@@ -41,6 +42,7 @@ def simulated_rig_limits(
     fastest: float,
     compliance: float,
     transmission: Transmission = RIGID,
+    force_master: ForceMaster | None = None,
 ) -> Limits:
     """Return the safety limits for a palpation on the simulated rig.
 
@@ -61,6 +63,9 @@ def simulated_rig_limits(
         Compliance and dry friction between the drive and the tip, which touches the body. The
         compliance reduces the force limits. The friction increases the limit of the following
         error (commanded minus measured travel).
+    force_master
+        Force-commanded master. Its handle moves as the hand does, not as commanded, and its force
+        is computed.
     """
     velocity = max(SPEED, 5.0 * fastest) * depth
     acceleration = max(velocity / BRAKING_TIME, ACCELERATION * fastest**2 * depth)
@@ -73,6 +78,10 @@ def simulated_rig_limits(
     }
     for name, travel in travels.items():
         channels[name] = replace(channels[name], frozen_travel=travel, required=True)
+    if force_master:
+        most = force_master.max_force
+        channels["master_force"] = ChannelLimits(-most, most)
+        channels["master_position"] = replace(channels["master_position"], frozen_travel=math.inf)
     return Limits(
         max_velocity=velocity,
         max_acceleration=acceleration,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import field, replace
 from functools import cache
@@ -21,7 +22,9 @@ from pydantic import (
 from pydantic.dataclasses import dataclass
 from pydantic.fields import FieldInfo
 
+from drivers.coupling import CouplingParameters
 from drivers.rig_file import RigFile
+from drivers.rig_sections import coupling_of
 from estimation import Preset, paper_preset
 from estimation.conditioning import BANDWIDTH, Conditioner, make_conditioner
 from estimation.method_settings import OwnSettings
@@ -33,6 +36,7 @@ from sim_backend import (
     DEPTH,
     FORCE_LAG,
     TRANSMISSION,
+    ForceMaster,
     OperatorModel,
     PlantParameters,
     Sensors,
@@ -153,6 +157,9 @@ class TrialSettings:
     """Imperfections of the simulated sensors."""
     operator_model: OperatorModel = field(default_factory=OperatorModel)
     """Arm and intended motion of the operator of the simulated rig."""
+    force_master: ForceMaster | None = None
+    """Force-commanded master of the simulated rig, with its virtual coupling. Default: a
+    velocity-commanded master with a force sensor in the handle."""
     tare: Annotated[Tare, BeforeValidator(tare_of, str | Tare)] = NO_TARE
     """Zero offsets of force and position, which are subtracted from the measurements."""
     rig: Annotated[RigFile | None, BeforeValidator(rig_of, str | dict[str, str])] = None
@@ -259,6 +266,27 @@ class TrialSettings:
         return self.specimen or (f"{self.cube} cube" if self.is_simulated else self.rig_name)
 
     @property
+    def coupling_stiffness(self) -> float:
+        """Stiffness of the virtual coupling of a force-commanded master [N/m], else infinite."""
+        return self.master_coupling.stiffness if self.master_coupling else math.inf
+
+    @property
+    def master_coupling(self) -> CouplingParameters | None:
+        """Virtual coupling of a force-commanded master; None for a velocity-commanded one."""
+        if self.rig:
+            master = self.rig.sections.drives.master
+            return coupling_of(master, 1.0 / self.loop_rate) if master else None
+        return self.force_master.coupling if self.force_master else None
+
+    @property
+    def hand_force_source(self) -> str:
+        """How the force of the hand is found: measured, from a coupling, or not at all."""
+        measured = not self.rig or self.rig.sections.channels.master_force is not None
+        if self.master_coupling and not (self.rig and measured):
+            return "virtual coupling of the master"
+        return "force sensor" if measured else "none: the rig has no handle"
+
+    @property
     def has_link(self) -> bool:
         """Whether there is force feedback, or a communication channel between master and slave."""
         return self.feedback.law != "none" or self.channel is not None
@@ -291,6 +319,7 @@ class TrialSettings:
             self.excitation.highest,
             self.plant_parameters.slave_compliance,
             setup.transmission,
+            self.force_master,
         )
 
     @property

@@ -73,10 +73,12 @@ def make_simulated_rig(
     watchdog: float = 0.1,
     mimic: type[MimickedSine] = MimickedSine,
     pointer: PointerOperator | None = None,
+    coupled: bool = True,
 ) -> SimulatedRig:
     """Return a new simulated rig, with a simulated operator if the control condition needs one.
 
-    `pointer`: None for the simulated operator of the control condition.
+    `pointer`: None for the simulated operator of the control condition. `coupled`: False
+    if an emulated drive commands the force of a force-commanded master.
     """
     return SimulatedRig(
         settings.setup.cube,
@@ -87,6 +89,8 @@ def make_simulated_rig(
         watchdog=watchdog,
         seed=settings.seed,
         arm=settings.operator_model.arm,
+        master=settings.force_master,
+        coupled=coupled,
     )
 
 
@@ -94,7 +98,7 @@ def make_operator(
     settings: TrialSettings, mimic: type[MimickedSine] = MimickedSine
 ) -> Operator | None:
     """Return a new simulated operator; None if no hand moves the master."""
-    depth = settings.setup.depth / settings.coupling.scale
+    depth = handle_depth(settings)
     seed, model = settings.seed, settings.operator_model
     if settings.named_condition.moved_by != "hand":
         return None
@@ -103,6 +107,19 @@ def make_operator(
     if model.aim_force:
         return ForcePalpation(depth, seed, model.aim_force, model.arm_stiffness, model.withdrawal)
     return FreePalpation(depth, seed, model.withdrawal)
+
+
+def handle_depth(settings: TrialSettings) -> float:
+    """Return how deep the simulated hand moves the handle for the depth of palpation [m].
+
+    With force feedback, the hand must also stretch the virtual coupling of a force-commanded
+    master, until it feels the contact force at this depth or the greatest force of the motor.
+    """
+    depth, master = settings.setup.depth / settings.coupling.scale, settings.force_master
+    if not master or settings.feedback.law == "none":
+        return depth
+    felt = settings.feedback.gain * settings.setup.force(settings.setup.depth)
+    return depth + min(felt, 0.5 * master.max_force) / master.stiffness
 
 
 def make_condition(settings: TrialSettings) -> Condition:

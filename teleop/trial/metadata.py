@@ -51,6 +51,7 @@ def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
             "rig": settings.rig_name,
             "specimen": settings.palpated,
             **{name: text for name in TEXTS if (text := getattr(settings, name))},
+            "hand_force": settings.hand_force_source,
             "estimated_channels": ", ".join(estimated_channels(settings)) or "none",
         },
         "settings": {"json": dumps(to_document(settings))},

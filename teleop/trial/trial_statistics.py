@@ -162,4 +162,4 @@ def rendering_of(ticks: Recording | RecordingFile, settings: TrialSettings) -> R
     gain = settings.feedback.gain
     law = LAWS.get(settings.feedback.law, MasterHalf)  # a recording can have a law of before
     prior = gain * scale * STIFF_PRIOR if law.displays_prior else None
-    return RunningRendering(hand, scale, gain, end, arm, prior)
+    return RunningRendering(hand, scale, gain, end, arm, prior, settings.coupling_stiffness)

@@ -36,10 +36,12 @@ class Rendering(NamedTuple):
 
     rendered_k: float
     """Secant stiffness that the hand felt [N/m]: the sum of f x divided by the sum of x^2, where f
-    is the force that the hand felt and x the position of the hand."""
+    is the force that the hand felt and x the position of the hand. On a force-commanded master,
+    this is the position of the handle, and not that of the virtual mass."""
     rendered_k_error: float
     """Relative difference between `rendered_k` and its correct value. The correct value is the
-    secant stiffness at the slave in the same motion, multiplied by force gain and motion scale."""
+    secant stiffness at the slave in the same motion, multiplied by force gain and motion scale, and
+    in series with the virtual coupling of a force-commanded master."""
     felt_force_error: float
     """Relative error of the force that the hand felt. The correct force is the contact force of the
     slave in the same motion, multiplied by the force gain. The root mean square error is divided by
@@ -53,6 +55,9 @@ class Rendering(NamedTuple):
     `teleop.evaluation.teleoperation.loop_oscillation`). A slow instability that has not reached the
     threshold of a stop by the end of the trial is counted as stable. None: the trial had neither,
     but also too little contact to show that the loop is stable."""
+    coupling_k: float = math.nan
+    """Stiffness of the virtual coupling of a force-commanded master [N/m]; NaN if there is
+    none."""
     remarks: tuple[str, ...] = ()
     """Why a value is missing, and what the hand felt instead of the specimen."""
 
@@ -127,7 +132,8 @@ class RunningRendering:
     `scale` is slave motion by master motion, `gain` displayed force by contact force, and `end` the
     time of the last tick [s]. `arm_damping` returns the damping of the operator's arm [N s/m] at
     frequencies [Hz]; None if it is not known. `prior` is the stiff first model of the
-    model-mediated law at the hand [N/m]; None for another law.
+    model-mediated law at the hand [N/m]; None for another law. `coupling_k` is the stiffness of the
+    virtual coupling of a force-commanded master [N/m].
     """
 
     def __init__(
@@ -138,7 +144,9 @@ class RunningRendering:
         end: float,
         arm_damping: ArmDamping | None = None,
         prior: float | None = None,
+        coupling_k: float = math.inf,
     ) -> None:
+        self._coupling_k = coupling_k
         self._hand, self._scale, self._gain = hand, scale, gain
         self._settled = min(SETTLING, 0.5 * end)
         self._spectra = RunningSpectra(arm_damping)
@@ -147,8 +155,9 @@ class RunningRendering:
         self._deepest = self._strongest = self._oldest_report = 0.0
         self._energy = self._lowest = 0.0
         self._sums = np.zeros(6)
-        self._earlier: Floats = np.empty((3, 0))
-        """Time, position of the hand and felt force at earlier ticks, shape (3, ticks)."""
+        self._earlier: Floats = np.empty((4, 0))
+        """Time, position of the virtual mass, felt force and stretch of the virtual coupling at
+        earlier ticks, shape (4, ticks)."""
 
     def add(self, active: Recording) -> None:
         """Process the next ticks of the trial."""
@@ -172,17 +181,21 @@ class RunningRendering:
         if self._prior is not None:
             displayed = active["model_stiffness"][settled]
             self._of_prior += int(np.isclose(displayed, self._prior).sum())
-        times, positions, forces = self._earlier = np.concatenate(
-            (self._earlier, (t, felt.position, felt.force)), axis=1
+        stretch = active["drive_force"] / self._coupling_k
+        times, positions, forces, stretches = self._earlier = np.concatenate(
+            (self._earlier, (t, felt.position, felt.force, stretch)), axis=1
         )
         sent, x, f = (t - active["motion_age"])[part], x[part], f[part]
-        position, force = np.interp(sent, times, positions), np.interp(sent, times, forces)
+        position, force, stretch = (
+            np.interp(sent, times, values) for values in (positions, forces, stretches)
+        )
+        position, touched = position + stretch, x / self._scale + stretch
         self._evaluated += len(f)
         self._sums += (
             np.dot(force, position),
             np.dot(position, position),
-            np.dot(f, x),
-            np.dot(x, x),
+            np.dot(f, touched),
+            np.dot(touched, touched),
             np.sum((force - f) ** 2),
             np.sum(f**2),
         )
@@ -199,13 +212,14 @@ class RunningRendering:
         count, remarks = self._evaluated, tuple(self._remarks())
         if count < FEWEST_TICKS:
             unknown = None if stable else False
-            return Rendering(math.nan, math.nan, math.nan, self._lowest, unknown, remarks)
+            return Rendering(math.nan, math.nan, math.nan, self._lowest, unknown, remarks=remarks)
         felt, felt_square, touched, touched_square, error, square = self._sums
         with np.errstate(all="ignore"):  # NaN or inf if the hand or the slave did not move
             rendered = float(felt / felt_square)
-            difference = float(rendered / (self._scale * (touched / touched_square)) - 1.0)
+            difference = float(rendered / (touched / touched_square) - 1.0)
             relative = float(np.sqrt((error / count) / (square / count)))
-        return Rendering(rendered, difference, relative, self._lowest, stable, remarks)
+        coupling = self._coupling_k if self._coupling_k < math.inf else math.nan
+        return Rendering(rendered, difference, relative, self._lowest, stable, coupling, remarks)
 
     def _remarks(self) -> Iterator[str]:
         """Yield why the felt stiffness is missing, and whether the hand felt the stiff prior."""

@@ -13,16 +13,17 @@ from drivers import CHANNELS
 from teleop.safety import ChannelLimits, Limits
 from teleop.safety.limits import default_channel_limits
 
+MAY_BE_ZERO = ("drive_compliance", "drive_lag")
 NUMBERS = [
     field.name
     for field in fields(Limits)
-    if isinstance(field.default, float) and field.name != "drive_compliance"
+    if isinstance(field.default, float) and field.name not in MAY_BE_ZERO
 ]
 BOUNDS = ["max_rate", "max_age", "frozen_time", "frozen_travel"]
 
 
 def test_every_number_is_among_the_cases():
-    assert len(NUMBERS) == len(fields(Limits)) - 4
+    assert len(NUMBERS) == len(fields(Limits)) - 5
     assert {"max_velocity", "hard_force", "preflight", "max_gap", "max_skipped_fraction"} <= set(
         NUMBERS
     )
@@ -43,10 +44,11 @@ def test_limits_that_are_bad_integers_are_refused_by_name(value):
 
 
 @pytest.mark.parametrize("value", [-1e-6, math.nan, math.inf])
-def test_a_compliance_that_is_negative_or_not_finite_is_refused_by_name(value):
-    with pytest.raises(ValueError, match="drive_compliance"):
-        Limits(drive_compliance=value)
-    assert Limits(drive_compliance=0.0).drive_compliance == 0.0
+@pytest.mark.parametrize("name", MAY_BE_ZERO)
+def test_a_property_of_a_drive_that_is_negative_or_not_finite_is_refused_by_name(name, value):
+    with pytest.raises(ValueError, match=name):
+        Limits(**{name: value})
+    assert getattr(Limits(**{name: 0.0}), name) == 0.0
 
 
 @pytest.mark.parametrize("name", NUMBERS)

@@ -250,6 +250,7 @@ def test_the_summary_reports_what_the_hand_felt(capsys):
         "felt_force_error",
         "energy_min_j",
         "stable",
+        "coupling_k",
         "remarks",
     }
     assert (feedback["law"], feedback["channel"]) == ("model-mediated", "delay=10ms")

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from estimation import MODELS
 from estimation.method_settings import OwnSettings
-from sim_backend import OperatorModel, Sensors
+from sim_backend import ForceMaster, OperatorModel, Sensors
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.channel import ChannelSettings
 from teleop.control.coupling import Coupling
@@ -59,6 +59,8 @@ VARIED = {
         st.sampled_from([None, True, False]),
     ),
     "live": st.booleans(),
+    "force_master": st.none()
+    | st.builds(ForceMaster, st.floats(200.0, 1200.0), max_force=st.floats(130.0, 300.0)),
     "channel": st.none() | st.builds(ChannelSettings, st.floats(0.0, 0.1), st.floats(0.0, 0.01)),
 }
 """Values of the settings; `condition` besides, whose values depend on the signal."""
