@@ -25,6 +25,7 @@ BUILT_IN = {
     "cia402": "drivers.devices.cia402:Cia402",
     "dbc": "drivers.devices.dbc:DbcDevice",
     "ft300": "drivers.devices.ft300:Ft300",
+    "moteus": "drivers.devices.moteus:Moteus",
     "odrive": "drivers.devices.odrive:ODrive",
     "reaction_force": "drivers.devices.reaction_force:ReactionForceObserver",
 }

@@ -18,6 +18,7 @@ BUILT_IN = {
     "cia402": "sim_backend.wire.devices.cia402:EmulatedCia402",
     "dbc": "sim_backend.wire.devices.dbc:EmulatedDbcDevice",
     "ft300": "sim_backend.wire.devices.ft300:EmulatedFt300",
+    "moteus": "sim_backend.wire.devices.moteus:EmulatedMoteus",
     "odrive": "sim_backend.wire.devices.odrive:EmulatedODrive",
 }
 
