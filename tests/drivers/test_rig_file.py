@@ -130,6 +130,13 @@ def test_a_bus_that_cannot_have_can_fd_is_refused(tmp_path, added, problem):
     ]
 
 
+def test_a_device_that_needs_can_fd_is_refused_on_another_bus(tmp_path):
+    text = (RIGS / "moteus.toml").read_text()
+    assert problems(tmp_path, text.replace("fd = true\n", "")) == [
+        f"devices.{name}.bus: 'can': expected a bus with fd = true" for name in ("master", "slave")
+    ]
+
+
 def on_tcp(text, host, port):
     old = 'kind = "serial"\nport = "/dev/ttyACM0"\nbaud_bps = 921600'
     assert old in text

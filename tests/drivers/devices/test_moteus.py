@@ -200,6 +200,16 @@ def test_a_stop_is_repeated_until_its_own_reply(bench):
     assert bench.braked
 
 
+def test_an_earlier_reply_in_the_mode_stopped_confirms_no_stop(bench):
+    bench.send(0x8000 | bench.device.settings.node, bytes.fromhex("1100"), True, True, True)
+    late = bench.emulated.emit(bench.time)[-1]
+    bench.operate(0.02)
+    bench.severed = True
+    assert not bench.drive_.idle()
+    bench.device.receive(late, bench.time)
+    assert not bench.drive_.idle()
+
+
 def test_the_round_trip_ends_with_the_answer_to_its_request(bench):
     assert bench.device.ping()
     assert not bench.device.answered()
