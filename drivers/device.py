@@ -393,6 +393,9 @@ class CanDevice(Device):
     these identifiers.
     """
 
+    needs_fd: ClassVar[bool] = False
+    """Whether the device needs a bus with CAN FD."""
+
     @abstractmethod
     def identifiers(self) -> Iterable[int]:
         """Return the identifiers of the CAN frames that the device sends.

@@ -233,6 +233,8 @@ def bus_problems(
                 f"[buses]: {', '.join(fitting) or 'there is none'}"
             )
         elif isinstance(device, CanDevice):
+            if device.needs_fd and not getattr(buses[bus], "fd", False):
+                yield f"devices.{name}.bus: {bus!r}: expected a bus with fd = true"
             for identifier in device.identifiers():
                 other = senders.setdefault((bus, identifier), name)
                 if other != name:

@@ -31,13 +31,7 @@ from drivers.rig import (
     RigError,
 )
 from drivers.rig_file import RigFile
-from drivers.rig_sections import (
-    CanSettings,
-    DriveSettings,
-    TcpSettings,
-    UdpSettings,
-    coupling_of,
-)
+from drivers.rig_sections import CanSettings, DriveSettings, TcpSettings, UdpSettings, coupling_of
 from drivers.transports.bus import Bus
 from drivers.transports.can_bus import CanBus
 from drivers.transports.datagram_port import DatagramPort

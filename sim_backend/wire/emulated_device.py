@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -112,7 +114,16 @@ class EmulatedSerialDevice(EmulatedDevice):
 
 
 class EmulatedDatagramDevice(EmulatedDevice):
-    """Base class of emulated devices that exchange UDP datagrams."""
+    """Base class of emulated devices that exchange UDP datagrams.
+
+    Attributes
+    ----------
+    pages
+        Pages of the web server of the device, by path. A device without pages has no web server.
+        With a web server, the section of the device in a rig file has the entry `http_port`.
+    """
+
+    pages: Mapping[str, bytes] = MappingProxyType({})
 
     @abstractmethod
     def receive(self, data: bytes, now: float) -> None:

@@ -202,13 +202,16 @@ def host_file(emulator: Emulator) -> str:
     """Return the text of a rig file with which a host connects to the emulated devices.
 
     The text is that of the emulator's rig file, with two changes. The ports and CAN channels are
-    those of the emulator (see `host_ports`), and the paths of files are absolute.
+    those of the emulator (see `host_ports`, and `http_port` of a device with a web server), and the
+    paths of files are absolute.
     """
     import tomlkit
 
     document = tomlkit.parse(emulator.file.text)
     for name, wire in emulator.wires.items():
         document["buses"][name].update(wire.host_entries())
+        for device_name, entries in wire.device_entries().items():
+            document["devices"][device_name].update(entries)
     for name, device in emulator.file.devices.items():
         for key, value in device:
             if isinstance(value, Path):

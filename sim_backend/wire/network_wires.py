@@ -12,6 +12,7 @@ from sim_backend.wire.emulated_device import (
     EmulatedDevice,
     EmulatedSerialDevice,
 )
+from sim_backend.wire.page_server import PageServer
 from sim_backend.wire.serial_wire import StreamWire
 from sim_backend.wire.wire import Wire
 
@@ -51,9 +52,11 @@ class UdpWire(Wire):
         self._number = free_port(socket.SOCK_DGRAM)
         self._socket: socket.socket | None = None
         self._host: Any = None
+        self._web_number = free_port(socket.SOCK_STREAM) if device.pages else 0
+        self._web: PageServer | None = None
 
     def open(self) -> None:
-        """Open the port of the device."""
+        """Open the port of the device, and that of its web server."""
         opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             opened.bind((LOOPBACK, self._number))
@@ -62,6 +65,8 @@ class UdpWire(Wire):
             raise
         opened.setblocking(False)
         self._socket = opened
+        if self._web_number:
+            self._web = PageServer(LOOPBACK, self._web_number, self.device.pages)
 
     def serve(self, now: float) -> None:
         """Pass the datagrams of the host to the device, and those of the device to the host.
@@ -102,7 +107,10 @@ class UdpWire(Wire):
             self.device = new
 
     def close(self) -> None:
-        """Close the port of the device. The datagrams of the host are then refused."""
+        """Close the ports of the device. The datagrams of the host are then refused."""
+        if self._web:
+            self._web.close()
+        self._web = None
         if self._socket:
             self._socket.close()
         self._socket = None
@@ -118,6 +126,10 @@ class UdpWire(Wire):
     def host_entries(self) -> dict[str, str | int]:
         """Return host and port of the device."""
         return {"host": LOOPBACK, "port": self._number}
+
+    def device_entries(self) -> dict[str, dict[str, int]]:
+        """Return the port of the web server, if the device has one."""
+        return {self.device.name: {"http_port": self._web_number}} if self._web_number else {}
 
 
 class TcpServer:

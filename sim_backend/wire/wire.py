@@ -61,6 +61,10 @@ class Wire(ABC):
         a frame to the host ends. The time is infinite if neither of them is expected.
         """
 
+    def device_entries(self) -> dict[str, dict[str, int]]:
+        """Return the entries of devices that a host needs, by the name of the device."""
+        return {}
+
     @abstractmethod
     def host_entries(self) -> dict[str, str | int]:
         """Return the entries of the bus in the rig file with which a host finds the devices."""

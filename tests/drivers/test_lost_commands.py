@@ -20,9 +20,11 @@ from drivers.devices.board import Board
 from drivers.devices.board_settings import BoardSettings
 from drivers.devices.cia402 import Cia402
 from drivers.devices.cia402_settings import Cia402Settings
+from drivers.devices.moteus import Moteus, MoteusSettings
 from drivers.devices.odrive import ODrive, ODriveSettings
 from sim_backend.wire.devices.board import EmulatedBoard
 from sim_backend.wire.devices.cia402 import DECELERATION, EmulatedCia402
+from sim_backend.wire.devices.moteus import EmulatedMoteus
 from sim_backend.wire.devices.odrive import EmulatedODrive
 from sim_backend.wire.emulated_device import EmulatedDevice, Mount
 
@@ -61,6 +63,20 @@ def cia402() -> tuple[Device, type[EmulatedDevice]]:
     return Cia402("slave", section), EmulatedCia402
 
 
+def moteus() -> tuple[Device, type[EmulatedDevice]]:
+    section = MoteusSettings(
+        kind="moteus",
+        bus="wire",
+        node=2,
+        control="velocity",
+        travel_mm_per_turn=5.0,
+        max_velocity_mm_per_s=50.0,
+        max_torque_nm=0.5,
+        watchdog_ms=WATCHDOG * 1e3,
+    )
+    return Moteus("slave", section), EmulatedMoteus
+
+
 def board() -> tuple[Device, type[EmulatedDevice]]:
     section = BoardSettings(
         kind="board",
@@ -77,6 +93,7 @@ KINDS: dict[str, Callable[[], tuple[Device, type[EmulatedDevice]]]] = {
     "odrive-0.6": lambda: odrive("0.6"),
     "cia402": cia402,
     "board": board,
+    "moteus": moteus,
 }
 
 
@@ -120,8 +137,19 @@ class Line(Mount):
         if not next(self.lost, False):
             self.emulated.receive(frame, self.time)
 
-    def send(self, identifier: int, data: bytes, extended: bool = False) -> None:
-        self.write(can.Message(arbitration_id=identifier, data=data, is_extended_id=extended))
+    def send(
+        self,
+        identifier: int,
+        data: bytes,
+        extended: bool = False,
+        fd: bool = False,
+        bitrate_switch: bool = False,
+    ) -> None:
+        self.write(
+            can.Message(
+                arbitration_id=identifier, data=data, is_extended_id=extended, is_fd=fd, check=True
+            )
+        )
 
     def request(self, identifier: int, length: int = 8) -> None:
         self.write(

@@ -74,8 +74,12 @@ def test_units_become_si(tmp_path):
         ('drive = "axis_1"', 'drive = "axis_7"', "drives.slave.drive: 'axis_7'"),
         ('drive = "axis_1"', "", "expected a drive of the device: axis_0, axis_1"),
         ('bus = "usb"', 'bus = "can"', "devices.board.bus: 'can': expected a serial or tcp bus"),
-        ('kind = "board"', 'kind = "bored"', "devices.board.kind: 'bored': expected one of board"),
-        ('kind = "board"', "", "devices.board.kind: None: expected one of board"),
+        (
+            'kind = "board"',
+            'kind = "bored"',
+            "devices.board.kind: 'bored': expected one of ati_netft, board",
+        ),
+        ('kind = "board"', "", "devices.board.kind: None: expected one of ati_netft, board"),
         ('kind = "serial"', 'kind = "parallel"', "buses.usb"),
         ("range_n = [-500, 500]", "range_n = [-500, nan]", "range_n.1"),
     ],
@@ -123,6 +127,13 @@ def test_a_bus_that_cannot_have_can_fd_is_refused(tmp_path, added, problem):
     text = (RIGS / "odrive-bota.toml").read_text()
     assert problems(tmp_path, text.replace('kind = "can"', f'kind = "can"\n{added}')) == [
         f"buses.can.can: {problem}"
+    ]
+
+
+def test_a_device_that_needs_can_fd_is_refused_on_another_bus(tmp_path):
+    text = (RIGS / "moteus.toml").read_text()
+    assert problems(tmp_path, text.replace("fd = true\n", "")) == [
+        f"devices.{name}.bus: 'can': expected a bus with fd = true" for name in ("master", "slave")
     ]
 
 

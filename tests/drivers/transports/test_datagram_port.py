@@ -161,6 +161,22 @@ def test_a_device_that_restarts_is_only_silent(device):
     assert device.data() == [b"before", b"after"]
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems report no refused datagrams")
+def test_a_datagram_after_a_refused_one_is_sent(device):
+    """Linux reports the refusal at the next call, which then does not send."""
+    device.open()
+    device.send(b"before")
+    device.wait(lambda: device.received)
+    number = device.number
+    device.socket.close()
+    device.port.send(b"refused")
+    time.sleep(0.05)
+    again = device.bound(number)
+    device.port.send(b"sent")
+    assert again.recvfrom(100)[0] == b"sent"
+    assert device.rejected == {"refused": 1}
+
+
 @pytest.mark.skipif(os.name != "posix", reason="the error text is that of POSIX")
 def test_an_error_of_the_network_names_the_bus(device):
     device.open()

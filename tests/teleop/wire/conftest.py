@@ -26,6 +26,7 @@ from drivers.rig_file import RigFile, parse_rig_file, read_rig_file
 from drivers.wired_rig import WiredRig
 from sim_backend.wire.emulator import Emulator, PlannedFault, host_file
 from sim_backend.wire.mechanism import NEVER
+from teleop.rig.emulation import emulated_master
 from teleop.safety.rig_limits import rig_limits
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.assembly import make_simulated_rig
@@ -228,6 +229,7 @@ def stepped_trial(
         clock="virtual",
         rate=rate or file.sections.rate_hz,
         custom_limits=rig_limits(file.sections),
+        force_master=emulated_master(file),
         **settings,
     )
     return SteppedTrial(made, file, faults, prepare, rewrite, kind)
@@ -253,4 +255,7 @@ def in_memory(monkeypatch) -> Callable[..., SteppedTrial]:
         monkeypatch.setattr(f"sim_backend.wire.{module}.PseudoTerminal", Line)
     for module in ("serial_port", "slcan"):
         monkeypatch.setattr(f"drivers.transports.{module}.open_port", HostEnd)
+    # the kernel's time stamps are in real time
+    for module in ("datagram_port", "can_bus"):
+        monkeypatch.setattr(f"drivers.transports.{module}.LATEST", -1.0)
     return partial(stepped_trial, kind=RigInMemory)
