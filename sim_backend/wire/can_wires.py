@@ -182,7 +182,10 @@ class InterfaceWire(CanWire):
 
     def filenos(self) -> list[int]:
         """Return a list with the file descriptor of the bus; empty if the bus has none."""
-        number = self._bus.fileno() if self._bus else -1
+        number = -1
+        if self._bus:
+            with contextlib.suppress(NotImplementedError):
+                number = self._bus.fileno()
         return [number] if number >= 0 else []
 
     def host_entries(self) -> dict[str, str | int]:
