@@ -18,6 +18,8 @@ from drivers.device import Device, DeviceSettings
 
 GROUP = "teleop.devices"
 """Group of the entry points with which other packages register device classes."""
+RIGS = "teleop.rigs"
+"""Group of the entry points with which other packages register classes of whole rigs."""
 BUILT_IN = {
     "ati_netft": "drivers.devices.ati_netft:AtiNetFt",
     "board": "drivers.devices.board:Board",
@@ -73,7 +75,8 @@ def loaded_class(group: str, kind: str, built_in: Mapping[str, str]) -> Any:
 
 def unusable(point: EntryPoint, problem: str) -> ValueError:
     """Return (do not raise) an error about a class of another package."""
-    which = f"{point.name!r}, a device of the package {package(point)}"
+    what = "rig" if point.group == RIGS else "device"
+    which = f"{point.name!r}, a {what} of the package {package(point)}"
     return ValueError(f"{which}: {point.value} {problem}")
 
 
