@@ -39,6 +39,7 @@ GOOD = {
         "aa00000000803f0000004000004040cdcccc3dcdcc4c3e9a99993ee80300000000c841dabb"
     ),
     "ft300": bytes.fromhex("204e640038ff2c010a00ecff1e00c826"),
+    "moteus": bytes.fromhex("2404000a005000000170ff230d181400"),
     "slcan": b"t1818000102030405060708\r",
 }
 
@@ -105,11 +106,13 @@ def devices() -> Iterator[tuple[str, bytes, Callable[[bytes], object]]]:
                 frame = can.Message(
                     arbitration_id=identifier & 0x1FFFFFFF,
                     is_extended_id=bool(identifier >> 31),
-                    data=data[:8],
+                    is_fd=device.needs_fd,
+                    data=data[: 64 if device.needs_fd else 8],
                 )
                 device.receive(frame, 0.0)
 
-            yield f"{path.stem}: {name}", bytes(range(8)), receive
+            good = GOOD["moteus"] if device.needs_fd else bytes(range(8))
+            yield f"{path.stem}: {name}", good, receive
 
 
 def main() -> None:

@@ -83,6 +83,8 @@ class AtiNetFt(DatagramDevice):
         self._scales: tuple[float, ...] = (math.nan,) * 6
         self._silence = SILENCE
         self._newest: Record | None = None
+        self._valid: tuple[tuple[int, ...], float] | None = None
+        """Counts of the newest record of this tick without an error, and its time [s]."""
         self._seen = self._asked = -math.inf
         self._status = 0
         self._records = False
@@ -99,7 +101,8 @@ class AtiNetFt(DatagramDevice):
         self._scales = (1.0 / found.counts_per_n,) * 3 + (1.0 / found.counts_per_nm,) * 3
         self._silence = max(SILENCE, PERIODS / found.rate if found.rate else 0.0)
         self.samples = dict.fromkeys(SIGNALS, NO_SAMPLE)
-        self._newest, self._status, self._restarted, self.error = None, 0, "", ""
+        self._newest = self._valid = None
+        self._status, self._restarted, self.error = 0, "", ""
         self._port, self._seen = port, -math.inf
         self._ask(port.now())
         if not port.wait_for(lambda: self._newest, FIRST_RECORD):
@@ -164,14 +167,19 @@ class AtiNetFt(DatagramDevice):
         self._seen, self._records = time, True
         self._status |= record.status
         if not record.status:
-            for signal, count, scale in zip(SIGNALS, record.counts, self._scales, strict=True):
-                self.samples[signal] = Sample(scale * count, time)
+            self._valid = record.counts, time
 
     def update(self, now: float) -> None:
-        """Report the errors of all records of a tick. If there are none, request the stream again.
+        """Use the newest valid record of a tick, and report the errors of all its records.
 
-        The ages of the samples show that the sensor is silent.
+        If there is no record, request the stream again. The ages of the samples show that the
+        sensor is silent.
         """
+        if self._valid:
+            counts, time = self._valid
+            for signal, count, scale in zip(SIGNALS, counts, self._scales, strict=True):
+                self.samples[signal] = Sample(scale * count, time)
+            self._valid = None
         if self._records:
             self.error = self._restarted or status_text(self._status, self._product)
             self._status, self._records = 0, False

@@ -9,7 +9,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 from drivers.rig import RigError, reason
 from drivers.transports.bus import Bus
@@ -38,13 +38,9 @@ REFUSED = (ConnectionRefusedError, ConnectionResetError)
 """Errors that report a datagram which was refused, on Linux and on Windows."""
 
 
-class Datagram(NamedTuple):
-    """A received datagram."""
-
-    data: bytes
-    sender: tuple[Any, ...]
-    stamp: float
-    """Time of arrival on the system clock [s]; 0 if it is not known."""
+Datagram = tuple[bytes, tuple[Any, ...], float]
+"""Received data, address of their sender, and time of arrival on the system clock [s]; 0 if it is
+not known."""
 
 
 class DatagramPort(Bus):
@@ -113,7 +109,7 @@ class DatagramPort(Bus):
 
     def _take_plain(self) -> Datagram:
         assert self._socket
-        return Datagram(*self._socket.recvfrom(LARGEST), 0.0)
+        return *self._socket.recvfrom(LARGEST), 0.0
 
     def _take_stamped(self) -> Datagram:
         assert self._socket
@@ -121,8 +117,8 @@ class DatagramPort(Bus):
         for _, kind, stamp in control:
             if kind == SO_TIMESTAMPNS and len(stamp) == TIMESPEC.size:
                 seconds, nanoseconds = TIMESPEC.unpack(stamp)
-                return Datagram(data, sender, seconds + 1e-9 * nanoseconds)
-        return Datagram(data, sender, 0.0)
+                return data, sender, seconds + 1e-9 * nanoseconds
+        return data, sender, 0.0
 
     def poll(self) -> None:
         """Pass each datagram of the device to the function that `attach` has registered.
