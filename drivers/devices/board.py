@@ -111,7 +111,7 @@ class Board(SerialDevice):
 
     def start(self, port: StreamPort) -> None:
         """Check the identity of the board, and configure it. The board then sends samples."""
-        self._port = port
+        self._port, self._reader = port, MessageReader(self.rejected)
         self._started = False
         self.identity = self._configured = None
         where = f"{self.name}: board on {port.port}"

@@ -181,6 +181,36 @@ def test_a_drive_that_closes_a_coupling_follows_the_rules():
     check_drive(*one, WATCHDOG)
 
 
+class ZeroBota(Bota):
+    """A driver that replaces NaN by 0."""
+
+    def receive(self, data, now):
+        before = self.rejected["not finite"]
+        super().receive(data, now)
+        if self.rejected["not finite"] > before:
+            self.samples["fx"] = Sample(0.0, now)
+
+
+def test_a_driver_that_replaces_nan_by_a_number_is_found():
+    with pytest.raises(AssertionError) as error:
+        check_device(ZeroBota, {"kind": "bota", "bus": "wire"}, EmulatedBota)
+    (line,) = str(error.value).splitlines()
+    assert line.startswith("NaN is passed on or rejected, not replaced by a number: fx is 0")
+
+
+class FailingBota(EmulatedBota):
+    """An emulated device with an error."""
+
+    def emit(self, now):
+        return 1 / 0
+
+
+def test_an_error_of_the_emulated_device_is_told_from_one_of_the_driver():
+    with pytest.raises(AssertionError) as error:
+        check_device(Bota, {"kind": "bota", "bus": "wire"}, FailingBota)
+    assert "emit of the emulated device raised ZeroDivisionError" in str(error.value)
+
+
 def test_a_drive_that_is_not_there_is_named():
     with pytest.raises(AssertionError, match="drive 'hand': expected a drive of the device: axis"):
         check_drive(*DRIVES["cia402"], WATCHDOG, drive="hand")
