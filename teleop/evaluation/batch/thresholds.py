@@ -173,6 +173,9 @@ LEAST_LEVEL_WIDTH = 0.015
 """Smallest value of `level_width`, as a fraction of the force range."""
 LEVEL_WIDTH_NOISE = 6.0
 """Smallest value of `level_width`, in standard deviations of the noise of the smoothed force."""
+MOST_LEVEL_WIDTHS = 2.0
+"""Largest range of a force that counts as constant (percentiles 5 to 95), in `level_width`. The
+noise of the smoothed force has a range of about half of `level_width`."""
 LEAST_TURN = 0.05
 """Smallest reversal of the motion that separates loading from unloading, as a fraction of the
 travel."""
