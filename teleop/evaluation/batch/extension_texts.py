@@ -79,7 +79,8 @@ def described(local: LocalStiffness, zero: float, surface: Value, level: float) 
             name: v.interval for name, v in zip(names, part.values, strict=True)
         }
     for kind, key in ((MASS, "mass_kg"), (FRICTION, "friction_n")):
-        if part := best.part(kind):
+        part = best.part(kind)
+        if part and not (kind == FRICTION and local.loss_force is not None):
             found[key] = part.values[0].interval
     return found
 
@@ -89,9 +90,10 @@ def depth_of(place: Value, surface: Value) -> Value:
     return Value(place.value - surface.value, math.hypot(place.std, surface.std))
 
 
-def phrases(best: Candidate, surface: Value, sinusoidal: bool) -> list[str]:
+def phrases(local: LocalStiffness, surface: Value, sinusoidal: bool) -> list[str]:
     """Return what the best model contains besides the Kelvin-Voigt model and relaxing parts."""
-    found = []
+    found: list[str] = []
+    best = local.best
     if knot := free_motion(best):
         rise = 1e3 * (knot.values[0].value - surface.value)
         return [
@@ -118,6 +120,12 @@ def phrases(best: Candidate, surface: Value, sinusoidal: bool) -> list[str]:
         )
     if part := best.part(MASS):
         found.append(f"a mass of {1e3 * part.values[0].value:.3g} g moves beyond the force sensor")
-    if part := best.part(FRICTION):
+    part = best.part(FRICTION)
+    if part and local.loss_force is not None:
+        found.append(
+            f"friction in the specimen, and damping, have a force of {local.loss_force:.3g} N "
+            "together, which one speed does not separate"
+        )
+    elif part:
         found.append(f"friction in the specimen has a force of {part.values[0].value:.3g} N")
     return found

@@ -56,6 +56,7 @@ from estimation.estimator import LEVEL_95
 from estimation.robust_error import robust_fit
 from teleop.evaluation.batch.candidate import (
     DEPTH_DAMPING,
+    FRICTION,
     Candidate,
     Value,
     fit_candidate,
@@ -71,6 +72,7 @@ from teleop.evaluation.batch.thresholds import (
     FEWEST_FIT_SAMPLES,
     FRICTION_RESIDUAL,
     LEAST_R2_FOR_RELAXATION,
+    LEAST_SPEED_CHANGE,
     LOADING_BAND,
     MISFIT_BANDS,
     MISFIT_NOISE,
@@ -109,6 +111,9 @@ class LocalStiffness:
     """Frequency at which b is k''/omega [Hz]; NaN if relaxing parts may cause part of the loss."""
     loading: LoadingTangent | None = None
     """Slope of the measured force in loading, if the damping depends on depth."""
+    loss_force: float | None = None
+    """Force of friction and damping together [N], if the speed hardly changes, so that they cannot
+    be separated; None if the speed changes."""
 
     @property
     def is_linear(self) -> bool:
@@ -170,7 +175,24 @@ def local_stiffness(
         has_friction(rows, best),
         math.nan if rows.relaxation else record.frequency,
         loading_tangent(rows, best) if best.part(DEPTH_DAMPING) else None,
+        inseparable_loss(rows, best),
     )
+
+
+def inseparable_loss(rows: RegressionRows, best: Candidate) -> float | None:
+    """Return the force of friction and damping together [N]; None if the speed separates them.
+
+    At a constant speed, both are constant forces against the motion. Only the reversals then
+    separate them, where the friction builds up, and the form of this is not known.
+    """
+    speed = np.abs(rows.record.v[rows.index])
+    path = max(float(speed.sum()), 1e-300)  # the slow samples of the reversals have little weight
+    mean = float(speed @ speed) / path
+    spread = math.sqrt(max(float((speed**2) @ speed) / path - mean**2, 0.0))
+    if spread > LEAST_SPEED_CHANGE * mean:
+        return None
+    friction = best.part(FRICTION)
+    return (friction.values[0].value if friction else 0.0) + best.b * mean
 
 
 def loading_tangent(rows: RegressionRows, best: Candidate) -> LoadingTangent | None:

@@ -307,6 +307,13 @@ def stiffness_result(
     elif half_b > abs(local.b):
         unusable = Reason(DAMPING_NOT_RESOLVED)
         found.append(unusable)
+    elif local.loss_force is not None:
+        found.append(
+            Reason(
+                "the speed in contact hardly changes: friction in the specimen would have the same "
+                f"effect as damping, and both together are {local.loss_force:.3g} N"
+            )
+        )
     by_lag = 1e-3 * local.k  # decrease of b for each millisecond
     if not unknown and not record.force_lag and by_lag > NOTABLE_LAG * abs(local.b):
         remark = Reason(

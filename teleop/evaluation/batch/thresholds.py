@@ -273,6 +273,9 @@ less than 0.3 of it; a gap before the specimen that looks like friction leaves 0
 FRICTION_FORM_ERROR = 0.05
 """Standard deviation of the force of the friction, as a fraction of it, because its form is not
 known: Dahl's model gives 7 % more than the force of an elastoplastic element."""
+LEAST_SPEED_CHANGE = 0.15
+"""Smallest standard deviation of the speed over the path, relative to its mean, with which friction
+and damping are separated. It is 0.28 in a sine, and below 0.1 in a triangle wave."""
 LEAST_SLIP_NOISE = 4.0
 """Smallest slip, in standard deviations of the noise of the smoothed position."""
 NOTABLE_STIFFENING = 0.05
