@@ -146,6 +146,13 @@ class Candidate(NamedTuple):
         slopes = np.linspace(-0.5, 0.5, 11)[:, None] ** (order - 1) @ (order * self.powers)
         return float(np.ptp(slopes) / max(abs(float(slopes.mean())), 1e-300))
 
+    def force_without_mass(self, record: SmoothedRecord) -> Floats:
+        """Return the force of a record without that of the mass of this model [N], shape (n,)."""
+        mass = self.part(MASS)
+        if not mass:
+            return record.f
+        return np.asarray(record.f - mass.values[0].value * record.derivative(record.v))
+
     def part(self, kind: str) -> FittedPart | None:
         """Return the physical quantities of one kind of extension; None without this kind."""
         return next((one for one in self.parts if one.kind == kind), None)

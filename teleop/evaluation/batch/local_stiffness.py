@@ -64,6 +64,7 @@ from teleop.evaluation.batch.candidate import (
 )
 from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.extensions import extended
+from teleop.evaluation.batch.lag_search import ForceLag, lag_instead_of_relaxation
 from teleop.evaluation.batch.regression_rows import DEGREES, RegressionRows
 from teleop.evaluation.batch.relaxation_search import with_relaxation
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
@@ -114,6 +115,8 @@ class LocalStiffness:
     loss_force: float | None = None
     """Force of friction and damping together [N], if the speed hardly changes, so that they cannot
     be separated; None if the speed changes."""
+    lag: ForceLag | None = None
+    """Lag of the force that describes it at least as well as the relaxing parts of `best`."""
 
     @property
     def is_linear(self) -> bool:
@@ -160,7 +163,8 @@ def local_stiffness(
     k, k_std = averaged(weights, [(one.k, one.k_std) for one in found])
     b, b_std = averaged(weights, [(one.b, one.b_std) for one in found])
     best = min(found, key=lambda one: one.bic)
-    k_std = math.hypot(k_std, misfit_slope(rows, best))
+    lag = lag_instead_of_relaxation(rows, best)
+    k_std = math.hypot(k_std, misfit_slope(rows, best), k - lag.k if lag else 0.0)
     slow = rows.basis[:, 1:] @ best.theta[1 : rows.v_column]
     return LocalStiffness(
         k,
@@ -176,6 +180,7 @@ def local_stiffness(
         math.nan if rows.relaxation else record.frequency,
         loading_tangent(rows, best) if best.part(DEPTH_DAMPING) else None,
         inseparable_loss(rows, best),
+        lag,
     )
 
 

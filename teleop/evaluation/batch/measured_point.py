@@ -22,7 +22,7 @@ import numpy as np
 from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
 from estimation.quantities import STIFFNESS
-from teleop.evaluation.batch.candidate import KNOT, MASS, Candidate
+from teleop.evaluation.batch.candidate import KNOT, Candidate
 from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
@@ -85,10 +85,7 @@ def slopes_of_cycles(
     """
     begins = [phase.start for phase in phases.phases if phase.name == "loading"]
     relaxing = np.broadcast_to(best.relaxing_force, record.x.shape)
-    mass = best.part(MASS)
-    elastic_force = record.f - relaxing
-    if mass:
-        elastic_force = elastic_force - mass.values[0].value * record.derivative(record.v)
+    elastic_force = best.force_without_mass(record) - relaxing
     layers = best.part(KNOT)
     knot = layers.values[0].value if layers else math.inf
     # the force at the knot is smoothed as the record is

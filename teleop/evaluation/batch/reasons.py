@@ -354,7 +354,7 @@ def remarks(
         and best.bic < plain.bic - BETTER_BIC
     ):
         what = phrases(local, surface(record, phases, local), record.sinusoidal)
-        if best.times:
+        if best.times and not local.lag:
             times = ", ".join(f"{tau:.2g} s" for tau in reported_times(best.times))
             similar = (
                 ""
@@ -415,6 +415,13 @@ def no_damping(
         )
     if drift:
         return Reason(f"{drift.text}: damping is not determined")
+    if local.lag:
+        more = " besides the compensated lag" if transmission.force_lag else ""
+        return Reason(
+            f"the force lags behind the position by about {local.lag.seconds * 1e3:.2g} ms{more}, "
+            "which describes it better than a relaxation: damping is not determined",
+            LAG,
+        )
     if local.b + half_b < 0.0:
         if local.best.times:
             return Reason(

@@ -28,7 +28,13 @@ from estimation.coherent_band import CoherentBand, block_means, coherent_band
 from estimation.filters import Lag
 from estimation.smoothing import kernel_width, slope, smooth, smooth_pieces
 from estimation.transmission import RIGID, TransmissionCalibration
-from teleop.evaluation.batch.strokes import combined, cycle_frequency, stroke_band, turning_points
+from teleop.evaluation.batch.strokes import (
+    combined,
+    cycle_frequency,
+    is_sweep,
+    stroke_band,
+    turning_points,
+)
 from teleop.evaluation.batch.thresholds import FEWEST_IN_PIECE, SINE_SHARE, SMOOTHING_CORNER
 from teleop.evaluation.reading.signals import Signals, repeated_rounding, smallest_step
 
@@ -222,10 +228,14 @@ class SmoothedRecord:
         near, counted = (ratio > 0.5) & (ratio < 1.5), ratio < 10.0
         return min(float(power[near].sum() / power[counted].sum()) for power in (of_v, of_x))
 
-    @property
+    @cached_property
     def sinusoidal(self) -> bool:
-        """Whether the motion counts as a sine: `fundamental_share` is larger than `SINE_SHARE`."""
-        return self.fundamental_share > SINE_SHARE
+        """Whether the motion counts as a sine.
+
+        It does if `fundamental_share` is larger than `SINE_SHARE`, and the frequency of the cycles
+        is nearly constant.
+        """
+        return self.fundamental_share > SINE_SHARE and not is_sweep(self.palpation)
 
     @cached_property
     def frequency(self) -> float:

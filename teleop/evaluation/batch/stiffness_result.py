@@ -262,7 +262,8 @@ def stiffness_result(
         half = math.hypot(lock_in.loss_half / omega, correction)
         if half < half_b:
             local, half_b = replace(local, b=lock_in.loss / omega), half
-    cycles = cycles_of(record, phases)
+    # the force of a mass changes the slopes of cycles of different frequencies
+    cycles = cycles_of(replace(record, f=local.best.force_without_mass(record)), phases)
     change = change_over_cycles(cycles)
     drift = drift_of_lag(cycles)
     where = measured_point(record, phases, local, half_k)
@@ -356,7 +357,7 @@ def stiffness_result(
         depth=depth,
         secant=secant,
         secant_change=secant_change,
-        times=reported_times(local.best.times),
+        times=() if local.lag else reported_times(local.best.times),
         depth_error=0.5 * (point.high - point.low) if point else 0.0,
         depth_from=depth_from,
         b_reason=unusable.text if unusable else "",

@@ -244,3 +244,15 @@ def test_there_is_no_storage_stiffness_over_cycles_that_leave_the_body():
     found = analysed(x, np.where(x > 0.0, 700.0 * x + 6.0 * v, 0.0))
     assert found.result.k == pytest.approx(700.0, rel=0.01)
     assert found.complex_stiffness() is None
+
+
+def test_the_mass_in_a_chirp_is_no_change_of_the_stiffness_with_frequency():
+    t = np.arange(0.0, 20.0, 2e-3)
+    phase = 2.0 * math.pi * (0.3 + 0.12 * t) * t
+    v = 3.0 * math.pi * 1e-3 * (0.3 + 0.24 * t) * np.cos(phase)
+    x, a = 4e-3 + 1.5e-3 * np.sin(phase), np.gradient(v, t)
+    f = 700.0 * x + 4.0 * v + 0.2 * a + np.random.default_rng(0).normal(0.0, 0.01, len(t))
+    found = analyse(Signals(t, x, f, periods(t), "position"))
+    assert not found.record.sinusoidal
+    assert found.result.k == pytest.approx(700.0, rel=0.01)
+    assert found.result.parts["mass_kg"]["value"] == pytest.approx(0.2, rel=0.03)
