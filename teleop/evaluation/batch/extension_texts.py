@@ -19,6 +19,7 @@ from teleop.evaluation.batch.local_stiffness import LocalStiffness
 from teleop.evaluation.batch.thresholds import (
     LARGEST_LAYER_RATIO,
     LEAST_LAYER_RATIO,
+    LEAST_LEVEL_WIDTH,
     MOST_LAYER_DEGREE,
     NOTABLE_STIFFENING,
 )
@@ -41,17 +42,25 @@ def layers(best: Candidate) -> FittedPart | None:
     knot = best.part(KNOT)
     if knot is None or best.degree > MOST_LAYER_DEGREE:
         return None
+    if free_motion(best):
+        return None
     low, high = sorted(one.value for one in knot.values[1:])
     return knot if LEAST_LAYER_RATIO * low < high < LARGEST_LAYER_RATIO * low else None
 
 
 def free_motion(best: Candidate) -> FittedPart | None:
-    """Return the knot of the best model if it hardly has a stiffness before; None otherwise."""
+    """Return the knot of the best model if the force hardly increases before; None otherwise.
+
+    The force then changes by less than that of free motion (`contact_phases.level_width`), or the
+    stiffness before the knot is a very small part of that after it.
+    """
     knot = best.part(KNOT)
     if knot is None or best.degree > MOST_LAYER_DEGREE:
         return None
     before, after = (one.value for one in knot.values[1:])
-    return knot if after >= LARGEST_LAYER_RATIO * before else None
+    softer = after > LEAST_LAYER_RATIO * before
+    flat = softer and best.share_before_knot < LEAST_LEVEL_WIDTH
+    return knot if flat or after >= LARGEST_LAYER_RATIO * before else None
 
 
 def described(local: LocalStiffness, zero: float, surface: Value, level: float) -> dict[str, Any]:

@@ -319,7 +319,7 @@ def stiffness_result(
     if not unknown and not record.force_lag and by_lag > NOTABLE_LAG * abs(local.b):
         remark = Reason(
             f"a lag of the force is not known: each millisecond of it makes b smaller by "
-            f"{DAMPING.text(by_lag, '.3g')}",
+            f"{DAMPING.text(by_lag, '.3g')}; a lag of the position makes b larger by as much",
             LAG,
         )
         found.append(remark)

@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 
 from teleop.evaluation.batch.analysis import Analysis, analyse, contradiction
 from teleop.evaluation.batch.candidate import DEPTH_DAMPING, FRICTION, KNOT, MASS
+from teleop.evaluation.batch.extension_texts import free_motion, layers
 from teleop.evaluation.batch.kinds import STORAGE, TANGENT
 from teleop.evaluation.reading.signals import Signals, periods
 
@@ -61,6 +62,21 @@ def test_a_soft_layer_on_a_stiff_one_is_reported_with_both_stiffnesses(motion, s
     # half of the force range is in the stiff layer
     assert found.result.k == pytest.approx(4000.0, rel=0.01)
     assert any("the stiffness changes at a depth" in one for one in found.result.reasons)
+
+
+def test_a_knot_before_which_the_force_hardly_increases_is_no_layer():
+    """A polynomial also has a slope on the side of the contact point where the force has none."""
+    x, v, _ = tones()
+    change = float(np.quantile(x, 0.6))
+    f = 400.0 * x + 3600.0 * np.maximum(x - change, 0.0) + 2.0 * v
+    best = analysed(x, f).local.best
+    whole = 400.0 * np.ptp(x) + 3600.0 * (x.max() - change)
+    assert best.share_before_knot == pytest.approx(400.0 * (change - x.min()) / whole, rel=0.05)
+    assert layers(best)
+    assert not free_motion(best)
+    hidden = best._replace(share_before_knot=0.005)
+    assert not layers(hidden)
+    assert free_motion(hidden)
 
 
 def test_a_smooth_transition_between_layers_does_not_bias_the_stiffness():
