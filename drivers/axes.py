@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import replace
 
 from drivers.coupling import CouplingParameters, VirtualCoupling
 from drivers.device import Drive, ForceDrive, ImpedanceDrive, PositionDrive, Sample, VelocityDrive
@@ -200,7 +201,9 @@ class DeviceCoupledAxis(CoupledAxis):
         if not self._operates:
             self.drive.command(self._reading(), 0.0, 0.0, 0.0)
             return
-        lead = sign * (coupling.proxy - coupling.position)
+        # The spring of the drive has no limit of its own.
+        most = p.max_force / p.stiffness
+        lead = sign * min(max(coupling.proxy - coupling.position, -most), most)
         self.drive.command(self._reading() + lead, sign * coupling.velocity, p.stiffness, p.damping)
 
 
@@ -238,6 +241,9 @@ def make_axis(
         return PositionAxis(drive, sign, reading, longest_step)
     if not coupling:
         raise ValueError(f"{type(drive).__name__}: expected a virtual coupling")
+    if isinstance(drive, ImpedanceDrive):
+        stiffness, damping = drive.rounded(coupling.stiffness, coupling.damping)
+        coupling = replace(coupling, stiffness=stiffness, damping=damping)
     virtual = VirtualCoupling(coupling, longest_step)
     if isinstance(drive, ImpedanceDrive):
         return DeviceCoupledAxis(drive, sign, virtual, rest_velocity, max_velocity, reading)

@@ -24,6 +24,7 @@ BUILT_IN = {
     "cia402": "drivers.devices.cia402:Cia402",
     "dbc": "drivers.devices.dbc:DbcDevice",
     "ft300": "drivers.devices.ft300:Ft300",
+    "mit_motor": "drivers.devices.mit_motor:MitMotor",
     "odrive": "drivers.devices.odrive:ODrive",
     "reaction_force": "drivers.devices.reaction_force:ReactionForceObserver",
 }

@@ -17,6 +17,7 @@ BUILT_IN = {
     "cia402": "sim_backend.wire.devices.cia402:EmulatedCia402",
     "dbc": "sim_backend.wire.devices.dbc:EmulatedDbcDevice",
     "ft300": "sim_backend.wire.devices.ft300:EmulatedFt300",
+    "mit_motor": "sim_backend.wire.devices.mit_motor:EmulatedMitMotor",
     "odrive": "sim_backend.wire.devices.odrive:EmulatedODrive",
 }
 

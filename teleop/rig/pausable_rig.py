@@ -27,6 +27,8 @@ class PausableRig(Rig):
         drives = dict(rig.file.sections.drives.items())
         self._rig = rig
         self._drives = {name: rig.devices[drive.device] for name, drive in drives.items()}
+        self.reporting = {name for name, drive in rig.drives.items() if drive.reports_watchdog}
+        """Names of the drives that report a stop by their watchdog."""
         moving = list(self._drives.values())
         self._others = [device for device in rig.devices.values() if device not in moving]
 
@@ -50,7 +52,7 @@ class PausableRig(Rig):
 
     def stopped(self) -> Iterator[str]:
         """Yield the names of the drives that report an error, for example after a watchdog stop."""
-        return (name for name, device in self._drives.items() if device.error)
+        return (name for name in self.reporting if self._drives[name].error)
 
     def enable(self) -> bool:
         """Request that all drives go into operation; return whether all are in operation."""

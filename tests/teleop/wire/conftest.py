@@ -14,7 +14,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -26,6 +26,7 @@ from drivers.rig_file import RigFile, parse_rig_file, read_rig_file
 from drivers.wired_rig import WiredRig
 from sim_backend.wire.emulator import Emulator, PlannedFault, host_file
 from sim_backend.wire.mechanism import NEVER
+from teleop.rig.emulation import emulated_master
 from teleop.safety.rig_limits import rig_limits
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.assembly import make_simulated_rig
@@ -51,9 +52,10 @@ class SteppedRig(WiredRig):
         self._clock = now
         self._temporary = tempfile.TemporaryDirectory(prefix="stepped-")
         folder = Path(self._temporary.name)
+        emulated = replace(settings, force_master=emulated_master(file))
         self.emulator = Emulator(
             file,
-            lambda now, enabled: make_simulated_rig(settings, now, NEVER),
+            lambda now, enabled: make_simulated_rig(emulated, now, NEVER, coupled=False),
             folder,
             faults,
             self.present,
