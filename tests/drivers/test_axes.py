@@ -114,3 +114,24 @@ def test_a_position_drive_gets_the_integral_of_the_velocity_from_its_present_pos
     assert drive.commands[-1] == pytest.approx(0.25 - 0.1 * 10 * TICK)
     axis.command(0.1, 5.0)  # after an interruption of the loop
     assert drive.commands[-1] == pytest.approx(0.25 - 0.1 * 10 * TICK - 0.1 * 0.02)
+
+
+class Coarse(Position):
+    """A drive with a resolution of 10 um that goes to 1 mm."""
+
+    def command(self, position):
+        return super().command(1e-5 * round(1e5 * min(position, 1e-3)))
+
+
+def test_the_rounding_of_a_position_drive_does_not_accumulate_and_its_limit_holds():
+    drive = Coarse()
+    axis = make_axis(drive, 1, lambda: 0.0, None, 2e-3, 0.5, 0.02)
+    axis.enable()
+    for i in range(101):
+        axis.command(2e-3, i * TICK)  # 2 um per period
+    assert drive.commands[-1] == pytest.approx(0.2e-3)
+    for i in range(101, 1000):
+        axis.command(2e-3, i * TICK)
+    for i in range(1000, 1100):
+        axis.command(-2e-3, i * TICK)
+    assert drive.commands[-1] == pytest.approx(0.9e-3, abs=1e-5)

@@ -12,7 +12,7 @@ from teleop.control.clock import VirtualClock
 from teleop.rig.drive_check import STROKE_TIMES, STROKES, check_drives
 from teleop.safety import Fault
 
-FORCE_MASTERS = {"mit-motor": ("can", "master")}
+FORCE_MASTERS = {"mit-motor": ("can", "master"), "epos4-master": ("drives", "master_drive")}
 """Rigs whose master accepts forces or closes a coupling itself, with its bus and its device."""
 AT = 0.3
 """Time of a fault after the drives were enabled [s]."""
