@@ -39,13 +39,14 @@ SLACK = 3 * TICK + SPEED / DECELERATION
 """Time for the transmission, and for the quick stop ramp of the CiA 402 drive [s]."""
 
 
-def odrive(firmware: str) -> tuple[Device, type[EmulatedDevice]]:
+def odrive(firmware: str, mode: str = "velocity") -> tuple[Device, type[EmulatedDevice]]:
     given = {"torque_constant_nm_per_a": 0.04} if firmware == "0.5" else {}
     section = ODriveSettings(
         kind="odrive",
         bus="wire",
         node=3,
         firmware=firmware,
+        mode=mode,
         travel_mm_per_turn=5.0,
         max_velocity_mm_per_s=50.0,
         max_current_a=10.0,
@@ -97,6 +98,7 @@ def mit_motor(model: str, **ranges: float) -> tuple[Device, type[EmulatedDevice]
 KINDS: dict[str, Callable[[], tuple[Device, type[EmulatedDevice]]]] = {
     "odrive-0.5": lambda: odrive("0.5"),
     "odrive-0.6": lambda: odrive("0.6"),
+    "odrive-0.6-torque": lambda: odrive("0.6", "torque"),
     "cia402": cia402,
     "cia402-csp": lambda: cia402("csp"),
     "cia402-cst": lambda: cia402("cst"),

@@ -12,7 +12,11 @@ from teleop.control.clock import VirtualClock
 from teleop.rig.drive_check import STROKE_TIMES, STROKES, check_drives
 from teleop.safety import Fault
 
-FORCE_MASTERS = {"mit-motor": ("can", "master"), "epos4-master": ("drives", "master_drive")}
+FORCE_MASTERS = {
+    "mit-motor": ("can", "master"),
+    "epos4-master": ("drives", "master_drive"),
+    "odrive-torque": ("can", "master"),
+}
 """Rigs whose master accepts forces or closes a coupling itself, with its bus and its device."""
 AT = 0.3
 """Time of a fault after the drives were enabled [s]."""
